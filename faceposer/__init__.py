@@ -1,0 +1,1 @@
+"""Face Poser: interactive posing of 3D faces with learned priors."""
