@@ -14,7 +14,9 @@ def _data_dir(kind: str) -> Path:
     for parent in (_PACKAGE, _PACKAGE.parent):
         if (parent / kind).is_dir():
             return parent / kind
-    raise FacePoserError(f"The folder '{kind}' of the Face Poser installation is missing; install Face Poser again.")
+    raise FacePoserError(
+        f"The folder '{kind}' of the Face Poser installation is missing; install Face Poser again."
+    )
 
 
 def asset_path(name: str) -> Path:
@@ -32,7 +34,9 @@ def shader_text(name: str) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except OSError as error:
-        raise FacePoserError(f"The shader '{path}' cannot be read ({error.strerror}); install Face Poser again.") from error
+        raise FacePoserError(
+            f"The shader '{path}' cannot be read ({error.strerror}); install Face Poser again."
+        ) from error
 
 
 def user_config_dir() -> Path:
