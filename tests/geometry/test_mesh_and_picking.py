@@ -50,7 +50,7 @@ def test_picked_point_projects_back_onto_the_pixel() -> None:
     found = 0
     for _ in range(60):
         camera = OrbitView((0, 0, 0), rng.uniform(-3, 3), rng.uniform(-1.2, 1.2), 40).camera((400, 300))
-        pixel = rng.uniform((0, 0), (400, 300))
+        pixel = rng.uniform((100, 50), (300, 250))
         point = pick(mesh.vertices, mesh.triangles, camera, pixel)
         if point is None:
             continue
