@@ -1,0 +1,177 @@
+"""A subject with the subspace of its expressions and the density over it: all that a solve needs to know of a face."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.picking import SurfacePoint
+from faceposer.model.expression_statistics import ExpressionStatistics, load_expression_statistics
+from faceposer.model.mixture import GaussianMixture
+from faceposer.model.pca import RigSubspace, rig_pca, smallest_reaching, unreached
+from faceposer.model.subject import Subject
+
+Array = NDArray[np.float64]
+
+# A subspace is grown until each shape (gaze aside) loses at most this share of its displacement.
+LEAVE_AT_MOST = 0.10
+# In the metric of the PCA, motion counts relative to how much its place moves at all; this share of the head's height
+# keeps nearly motionless places from counting.
+_STILL_MOTION = 0.004
+
+
+@dataclass(frozen=True, eq=False)
+class FaceModel:
+    """x = neutral + B p with a density over p (Lau et al. 2009, eqs. (1) and (18)).
+
+    The paper adds B p to the mean face. Here p = 0 is the neutral face exactly, and the means of the mixture are shifted
+    to match: the same set of faces, apart from the directions that the subspace leaves out.
+
+    Attributes:
+        subject: The face, in its unit of length.
+        basis: B transposed, shape (r, 3 N), single precision. Its rows are orthonormal in the metric of the PCA.
+        mixture: The density of natural expressions over p.
+        subspace: The same subspace in the subject's rig weights.
+        gram: Inner products of the subject's shapes in its unit squared, summed over vertices, shape (S, S).
+    """
+
+    subject: Subject
+    basis: NDArray[np.float32]
+    mixture: GaussianMixture
+    subspace: RigSubspace
+    gram: Array
+
+    @property
+    def n_coefficients(self) -> int:
+        """The number r of coefficients."""
+        return len(self.basis)
+
+    @property
+    def triangles(self) -> NDArray[np.int32]:
+        """The subject's triangles, shape (T, 3)."""
+        return self.subject.triangles
+
+    @cached_property
+    def _flat_neutral(self) -> NDArray[np.float32]:
+        return np.ascontiguousarray(self.subject.vertices, dtype=np.float32).ravel()
+
+    def neutral(self) -> Array:
+        """Return the coefficients of the neutral face: zeros, shape (r,)."""
+        return np.zeros(self.n_coefficients)
+
+    def instance(self, p: ArrayLike) -> NDArray[np.float32]:
+        """Return the vertices, shape (N, 3), of the face with coefficients ``p`` of shape (r,)."""
+        flat = np.asarray(p, dtype=np.float32) @ self.basis
+        flat += self._flat_neutral
+        return flat.reshape(-1, 3)
+
+    def rows_at(self, points: Sequence[SurfacePoint]) -> tuple[Array, Array]:
+        """Return how ``points`` depend on p: derivatives of shape (n, 3, r) and neutral positions of shape (n, 3)."""
+        if not points:
+            return np.zeros((0, 3, self.n_coefficients)), np.zeros((0, 3))
+        corners = self.triangles[[point.face for point in points]]
+        weights = np.array([point.barycentric for point in points])
+        fields = self.basis.reshape(self.n_coefficients, -1, 3)[:, corners]
+        rows = np.einsum("nk,rnkd->ndr", weights, fields, optimize=True)
+        return rows, np.einsum("nk,nkd->nd", weights, self.subject.vertices[corners].astype(np.float64))
+
+    def weights_of(self, p: ArrayLike) -> Array:
+        """Return the rig weights, shape (S,), whose shapes add up to the face ``p`` of shape (r,); may leave 0 to 1."""
+        return self.subspace.directions @ np.asarray(p, dtype=np.float64)
+
+    def coefficients_of(self, weights: ArrayLike | Mapping[str, float]) -> Array:
+        """Return the coefficients, shape (r,), nearest to the face with the rig ``weights``.
+
+        Args:
+            weights: Shape (S,) in the order of the subject's shapes, or values by name, the rest being zero.
+
+        Raises:
+            KeyError: If a name is not one of the subject's shapes.
+        """
+        if isinstance(weights, Mapping):
+            vector = np.zeros(len(self.subject.shape_names))
+            for name, value in weights.items():
+                if name not in self.subject.shape_names:
+                    raise KeyError(name)
+                vector[self.subject.shape_names.index(name)] = value
+        else:
+            vector = np.asarray(weights, dtype=np.float64)
+        coefficients: Array = self.subspace.projection @ vector
+        return coefficients
+
+    def unreached(self) -> dict[str, float]:
+        """Return the share of each shape's displacement that the subspace cannot make, by shape name."""
+        share = unreached(self.subspace.directions, self.gram)
+        return dict(zip(self.subject.shape_names, share.tolist(), strict=True))
+
+
+def build_face_model(
+    subject: Subject, statistics: ExpressionStatistics | None = None, n_components: int | None = None
+) -> FaceModel:
+    """Return the model of any ``subject`` whose shapes have ARKit's names, from statistics over ARKit weights.
+
+    Args:
+        subject: The face with its shapes.
+        statistics: How the weights move together; the shipped ones if None.
+        n_components: Dimensions of the subspace; if None, the fewest that reach every shape (gaze aside) but for
+            ``LEAVE_AT_MOST`` of its displacement.
+
+    Raises:
+        FacePoserError: If the subject has none of the shapes that the statistics speak of.
+    """
+    statistics = statistics or load_expression_statistics()
+    names = [name for name in subject.shape_names if name in statistics.shape_names]
+    if not names:
+        raise FacePoserError(
+            f"The subject '{subject.name}' has none of the 52 ARKit shapes; give its shapes ARKit's names to pose it."
+        )
+    columns = [statistics.shape_names.index(name) for name in names]
+    rows = [subject.shape_names.index(name) for name in names]
+    shapes = np.ascontiguousarray(subject.shapes, dtype=np.float32)
+    flat = shapes.reshape(len(shapes), -1)
+    weighted = shapes * np.sqrt(_vertex_metric(subject))[None, :, None]
+    weighted_flat = weighted.reshape(len(shapes), -1)
+    plain_gram = (flat @ flat.T).astype(np.float64)
+    metric_gram = (weighted_flat @ weighted_flat.T).astype(np.float64)
+
+    # Shapes without statistics stay out of the subspace: nothing is known of when they move.
+    lift = np.zeros((len(shapes), len(statistics.shape_names)))
+    lift[rows, columns] = 1.0
+    known = (lift.sum(axis=1) > 0).astype(np.float64)
+    covariance = lift @ statistics.covariance @ lift.T
+    subspace = rig_pca(metric_gram * np.outer(known, known), covariance)
+    if n_components is None:
+        must = np.array(
+            [row for row in rows if not subject.shape_names[row].startswith("eyeLook")], dtype=np.intp
+        )
+        subspace = smallest_reaching(subspace, plain_gram, must, LEAVE_AT_MOST)
+    else:
+        subspace = subspace.truncated(n_components)
+    mixture = GaussianMixture(statistics.weights, statistics.means, statistics.covariances)
+    return FaceModel(
+        subject,
+        np.ascontiguousarray(subspace.directions.T.astype(np.float32) @ flat),
+        mixture.transformed(subspace.projection @ lift),
+        subspace,
+        plain_gram,
+    )
+
+
+def _vertex_metric(subject: Subject) -> NDArray[np.float32]:
+    """Return the weight of each vertex in the PCA, shape (N,): its area over the square of how far it moves.
+
+    In the plain metric the jaw and the eyeballs have nearly all the variance, and a brow is dropped as noise
+    (Blanz and Vetter weigh segments for the same reason).
+    """
+    corners = subject.vertices[subject.triangles].astype(np.float64)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = 0.5 * np.sqrt(np.einsum("ij,ij->i", cross, cross))
+    area = np.bincount(subject.triangles.ravel(), np.repeat(areas / 3.0, 3), minlength=len(subject.vertices))
+    motion = np.einsum("snd,snd->n", subject.shapes, subject.shapes) / len(subject.shapes)
+    still = (_STILL_MOTION * float(np.ptp(subject.vertices[:, 1]))) ** 2
+    weights = area / (motion + still)
+    metric: NDArray[np.float32] = (weights / weights.sum()).astype(np.float32)
+    return metric

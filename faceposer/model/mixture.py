@@ -1,0 +1,99 @@
+"""A mixture of Gaussians ready for evaluation: what is left of a mixture of factor analyzers once it is learned."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianMixture:
+    """A density over coefficients: sum over k of weight_k N(p; mean_k, covariance_k) (Lau et al. 2009, eq. (18)).
+
+    Attributes:
+        weights: Mixing proportions, shape (K,), summing to one.
+        means: Shape (K, r).
+        covariances: Shape (K, r, r), positive definite.
+    """
+
+    weights: Array
+    means: Array
+    covariances: Array
+
+    @property
+    def n_components(self) -> int:
+        """The number of components K."""
+        return len(self.weights)
+
+    @cached_property
+    def whiteners(self) -> Array:
+        """Upper triangular W_k with W_k^T W_k the precision of component k, shape (K, r, r)."""
+        lower = np.linalg.cholesky(self.covariances)
+        return np.linalg.inv(lower)
+
+    @cached_property
+    def _stacked(self) -> tuple[Array, Array, Array]:
+        """All whiteners as one (K r, r) matrix, their images of the means, and the log of each component's peak."""
+        n_components, r = self.means.shape
+        stacked = np.ascontiguousarray(self.whiteners.reshape(n_components * r, r))
+        offsets = np.einsum("kij,kj->ki", self.whiteners, self.means)
+        log_determinants = np.log(np.einsum("kii->ki", self.whiteners)).sum(axis=1)
+        peaks = np.log(self.weights) + log_determinants - 0.5 * r * np.log(2.0 * np.pi)
+        return stacked, offsets, peaks
+
+    def _log_joint(self, p: Array) -> tuple[Array, Array]:
+        """Return the log of each component's share of the density, (K,), and the whitened deviations, (K, r)."""
+        stacked, offsets, peaks = self._stacked
+        deviations = (stacked @ p).reshape(offsets.shape) - offsets
+        return peaks - 0.5 * np.einsum("kr,kr->k", deviations, deviations), deviations
+
+    def log_density(self, p: Array) -> float:
+        """Return ln pr(p) for one ``p`` of shape (r,)."""
+        log_joint, _ = self._log_joint(p)
+        top = log_joint.max()
+        return float(top + np.log(np.exp(log_joint - top).sum()))
+
+    def responsibilities(self, p: Array) -> Array:
+        """Return the posterior probability of each component given ``p`` of shape (r,), shape (K,)."""
+        log_joint, _ = self._log_joint(p)
+        shares = np.exp(log_joint - log_joint.max())
+        total: Array = shares / shares.sum()
+        return total
+
+    def energy_and_gradient(self, p: Array) -> tuple[float, Array]:
+        """Return -ln pr(p) and its gradient, shape (r,) (paper, eqs. (19) and (31), by log-sum-exp)."""
+        log_joint, deviations = self._log_joint(p)
+        top = log_joint.max()
+        shares = np.exp(log_joint - top)
+        total = shares.sum()
+        gradient = (deviations * (shares / total)[:, None]).ravel() @ self._stacked[0]
+        return -float(top + np.log(total)), gradient
+
+    def precision(self, component: int) -> Array:
+        """Return the inverse covariance of ``component``, shape (r, r)."""
+        whitener = self.whiteners[component]
+        precision: Array = whitener.T @ whitener
+        return precision
+
+    def transformed(self, matrix: Array) -> "GaussianMixture":
+        """Return the density of ``matrix @ p``, for a ``matrix`` of shape (r', r) of full row rank."""
+        covariances = np.einsum("ij,kjl,ml->kim", matrix, self.covariances, matrix, optimize=True)
+        return GaussianMixture(
+            self.weights, self.means @ matrix.T, 0.5 * (covariances + covariances.transpose(0, 2, 1))
+        )
+
+    def moments(self) -> tuple[Array, Array]:
+        """Return the mean, shape (r,), and the covariance, shape (r, r), of the whole mixture."""
+        mean = self.weights @ self.means
+        deviations = self.means - mean
+        within = np.einsum("k,kij->ij", self.weights, self.covariances)
+        between = np.einsum("k,ki,kj->ij", self.weights, deviations, deviations)
+        return mean, within + between
+
+    def as_gaussian(self) -> "GaussianMixture":
+        """Return the single Gaussian with the same mean and covariance (probabilistic PCA's kind of prior)."""
+        mean, covariance = self.moments()
+        return GaussianMixture(np.ones(1), mean[None], covariance[None])

@@ -1,0 +1,124 @@
+"""JSON forms that the constraints share, each refused with the place of what is wrong."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.camera import Camera
+from faceposer.geometry.picking import SurfacePoint
+
+_MAX_COORDINATE = 1e6
+_MAX_PICTURE = 65536
+
+
+def check_keys(data: Any, required: set[str], optional: set[str], where: str) -> None:
+    """Raise ``FacePoserError`` unless ``data`` is an object with all ``required`` keys and none but ``optional`` others."""
+    if not isinstance(data, dict):
+        raise FacePoserError(f"{where} must be an object with the keys {_listed(required)}.")
+    unknown = sorted(set(data) - required - optional)
+    if unknown:
+        raise FacePoserError(
+            f"{where} has the unknown key '{unknown[0]}'; the keys here are {_listed(required | optional)}."
+        )
+    missing = sorted(required - set(data))
+    if missing:
+        raise FacePoserError(f"{where} lacks the key '{missing[0]}'.")
+
+
+def _listed(keys: set[str]) -> str:
+    return ", ".join(f"'{key}'" for key in sorted(keys))
+
+
+def number_from_json(
+    value: Any, where: str, minimum: float = -_MAX_COORDINATE, maximum: float = _MAX_COORDINATE
+) -> float:
+    """Return ``value`` as a finite number from ``minimum`` to ``maximum``, or raise ``FacePoserError``."""
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not number or not math.isfinite(value) or not minimum <= value <= maximum:
+        raise FacePoserError(f"{where} must be a number from {minimum:g} to {maximum:g}, not {shown(value)}.")
+    return float(value)
+
+
+def index_from_json(value: Any, where: str) -> int:
+    """Return ``value`` as a whole number of at least 0, or raise ``FacePoserError``."""
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 2**31:
+        raise FacePoserError(f"{where} must be a whole number of at least 0, not {shown(value)}.")
+    return value
+
+
+def flag_from_json(value: Any, where: str) -> bool:
+    """Return ``value`` as a truth value, or raise ``FacePoserError``."""
+    if not isinstance(value, bool):
+        raise FacePoserError(f"{where} must be true or false, not {shown(value)}.")
+    return value
+
+
+def numbers_from_json(value: Any, count: int, where: str) -> list[float]:
+    """Return ``value`` as a list of ``count`` finite numbers, or raise ``FacePoserError``."""
+    if not isinstance(value, list) or len(value) != count:
+        raise FacePoserError(f"{where} must be a list of {count} numbers.")
+    return [number_from_json(item, f"{where}[{i}]") for i, item in enumerate(value)]
+
+
+def pixel_from_json(value: Any, where: str) -> tuple[float, float]:
+    """Return ``value`` as a pixel (u, v), or raise ``FacePoserError``."""
+    u, v = numbers_from_json(value, 2, where)
+    return (u, v)
+
+
+def anchor_to_json(anchor: SurfacePoint | int) -> dict[str, Any]:
+    """Return a vertex index or a surface point as the session file has it."""
+    if isinstance(anchor, int):
+        return {"vertex": anchor}
+    return {"face": anchor.face, "barycentric": list(anchor.barycentric)}
+
+
+def anchor_from_json(value: Any, where: str) -> SurfacePoint | int:
+    """Return the vertex index or surface point that ``value`` describes, or raise ``FacePoserError``."""
+    if isinstance(value, dict) and "vertex" in value:
+        check_keys(value, {"vertex"}, set(), where)
+        return index_from_json(value["vertex"], f"{where}.vertex")
+    check_keys(value, {"face", "barycentric"}, set(), where)
+    a, b, c = numbers_from_json(value["barycentric"], 3, f"{where}.barycentric")
+    if min(a, b, c) < -1e-6 or abs(a + b + c - 1.0) > 1e-4:
+        raise FacePoserError(f"{where}.barycentric must be three numbers of at least 0 that sum to 1.")
+    return SurfacePoint(index_from_json(value["face"], f"{where}.face"), (a, b, c))
+
+
+def camera_to_json(camera: Camera) -> dict[str, Any]:
+    """Return a camera as the session file has it."""
+    return {
+        "rotation": camera.rotation.tolist(),
+        "translation": camera.translation.tolist(),
+        "focal": float(camera.focal),
+        "size": list(camera.size),
+    }
+
+
+def camera_from_json(value: Any, where: str) -> Camera:
+    """Return the camera that ``value`` describes, or raise ``FacePoserError``."""
+    check_keys(value, {"rotation", "translation", "focal", "size"}, set(), where)
+    rows = value["rotation"]
+    if not isinstance(rows, list) or len(rows) != 3:
+        raise FacePoserError(f"{where}.rotation must be a list of 3 rows.")
+    rotation = np.array([numbers_from_json(row, 3, f"{where}.rotation[{i}]") for i, row in enumerate(rows)])
+    size = value["size"]
+    if not isinstance(size, list) or len(size) != 2:
+        raise FacePoserError(f"{where}.size must be a list of 2 whole numbers.")
+    width, height = (index_from_json(side, f"{where}.size[{i}]") for i, side in enumerate(size))
+    if not (0 < width <= _MAX_PICTURE and 0 < height <= _MAX_PICTURE):
+        raise FacePoserError(f"{where}.size must be from 1 to {_MAX_PICTURE} pixels each way.")
+    translation = np.array(numbers_from_json(value["translation"], 3, f"{where}.translation"))
+    focal = number_from_json(value["focal"], f"{where}.focal", minimum=1e-3)
+    try:
+        return Camera(rotation, translation, focal, (width, height))
+    except ValueError as error:
+        raise FacePoserError(f"{where}: {error}.") from error
+
+
+def shown(value: Any) -> str:
+    """Return ``value`` short enough for a sentence."""
+    text = repr(value)
+    return text if len(text) <= 40 else text[:37] + "..."

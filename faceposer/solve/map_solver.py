@@ -1,0 +1,114 @@
+"""Minimises the energy of a pose by L-BFGS (Lau et al. 2009, section 6)."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import linalg
+from scipy.optimize import minimize
+
+from faceposer.solve.problem import PoseProblem
+from faceposer.solve.term import Array
+
+# In scaled coordinates a step of length 1 changes the energy by about 1, one standard deviation: this much slope
+# is a hundredth of a deviation, far less than a pixel.
+_SLOPE_TOLERANCE = 1e-2
+_RELATIVE_TOLERANCE = 1e-7
+_MAX_ITERATIONS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A pose and how it was found.
+
+    Attributes:
+        coefficients: Shape (r,).
+        energy: E at the coefficients.
+        iterations: Iterations of L-BFGS.
+        evaluations: Evaluations of E and its gradient, those that compare starts included.
+        seconds: Wall-clock time of the solve.
+        residuals_px: How far each constraint is from being met, in pixels, in the order of the problem.
+        converged: Whether the solve ended by itself rather than by being stopped or at its iteration limit.
+    """
+
+    coefficients: Array
+    energy: float
+    iterations: int
+    evaluations: int
+    seconds: float
+    residuals_px: tuple[float, ...]
+    converged: bool
+
+
+def best_start(problem: PoseProblem) -> Array:
+    """Return the start with the least energy among the problem's start pose and its component means (paper, eq. (21))."""
+    candidates = [problem.start, *problem.mixture.means]
+    energies = [problem.energy_and_gradient(candidate)[0] for candidate in candidates]
+    return candidates[int(np.argmin(energies))]
+
+
+def solve(
+    problem: PoseProblem,
+    x0: ArrayLike | None = None,
+    on_iterate: Callable[[Array], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> Solution:
+    """Return the pose of least energy near ``x0``.
+
+    L-BFGS runs in coordinates scaled by the curvature at the start: there the problem is nearly round, and few evaluations
+    do what takes dozens in coefficients, whose curvatures differ by orders of magnitude.
+
+    Args:
+        problem: The energy.
+        x0: Coefficients to start from, shape (r,); the best of the start pose and the component means if None.
+        on_iterate: Called with the coefficients after each iteration.
+        should_stop: Asked after each iteration; the pose reached so far is returned when it says yes.
+    """
+    began = time.perf_counter()
+    evaluations = 0
+    if x0 is None:
+        start = best_start(problem)
+        evaluations += 1 + problem.mixture.n_components
+    else:
+        start = np.array(x0, dtype=np.float64)
+    lower = np.linalg.cholesky(problem.curvature(start))
+
+    def to_coefficients(scaled: Array) -> Array:
+        offset: Array = linalg.solve_triangular(lower, scaled, lower=True, trans=1, check_finite=False)
+        return start + offset
+
+    def scaled_energy(scaled: Array) -> tuple[float, Array]:
+        energy, gradient = problem.energy_and_gradient(to_coefficients(scaled))
+        return energy, linalg.solve_triangular(lower, gradient, lower=True, check_finite=False)
+
+    def after_iteration(scaled: Array) -> None:
+        if on_iterate is not None:
+            on_iterate(to_coefficients(scaled))
+        if should_stop is not None and should_stop():
+            raise StopIteration
+
+    result = minimize(
+        scaled_energy,
+        np.zeros_like(start),
+        jac=True,
+        method="L-BFGS-B",
+        callback=after_iteration,
+        options={
+            "maxiter": _MAX_ITERATIONS,
+            "gtol": _SLOPE_TOLERANCE,
+            "ftol": _RELATIVE_TOLERANCE,
+            "maxcor": 20,
+        },
+    )
+    coefficients = to_coefficients(result.x)
+    return Solution(
+        coefficients,
+        float(result.fun),
+        int(result.nit),
+        evaluations + int(result.nfev),
+        time.perf_counter() - began,
+        problem.residuals_px(coefficients),
+        bool(result.success),
+    )

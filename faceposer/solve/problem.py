@@ -1,0 +1,116 @@
+"""The maximum a posteriori problem: constraints and a prior over one face (Lau et al. 2009, eqs. (3) and (20))."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from faceposer.geometry.camera import Camera
+from faceposer.model.face_model import FaceModel
+from faceposer.model.mixture import GaussianMixture
+from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
+from faceposer.solve.priors import MixturePrior, centred_at
+from faceposer.solve.term import AnchoredPoints, Array, PoseState, Term
+
+# Keeps the problem bounded where neither a constraint nor the prior says anything, far below what either says.
+_RIDGE = 1e-6
+
+
+class Ridge:
+    """A faint pull towards the start, so that a prior weight of 0 leaves a problem with one solution."""
+
+    def __init__(self, start: Array, scale: Array) -> None:
+        """Pull towards ``start``, shape (r,), with strength ``scale``, shape (r,)."""
+        self._start, self._scale = start, scale
+
+    def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
+        """Return the cost and its gradient by the coefficients, shape (r,)."""
+        offset = state.p - self._start
+        scaled = self._scale * offset
+        return float(offset @ scaled), 2.0 * scaled
+
+    def curvature(self, state: PoseState) -> Array:
+        """Return the second derivative, shape (r, r)."""
+        return np.diag(2.0 * self._scale)
+
+
+class PoseProblem:
+    """E(p) = sum of the constraints' energies + prior_weight * E_prior(p).
+
+    The rows of the basis at all constrained points are gathered once, so that an evaluation does not depend on the size
+    of the mesh.
+    """
+
+    def __init__(
+        self,
+        model: FaceModel,
+        constraints: Sequence[Constraint],
+        start: ArrayLike | None = None,
+        prior_weight: float = 1.0,
+        mixture: GaussianMixture | None = None,
+    ) -> None:
+        """Gather the problem.
+
+        Args:
+            model: The face.
+            constraints: All constraints; those that are not enabled count only in ``residuals_px``.
+            start: The pose that an untouched face has, shape (r,); the neutral face if None.
+            prior_weight: Weight of the prior, at least 0.
+            mixture: A density over coefficients in place of the model's own seen from the start.
+
+        Raises:
+            ValueError: If a constraint names a place that the face does not have.
+        """
+        self.start = model.neutral() if start is None else np.asarray(start, dtype=np.float64)
+        self.constraints = tuple(constraints)
+        self.mixture = centred_at(model.mixture, self.start) if mixture is None else mixture
+        points = [constraint.surface_points(model.triangles) for constraint in self.constraints]
+        ends = np.cumsum([0, *map(len, points)])
+        self._slots = [np.arange(ends[i], ends[i + 1]) for i in range(len(points))]
+        rows, neutral = model.rows_at([point for group in points for point in group])
+        views: dict[Camera, list[np.ndarray]] = {}
+        for constraint, slots in zip(self.constraints, self._slots, strict=True):
+            views.setdefault(constraint.camera, []).append(slots)
+        self._anchored = AnchoredPoints(
+            np.ascontiguousarray(rows.reshape(3 * len(neutral), model.n_coefficients)),
+            neutral,
+            tuple((camera, np.concatenate(slots)) for camera, slots in views.items()),
+        )
+        self.terms: list[Term] = [Ridge(self.start, _RIDGE / model.subspace.variances.clip(1e-9))]
+        for kind in CONSTRAINTS.values():
+            chosen = [
+                i
+                for i, c in enumerate(self.constraints)
+                if isinstance(c, kind) and c.enabled and c.weight > 0
+            ]
+            if chosen:
+                group = [self.constraints[i] for i in chosen]
+                self.terms.append(kind.term(group, [self._slots[i] for i in chosen]))
+        if prior_weight > 0:
+            self.terms.append(MixturePrior(self.mixture, prior_weight))
+
+    def state(self, p: Array) -> PoseState:
+        """Return the anchored points at coefficients ``p`` of shape (r,)."""
+        return PoseState(self._anchored, p)
+
+    def energy_and_gradient(self, p: Array) -> tuple[float, Array]:
+        """Return E(p) and its gradient, shape (r,), at ``p`` of shape (r,)."""
+        state = self.state(p)
+        energy, gradient = 0.0, np.zeros_like(p)
+        for term in self.terms:
+            value, slope = term.value_and_gradient(state)
+            energy += value
+            gradient += slope
+        return energy, gradient
+
+    def curvature(self, p: Array) -> Array:
+        """Return the Gauss-Newton estimate of the second derivative of E at ``p``, shape (r, r), positive definite."""
+        state = self.state(p)
+        return np.sum([term.curvature(state) for term in self.terms], axis=0)
+
+    def residuals_px(self, p: Array) -> tuple[float, ...]:
+        """Return how far each constraint, enabled or not, is from being met at ``p``, in pixels."""
+        pixels = self.state(p).pixels if self.constraints else np.zeros((0, 2))
+        return tuple(
+            c.residual_px(pixels[slots]) for c, slots in zip(self.constraints, self._slots, strict=True)
+        )

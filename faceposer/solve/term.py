@@ -1,0 +1,128 @@
+"""What a maximum a posteriori problem is a sum of.
+
+State: the points of the face that the constraints speak of, at one vector of coefficients, shared by all terms.
+Term: a non-negative cost with its gradient; all that the optimiser sees.
+Residual term: a weighted sum of squared residuals, which also gives the curvature that scales the problem.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.geometry.camera import Camera
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class AnchoredPoints:
+    """The surface points of all constraints of a problem, gathered once.
+
+    Attributes:
+        rows: Derivatives of the points by the coefficients, coordinates stacked, shape (3 n, r).
+        neutral: The points at p = 0, shape (n, 3).
+        views: The cameras with the indices of the points that each sees.
+    """
+
+    rows: Array
+    neutral: Array
+    views: tuple[tuple[Camera, Indices], ...]
+
+
+class PoseState:
+    """The anchored points at one vector of coefficients: positions, pixels and derivatives, each computed once."""
+
+    def __init__(self, anchored: AnchoredPoints, p: Array) -> None:
+        """Prepare the state at coefficients ``p`` of shape (r,)."""
+        self._anchored = anchored
+        self.p = p
+
+    @cached_property
+    def points(self) -> Array:
+        """World positions, shape (n, 3)."""
+        return self._anchored.neutral + (self._anchored.rows @ self.p).reshape(-1, 3)
+
+    @cached_property
+    def _projection(self) -> tuple[Array, Array]:
+        points, views = self.points, self._anchored.views
+        if len(views) == 1:
+            return views[0][0].project_with_jacobian(points)
+        pixels, jacobian = np.empty((len(points), 2)), np.empty((len(points), 2, 3))
+        for camera, indices in views:
+            pixels[indices], jacobian[indices] = camera.project_with_jacobian(points[indices])
+        return pixels, jacobian
+
+    @property
+    def pixels(self) -> Array:
+        """Each point's pixel in the camera of its own constraint, shape (n, 2)."""
+        return self._projection[0]
+
+    def pixel_jacobian(self, indices: Indices) -> Array:
+        """Return the derivatives of the pixels ``indices`` by the coefficients, shape (k, 2, r) (paper, eq. (22))."""
+        rows = self._anchored.rows.reshape(len(self._anchored.neutral), 3, -1)[indices]
+        jacobian: Array = self._projection[1][indices] @ rows
+        return jacobian
+
+    def pull_back(self, indices: Indices, by_pixel: Array) -> Array:
+        """Return the gradient by the coefficients, shape (r,), of a cost with gradients ``by_pixel``, (k, 2), by pixels.
+
+        The chain rule from the right: no derivative of the pixels by the coefficients is ever formed.
+        """
+        by_point = np.zeros((len(self._anchored.neutral), 3))
+        np.add.at(by_point, indices, np.einsum("ni,nij->nj", by_pixel, self._projection[1][indices]))
+        gradient: Array = by_point.ravel() @ self._anchored.rows
+        return gradient
+
+
+class Term(Protocol):
+    """A cost of a pose."""
+
+    def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
+        """Return the cost and its gradient by the coefficients, shape (r,)."""
+        ...
+
+    def curvature(self, state: PoseState) -> Array:
+        """Return a positive semi-definite estimate of the second derivative, shape (r, r)."""
+        ...
+
+
+class ResidualTerm:
+    """A weighted sum of squared residuals, sum over i of w_i r_i(p)^2.
+
+    Subclasses give the residuals and their derivatives; they override ``pull_back`` where the product with the
+    derivatives can be had without forming them.
+    """
+
+    def __init__(self, weights: Sequence[float] | Array) -> None:
+        """Keep ``weights`` w, one per residual: the inverse variances times what the user asks for."""
+        self.weights = np.asarray(weights, dtype=np.float64)
+
+    def residual(self, state: PoseState) -> Array:
+        """Return the residuals, shape (m,)."""
+        raise NotImplementedError
+
+    def jacobian(self, state: PoseState) -> Array:
+        """Return the derivatives of the residuals by the coefficients, shape (m, r)."""
+        raise NotImplementedError
+
+    def pull_back(self, state: PoseState, by_residual: Array) -> Array:
+        """Return jacobian^T ``by_residual``, shape (r,), for ``by_residual`` of shape (m,)."""
+        product: Array = by_residual @ self.jacobian(state)
+        return product
+
+    def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
+        """Return the cost and its gradient by the coefficients, shape (r,)."""
+        residual = self.residual(state)
+        weighted = self.weights * residual
+        return float(weighted @ residual), self.pull_back(state, 2.0 * weighted)
+
+    def curvature(self, state: PoseState) -> Array:
+        """Return the Gauss-Newton estimate of the second derivative, 2 J^T W J of shape (r, r)."""
+        jacobian = self.jacobian(state)
+        product: Array = 2.0 * (jacobian.T * self.weights) @ jacobian
+        return product
