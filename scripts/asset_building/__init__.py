@@ -1,0 +1,1 @@
+"""Helpers of ``scripts/build_assets.py``: from MakeHuman's CC0 data to the subjects in ``assets/subjects``."""
