@@ -1,9 +1,14 @@
 """Priors of natural expressions, as terms of the problem (Lau et al. 2009, section 5)."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from faceposer.model.mixture import GaussianMixture
 from faceposer.solve.term import Array, PoseState
+
+# How far outside 0 to 1 a rig weight may stray, as a standard deviation.
+_BOUND_SCALE = 0.05
 
 
 class MixturePrior:
@@ -28,6 +33,35 @@ class MixturePrior:
         return self.weight * self.mixture.precision(component)
 
 
+class WeightBounds:
+    """weight * sum over shapes of (excess_j / scale)^2, the excess being how far a rig weight lies outside 0 to 1.
+
+    A muscle that relaxes past its rest or pulls past its end is as unnatural as anything the mixture forbids, and no
+    mixture of Gaussians can say so: seen from the start pose it takes a movement and its opposite for equally likely.
+    """
+
+    def __init__(self, directions: Array, weight: float = 1.0) -> None:
+        """Bound the rig weights ``directions @ p``, for ``directions`` of shape (S, r)."""
+        self._directions = directions
+        self._scaled = weight / _BOUND_SCALE**2
+
+    def _excess(self, state: PoseState) -> Array:
+        weights = self._directions @ state.p
+        excess: Array = np.minimum(weights, 0.0) + np.maximum(weights - 1.0, 0.0)
+        return excess
+
+    def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
+        """Return the cost and its gradient by the coefficients, shape (r,)."""
+        excess = self._excess(state)
+        return self._scaled * float(excess @ excess), 2.0 * self._scaled * (excess @ self._directions)
+
+    def curvature(self, state: PoseState) -> Array:
+        """Return the second derivative where the bounds are exceeded, shape (r, r)."""
+        active = self._directions[self._excess(state) != 0.0]
+        product: Array = 2.0 * self._scaled * active.T @ active
+        return product
+
+
 def centred_at(mixture: GaussianMixture, start: Array) -> GaussianMixture:
     """Return ``mixture`` as it looks from the pose ``start``: each component becomes a spread about that pose.
 
@@ -37,10 +71,23 @@ def centred_at(mixture: GaussianMixture, start: Array) -> GaussianMixture:
     second moment about the start. All components have their peak there, so without constraints the start is the only
     minimum, and a small pull moves the face a little.
 
+    With their peaks at one place, the narrowest component would outweigh all others there and hold the face still
+    until it snaps. The weights are therefore tempered: the peaks enter by the root of their height.
+
     Args:
         mixture: The learned density.
         start: Coefficients of the pose to start from, shape (r,).
     """
+    return _centred_at(mixture, start.tobytes())
+
+
+@lru_cache(maxsize=8)
+def _centred_at(mixture: GaussianMixture, start_bytes: bytes) -> GaussianMixture:
+    """Factor the covariances once per start: it changes between poses, not between the moves of a drag."""
+    start = np.frombuffer(start_bytes)
     offsets = mixture.means - start
     spread = mixture.covariances + np.einsum("ki,kj->kij", offsets, offsets)
-    return GaussianMixture(mixture.weights, np.broadcast_to(start, mixture.means.shape).copy(), spread)
+    log_weights = 0.5 * np.log(mixture.weights) + 0.25 * np.linalg.slogdet(spread)[1]
+    weights = np.maximum(np.exp(log_weights - log_weights.max()), 1e-300)
+    means = np.broadcast_to(start, mixture.means.shape).copy()
+    return GaussianMixture(weights / weights.sum(), means, spread)

@@ -9,7 +9,7 @@ from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.model.mixture import GaussianMixture
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
-from faceposer.solve.priors import MixturePrior, centred_at
+from faceposer.solve.priors import MixturePrior, WeightBounds, centred_at
 from faceposer.solve.term import AnchoredPoints, Array, PoseState, Term
 
 # Keeps the problem bounded where neither a constraint nor the prior says anything, far below what either says.
@@ -56,7 +56,8 @@ class PoseProblem:
             constraints: All constraints; those that are not enabled count only in ``residuals_px``.
             start: The pose that an untouched face has, shape (r,); the neutral face if None.
             prior_weight: Weight of the prior, at least 0.
-            mixture: A density over coefficients in place of the model's own seen from the start.
+            mixture: A density over coefficients to take as the whole prior, as the paper does; if None, the prior is
+                the model's own density seen from the start, with bounds on the rig's weights.
 
         Raises:
             ValueError: If a constraint names a place that the face does not have.
@@ -88,6 +89,8 @@ class PoseProblem:
                 self.terms.append(kind.term(group, [self._slots[i] for i in chosen]))
         if prior_weight > 0:
             self.terms.append(MixturePrior(self.mixture, prior_weight))
+            if mixture is None:
+                self.terms.append(WeightBounds(model.subspace.directions, prior_weight))
 
     def state(self, p: Array) -> PoseState:
         """Return the anchored points at coefficients ``p`` of shape (r,)."""
