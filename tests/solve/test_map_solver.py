@@ -46,7 +46,7 @@ def test_constraints_made_from_a_pose_are_met_again(model: FaceModel, camera: Ca
     )
     constraints = points_made_from(model, truth, camera, 60)
     solution = solve(PoseProblem(model, constraints))
-    assert max(solution.residuals_px) < 1.0
+    assert max(solution.residuals_px) < 1.5
     error = np.linalg.norm(model.instance(solution.coefficients) - model.instance(truth), axis=1).mean()
     assert error < 0.25 * np.linalg.norm(model.instance(truth) - model.subject.vertices, axis=1).mean()
 

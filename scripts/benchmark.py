@@ -1,0 +1,212 @@
+#!/usr/bin/env python3
+"""Measure what a user waits for, with what it is to be compared with, all in one run.
+
+    python scripts/benchmark.py --json benchmark.json
+
+Rows are medians and 99th percentiles in milliseconds. `drag/N` is the way from a mouse move, one of N points being
+dragged, to new vertices and normals; `solve/...` is a warm solve alone; `start` is from the command to the first frame.
+"""
+
+import os
+
+THREADS = 1
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    # Before NumPy is imported: threads cost more than they bring where matrices are small.
+    os.environ[variable] = str(THREADS)
+
+import argparse
+import json
+import platform
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import approx_fprime
+
+from faceposer.geometry.camera import Camera, OrbitView
+from faceposer.geometry.mesh import VertexNormals
+from faceposer.geometry.picking import SurfacePoint, surface_positions
+from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.subject import load_subject
+from faceposer.solve.constraints.point import PointConstraint
+from faceposer.solve.map_solver import solve
+from faceposer.solve.problem import PoseProblem
+from faceposer.solve.term import PoseState
+
+SIZE = (1280, 800)
+# Mouth corners, chin, brows, cheeks, upper lip, left lower lid.
+FEATURES = ("8.3", "8.4", "2.1", "4.1", "4.2", "5.3", "8.1", "3.3")
+Row = dict[str, object]
+
+
+class FiniteDifferences(PoseProblem):
+    """The same energy with a gradient by forward differences, as one gets without the paper's appendix."""
+
+    def energy_and_gradient(self, p: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return E(p) and its numerical gradient."""
+        return self._energy(p), approx_fprime(p, self._energy, 1e-7)
+
+    def _energy(self, p: np.ndarray) -> float:
+        state: PoseState = self.state(p)
+        return sum(term.value_and_gradient(state)[0] for term in self.terms)
+
+
+def milliseconds(action: Callable[[], object], repeats: int) -> list[float]:
+    """Return the time of each of ``repeats`` calls."""
+    action()
+    times = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        action()
+        times.append((time.perf_counter() - began) * 1e3)
+    return times
+
+
+def row(name: str, times: list[float]) -> Row:
+    """Return one row of the result."""
+    return {
+        "name": name,
+        "count": len(times),
+        "median_ms": round(float(np.median(times)), 4),
+        "p99_ms": round(float(np.percentile(times, 99)), 4),
+    }
+
+
+def pins(model: FaceModel, camera: Camera, count: int) -> list[PointConstraint]:
+    """Return ``count`` points that lie where they are on the neutral face."""
+    features = model.subject.feature_points
+    anchors = [SurfacePoint.at_vertex(model.triangles, features[name]) for name in FEATURES[:count]]
+    pixels = camera.project(surface_positions(model.subject.vertices, model.triangles, anchors))
+    return [
+        PointConstraint(a, (float(u), float(v)), camera) for a, (u, v) in zip(anchors, pixels, strict=True)
+    ]
+
+
+def mouse_path(constraints: list[PointConstraint], moves: int) -> Iterator[list[PointConstraint]]:
+    """Yield the constraints at each move of a drag that circles out and back, the first point under the pointer."""
+    u, v = constraints[0].target
+    for step in range(moves):
+        angle = 2 * np.pi * step / 120
+        radius = 22 * abs(np.sin(np.pi * step / moves))
+        moved = replace(constraints[0], target=(u + radius * np.cos(angle), v + radius * np.sin(angle)))
+        yield [moved, *constraints[1:]]
+
+
+def drag_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
+    """Measure a live drag from the mouse move to vertices and normals."""
+    normals_of = VertexNormals(model.triangles, len(model.subject.vertices))
+    rows = []
+    for count in (1, 8):
+        p, times = model.neutral(), []
+        for constraints in mouse_path(pins(model, camera, count), moves):
+            began = time.perf_counter()
+            p = solve(PoseProblem(model, constraints), p).coefficients
+            normals_of(model.instance(p))
+            times.append((time.perf_counter() - began) * 1e3)
+        rows.append(row(f"drag/{count}", times[1:]))
+    return rows
+
+
+def solve_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
+    """Measure the same warm solves with the prior, without it, and with finite differences."""
+    times: dict[str, list[float]] = {"mfa": [], "pca": [], "finite-difference": []}
+    poses = {name: model.neutral() for name in times}
+    for constraints in mouse_path(pins(model, camera, 4), moves):
+        problems = {
+            "mfa": PoseProblem(model, constraints),
+            "pca": PoseProblem(model, constraints, prior_weight=0),
+            "finite-difference": FiniteDifferences(model, constraints),
+        }
+        # One after another at every move, so that all three meet the machine in the same state.
+        for name, problem in problems.items():
+            began = time.perf_counter()
+            poses[name] = solve(problem, poses[name]).coefficients
+            times[name].append((time.perf_counter() - began) * 1e3)
+    return [row(f"solve/points-4/{name}", values[1:]) for name, values in times.items()]
+
+
+def mesh_rows(model: FaceModel, repeats: int) -> list[Row]:
+    """Measure vertices from coefficients, the copy of the basis that bounds it, and normals."""
+    p = np.random.default_rng(0).normal(size=model.n_coefficients) * np.sqrt(model.subspace.variances)
+    normals_of, vertices, target = (
+        VertexNormals(model.triangles, len(model.subject.vertices)),
+        model.instance(p),
+        np.empty_like(model.basis),
+    )
+    return [
+        row("reconstruct", milliseconds(lambda: model.instance(p), repeats)),
+        row("basis-copy", milliseconds(lambda: np.copyto(target, model.basis), repeats)),
+        row("normals", milliseconds(lambda: normals_of(vertices), repeats)),
+    ]
+
+
+def start_row(repeats: int) -> Row:
+    """Measure from the command to the window's first frame, in new processes."""
+    command = [sys.executable, "-m", "faceposer", "--exit-after-first-frame"]
+    times = []
+    for attempt in range(repeats + 1):
+        began = time.perf_counter()
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise SystemExit(f"'{' '.join(command[1:])}' failed: {done.stderr.strip()}")
+        reported = re.search(r"first frame after ([\d.]+) s", done.stdout + done.stderr)
+        seconds = float(reported.group(1)) if reported else time.perf_counter() - began
+        if attempt > 0:
+            times.append(seconds * 1e3)
+    return row("start", times)
+
+
+def machine() -> Row:
+    """Return what the figures depend on."""
+    model = ""
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        found = re.search(r"model name\s*:\s*(.+)", info.read_text())
+        model = found.group(1) if found else ""
+    return {
+        "processor": model or platform.processor(),
+        "cores": os.cpu_count(),
+        "threads": THREADS,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "system": platform.system(),
+    }
+
+
+def main() -> None:
+    """Run all measurements and print them."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--json", type=Path, help="write the rows to this file")
+    parser.add_argument("--subject", default="man", help="subject to measure on (default: man)")
+    parser.add_argument("--moves", type=int, default=400, help="mouse moves per drag (default: 400)")
+    parser.add_argument(
+        "--no-start", action="store_true", help="leave out the row 'start', which opens windows"
+    )
+    options = parser.parse_args()
+
+    model = build_face_model(load_subject(options.subject))
+    vertices = model.subject.vertices
+    camera = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0)).camera(SIZE)
+    rows = drag_rows(model, camera, options.moves)
+    rows += solve_rows(model, camera, options.moves)
+    rows += mesh_rows(model, options.moves)
+    if not options.no_start:
+        rows.append(start_row(5))
+
+    print(f"{len(vertices)} vertices, {model.n_coefficients} coefficients, {THREADS} thread")
+    print(f"{'':34}{'count':>6}{'median ms':>12}{'99 % ms':>12}")
+    for entry in rows:
+        print(f"{entry['name']:34}{entry['count']:6}{entry['median_ms']:12.3f}{entry['p99_ms']:12.3f}")
+    if options.json:
+        options.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
