@@ -4,6 +4,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from faceposer.model.coupling import coupling
+from faceposer.model.face_model import FaceModel
 from faceposer.model.mixture import GaussianMixture
 from faceposer.solve.term import Array, PoseState
 
@@ -62,31 +64,35 @@ class WeightBounds:
         return product
 
 
-def centred_at(mixture: GaussianMixture, start: Array) -> GaussianMixture:
-    """Return ``mixture`` as it looks from the pose ``start``: each component becomes a spread about that pose.
+def centred_at(model: FaceModel, start: Array) -> GaussianMixture:
+    """Return the model's density as it looks from the pose ``start``: each component becomes a spread about that pose.
 
     The mode of a learned density is its performer's habitual face, not the pose that the user starts from, so that
     minimising (20) as it stands deforms a face that nobody has touched. The start is evidence: here every component keeps
     where it lies as the direction in which the face moves, cov_k + (mean_k - start)(mean_k - start)^T being its
     second moment about the start. All components have their peak there, so without constraints the start is the only
-    minimum, and a small pull moves the face a little.
+    minimum, and a small pull moves the face a little. What regions have to do with each other is damped in the same
+    step (``faceposer.model.coupling``).
 
     With their peaks at one place, the narrowest component would outweigh all others there and hold the face still
     until it snaps. The weights are therefore tempered: the peaks enter by the root of their height.
 
     Args:
-        mixture: The learned density.
+        model: The face and its density.
         start: Coefficients of the pose to start from, shape (r,).
     """
-    return _centred_at(mixture, start.tobytes())
+    return _centred_at(model, start.tobytes())
 
 
 @lru_cache(maxsize=8)
-def _centred_at(mixture: GaussianMixture, start_bytes: bytes) -> GaussianMixture:
+def _centred_at(model: FaceModel, start_bytes: bytes) -> GaussianMixture:
     """Factor the covariances once per start: it changes between poses, not between the moves of a drag."""
-    start = np.frombuffer(start_bytes)
+    start, mixture, subspace = np.frombuffer(start_bytes), model.mixture, model.subspace
     offsets = mixture.means - start
     spread = mixture.covariances + np.einsum("ki,kj->kij", offsets, offsets)
+    in_weights = subspace.directions @ spread @ subspace.directions.T
+    in_weights *= coupling(model.subject.shape_names)
+    spread = subspace.projection @ in_weights @ subspace.projection.T
     log_weights = 0.5 * np.log(mixture.weights) + 0.25 * np.linalg.slogdet(spread)[1]
     weights = np.maximum(np.exp(log_weights - log_weights.max()), 1e-300)
     means = np.broadcast_to(start, mixture.means.shape).copy()

@@ -64,7 +64,7 @@ class PoseProblem:
         """
         self.start = model.neutral() if start is None else np.asarray(start, dtype=np.float64)
         self.constraints = tuple(constraints)
-        self.mixture = centred_at(model.mixture, self.start) if mixture is None else mixture
+        self.mixture = centred_at(model, self.start) if mixture is None else mixture
         points = [constraint.surface_points(model.triangles) for constraint in self.constraints]
         ends = np.cumsum([0, *map(len, points)])
         self._slots = [np.arange(ends[i], ends[i + 1]) for i in range(len(points))]

@@ -48,7 +48,7 @@ def test_constraints_made_from_a_pose_are_met_again(model: FaceModel, camera: Ca
     solution = solve(PoseProblem(model, constraints))
     assert max(solution.residuals_px) < 1.5
     error = np.linalg.norm(model.instance(solution.coefficients) - model.instance(truth), axis=1).mean()
-    assert error < 0.25 * np.linalg.norm(model.instance(truth) - model.subject.vertices, axis=1).mean()
+    assert error < 0.35 * np.linalg.norm(model.instance(truth) - model.subject.vertices, axis=1).mean()
 
 
 def test_without_a_prior_enough_points_give_the_pose_back(model: FaceModel, camera: Camera) -> None:
