@@ -1,0 +1,88 @@
+"""What is known of how the 52 ARKit weights move together, apart from any one face."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.resources import asset_path
+
+Array = NDArray[np.float64]
+
+_ARRAYS = ("weights", "means", "covariances", "mean", "covariance")
+_MAX_BYTES = 64 * 2**20
+
+
+@dataclass(frozen=True, eq=False)
+class ExpressionStatistics:
+    """A mixture of Gaussians over the weights of a rig, with the moments of the examples it was learned from.
+
+    Any face with shapes of these names gets its own prior from it, without a capture of its own.
+
+    Attributes:
+        shape_names: Names of the S weights.
+        weights: Mixing proportions, shape (K,).
+        means: Shape (K, S).
+        covariances: Shape (K, S, S).
+        mean: Mean of the examples, shape (S,).
+        covariance: Covariance of the examples, shape (S, S): what the principal component analysis sees.
+        credits: Where the examples come from, and their licence.
+    """
+
+    shape_names: tuple[str, ...]
+    weights: Array
+    means: Array
+    covariances: Array
+    mean: Array
+    covariance: Array
+    credits: str
+
+    def __post_init__(self) -> None:
+        n_components, n_shapes = len(self.weights), len(self.shape_names)
+        shapes = {
+            "weights": (n_components,),
+            "means": (n_components, n_shapes),
+            "covariances": (n_components, n_shapes, n_shapes),
+            "mean": (n_shapes,),
+            "covariance": (n_shapes, n_shapes),
+        }
+        for name, shape in shapes.items():
+            value = getattr(self, name)
+            if value.shape != shape or not np.isfinite(value).all():
+                raise ValueError(f"{name} must be finite and of shape {shape}, not {value.shape}")
+
+    def save(self, path: Path) -> None:
+        """Write the statistics to ``path``, single precision."""
+        temporary = path.with_name(path.name + ".tmp")
+        with temporary.open("wb") as file:
+            np.savez_compressed(
+                file,
+                shape_names=np.array(self.shape_names),
+                credits=np.array(self.credits),
+                **{name: getattr(self, name).astype(np.float32) for name in _ARRAYS},
+            )
+        temporary.replace(path)
+
+
+def load_expression_statistics(path: Path | None = None) -> ExpressionStatistics:
+    """Return the statistics in ``path``, or those that come with the program.
+
+    Raises:
+        FacePoserError: If the file is missing or is not such a file.
+    """
+    path = path or asset_path("expressions.npz")
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise ValueError("it is too large")
+        with np.load(path, allow_pickle=False) as data:
+            arrays = {name: data[name].astype(np.float64) for name in _ARRAYS}
+            names = tuple(str(name) for name in data["shape_names"])
+            return ExpressionStatistics(names, credits=str(data["credits"]), **arrays)
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        raise FacePoserError(
+            f"The expression statistics '{path}' cannot be read ({error}); train them again or install Face Poser again."
+        ) from error
+    except Exception as error:  # a damaged archive raises zipfile.BadZipFile or zlib.error
+        raise FacePoserError(f"The expression statistics '{path}' are damaged; install Face Poser again.") from error
