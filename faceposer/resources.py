@@ -14,9 +14,7 @@ def _data_dir(kind: str) -> Path:
     for parent in (_PACKAGE, _PACKAGE.parent):
         if (parent / kind).is_dir():
             return parent / kind
-    raise FacePoserError(
-        f"The folder '{kind}' of the Face Poser installation is missing; install Face Poser again."
-    )
+    raise FacePoserError(f"The folder '{kind}' of the Face Poser installation is missing; install Face Poser again.")
 
 
 def asset_path(name: str) -> Path:

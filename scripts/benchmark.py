@@ -82,9 +82,7 @@ def pins(model: FaceModel, camera: Camera, count: int) -> list[PointConstraint]:
     features = model.subject.feature_points
     anchors = [SurfacePoint.at_vertex(model.triangles, features[name]) for name in FEATURES[:count]]
     pixels = camera.project(surface_positions(model.subject.vertices, model.triangles, anchors))
-    return [
-        PointConstraint(a, (float(u), float(v)), camera) for a, (u, v) in zip(anchors, pixels, strict=True)
-    ]
+    return [PointConstraint(a, (float(u), float(v)), camera) for a, (u, v) in zip(anchors, pixels, strict=True)]
 
 
 def mouse_path(constraints: list[PointConstraint], moves: int) -> Iterator[list[PointConstraint]]:
@@ -180,15 +178,11 @@ def machine() -> Row:
 
 def main() -> None:
     """Run all measurements and print them."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", type=Path, help="write the rows to this file")
     parser.add_argument("--subject", default="man", help="subject to measure on (default: man)")
     parser.add_argument("--moves", type=int, default=400, help="mouse moves per drag (default: 400)")
-    parser.add_argument(
-        "--no-start", action="store_true", help="leave out the row 'start', which opens windows"
-    )
+    parser.add_argument("--no-start", action="store_true", help="leave out the row 'start', which opens windows")
     options = parser.parse_args()
 
     model = build_face_model(load_subject(options.subject))

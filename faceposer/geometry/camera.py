@@ -54,10 +54,7 @@ class Camera:
                 raise ValueError(f"{name} must be finite and of shape {shape}")
             value.setflags(write=False)
             object.__setattr__(self, name, value)
-        if (
-            np.abs(self.rotation @ self.rotation.T - np.eye(3)).max() > 1e-4
-            or np.linalg.det(self.rotation) < 0
-        ):
+        if np.abs(self.rotation @ self.rotation.T - np.eye(3)).max() > 1e-4 or np.linalg.det(self.rotation) < 0:
             raise ValueError("rotation must be a rotation matrix")
         if not (math.isfinite(self.focal) and self.focal > 0):
             raise ValueError("focal must be positive")

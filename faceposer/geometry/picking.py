@@ -38,9 +38,7 @@ class SurfacePoint:
         return cls(int(rows[0]), (a, b, c))
 
 
-def surface_positions(
-    vertices: Floats, triangles: Ints, points: Sequence[SurfacePoint]
-) -> NDArray[np.float64]:
+def surface_positions(vertices: Floats, triangles: Ints, points: Sequence[SurfacePoint]) -> NDArray[np.float64]:
     """Return where ``points`` lie on the surface, shape (n, 3), for ``vertices`` of shape (N, 3)."""
     if not points:
         return np.zeros((0, 3))
@@ -64,13 +62,7 @@ def pick(vertices: Floats, triangles: Ints, camera: Camera, pixel: Sequence[floa
     a, edge1, edge2 = _corner_and_edges(vertices, triangles)
     weight1, weight2, distance, determinant = _intersect(origin, direction, a, edge1, edge2)
     with np.errstate(invalid="ignore"):
-        hit = (
-            (determinant > _EPSILON)
-            & (weight1 >= 0)
-            & (weight2 >= 0)
-            & (weight1 + weight2 <= 1)
-            & (distance > 0)
-        )
+        hit = (determinant > _EPSILON) & (weight1 >= 0) & (weight2 >= 0) & (weight1 + weight2 <= 1) & (distance > 0)
     if not hit.any():
         return None
     face = int(np.argmin(np.where(hit, distance, np.inf)))
@@ -105,7 +97,7 @@ def _intersect(
     edge1: NDArray[np.float64],
     edge2: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], ...]:
-    """Return the weights of the second and third corner, the distance and the determinant (positive for front faces)."""
+    """Return the second and third corner's weights, the distance and the determinant (positive for front faces)."""
     normal_to_plane = np.cross(direction, edge2)
     determinant = np.einsum("ij,ij->i", edge1, normal_to_plane)
     inverse = 1.0 / np.where(np.abs(determinant) > _EPSILON, determinant, np.inf)

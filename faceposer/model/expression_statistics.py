@@ -82,7 +82,7 @@ def load_expression_statistics(path: Path | None = None) -> ExpressionStatistics
             return ExpressionStatistics(names, credits=str(data["credits"]), **arrays)
     except (OSError, ValueError, KeyError, EOFError) as error:
         raise FacePoserError(
-            f"The expression statistics '{path}' cannot be read ({error}); train them again or install Face Poser again."
+            f"The expression statistics '{path}' cannot be read ({error}); train them anew or install Face Poser again."
         ) from error
     except Exception as error:  # a damaged archive raises zipfile.BadZipFile or zlib.error
         raise FacePoserError(f"The expression statistics '{path}' are damaged; install Face Poser again.") from error

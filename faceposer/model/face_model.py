@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 # A subspace is grown until each shape (gaze aside) loses at most this share of its displacement.
 LEAVE_AT_MOST = 0.10
-# In the metric of the PCA, motion counts relative to how much its place moves at all; this share of the head's height
+# In the metric of the PCA, motion counts relative to how much its place moves at all; this share of the head height
 # keeps nearly motionless places from counting.
 _STILL_MOTION = 0.004
 

@@ -75,7 +75,7 @@ def unreached(directions: Array, gram: Array) -> Array:
 def smallest_reaching(
     subspace: RigSubspace, gram: Array, shapes: NDArray[np.intp], leave_at_most: float
 ) -> RigSubspace:
-    """Return the smallest leading subspace in which each of ``shapes`` keeps all but ``leave_at_most`` of its displacement.
+    """Return the smallest leading subspace that loses at most ``leave_at_most`` of each shape's displacement.
 
     Energy alone would drop a raised brow long before the last tenth of a percent of the jaw.
 

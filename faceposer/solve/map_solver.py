@@ -43,7 +43,7 @@ class Solution:
 
 
 def best_start(problem: PoseProblem) -> Array:
-    """Return the start with the least energy among the problem's start pose and its component means (paper, eq. (21))."""
+    """Return the start of least energy among the problem's start pose and its component means (paper, eq. (21))."""
     candidates = [problem.start, *problem.mixture.means]
     energies = [problem.energy_and_gradient(candidate)[0] for candidate in candidates]
     return candidates[int(np.argmin(energies))]
@@ -57,8 +57,8 @@ def solve(
 ) -> Solution:
     """Return the pose of least energy near ``x0``.
 
-    L-BFGS runs in coordinates scaled by the curvature at the start: there the problem is nearly round, and few evaluations
-    do what takes dozens in coefficients, whose curvatures differ by orders of magnitude.
+    L-BFGS runs in coordinates scaled by the curvature at the start: there the problem is nearly round, and few
+    evaluations do what takes dozens in coefficients, whose curvatures differ by orders of magnitude.
 
     Args:
         problem: The energy.

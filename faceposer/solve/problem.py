@@ -79,11 +79,7 @@ class PoseProblem:
         )
         self.terms: list[Term] = [Ridge(self.start, _RIDGE / model.subspace.variances.clip(1e-9))]
         for kind in CONSTRAINTS.values():
-            chosen = [
-                i
-                for i, c in enumerate(self.constraints)
-                if isinstance(c, kind) and c.enabled and c.weight > 0
-            ]
+            chosen = [i for i, c in enumerate(self.constraints) if isinstance(c, kind) and c.enabled and c.weight > 0]
             if chosen:
                 group = [self.constraints[i] for i in chosen]
                 self.terms.append(kind.term(group, [self._slots[i] for i in chosen]))
@@ -114,6 +110,4 @@ class PoseProblem:
     def residuals_px(self, p: Array) -> tuple[float, ...]:
         """Return how far each constraint, enabled or not, is from being met at ``p``, in pixels."""
         pixels = self.state(p).pixels if self.constraints else np.zeros((0, 2))
-        return tuple(
-            c.residual_px(pixels[slots]) for c, slots in zip(self.constraints, self._slots, strict=True)
-        )
+        return tuple(c.residual_px(pixels[slots]) for c, slots in zip(self.constraints, self._slots, strict=True))

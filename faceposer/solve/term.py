@@ -69,7 +69,7 @@ class PoseState:
         return jacobian
 
     def pull_back(self, indices: Indices, by_pixel: Array) -> Array:
-        """Return the gradient by the coefficients, shape (r,), of a cost with gradients ``by_pixel``, (k, 2), by pixels.
+        """Return the gradient by the coefficients, (r,), of a cost with gradients ``by_pixel``, (k, 2), by pixels.
 
         The chain rule from the right: no derivative of the pixels by the coefficients is ever formed.
         """

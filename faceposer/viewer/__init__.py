@@ -1,1 +1,1 @@
-
+"""The window: drawing, panels and events."""

@@ -9,9 +9,7 @@ from faceposer.geometry.camera import VIEW_ANGLES, Camera, OrbitView
 
 
 def random_view(rng: np.random.Generator) -> OrbitView:
-    return OrbitView(
-        tuple(rng.normal(0, 2, 3)), rng.uniform(-3, 3), rng.uniform(-1.4, 1.4), rng.uniform(40, 120)
-    )
+    return OrbitView(tuple(rng.normal(0, 2, 3)), rng.uniform(-3, 3), rng.uniform(-1.4, 1.4), rng.uniform(40, 120))
 
 
 def test_projection_is_the_documented_pinhole() -> None:

@@ -12,15 +12,11 @@ def sphere(n: int = 24, radius: float = 5.0) -> TriangleMesh:
     """A latitude-longitude sphere with outward, counter-clockwise triangles."""
     theta = np.linspace(0, np.pi, n)[:, None]
     phi = np.linspace(0, 2 * np.pi, 2 * n, endpoint=False)[None, :]
-    grid = np.stack(
-        [np.sin(theta) * np.sin(phi), np.cos(theta) + 0 * phi, np.sin(theta) * np.cos(phi)], axis=-1
-    )
+    grid = np.stack([np.sin(theta) * np.sin(phi), np.cos(theta) + 0 * phi, np.sin(theta) * np.cos(phi)], axis=-1)
     index = np.arange(n * 2 * n).reshape(n, 2 * n)
     a, b = index[:-1], np.roll(index, -1, axis=1)[:-1]
     c, d = np.roll(index, -1, axis=1)[1:], index[1:]
-    triangles = np.concatenate(
-        [np.stack([a, d, c], -1).reshape(-1, 3), np.stack([a, c, b], -1).reshape(-1, 3)]
-    )
+    triangles = np.concatenate([np.stack([a, d, c], -1).reshape(-1, 3), np.stack([a, c, b], -1).reshape(-1, 3)])
     return TriangleMesh(radius * grid.reshape(-1, 3), triangles)
 
 
@@ -87,9 +83,7 @@ def test_a_pixel_beside_the_triangle_gives_its_edge() -> None:
 def test_surface_point_at_vertex() -> None:
     mesh = sphere()
     point = SurfacePoint.at_vertex(mesh.triangles, 77)
-    np.testing.assert_allclose(
-        surface_positions(mesh.vertices, mesh.triangles, [point])[0], mesh.vertices[77]
-    )
+    np.testing.assert_allclose(surface_positions(mesh.vertices, mesh.triangles, [point])[0], mesh.vertices[77])
     with pytest.raises(ValueError, match="belongs to no triangle"):
         SurfacePoint.at_vertex(mesh.triangles, 10**6)
 

@@ -25,14 +25,10 @@ def random_point(model: FaceModel, rng: np.random.Generator) -> PointConstraint:
     view = OrbitView.preset(lower, upper).orbited(*rng.uniform(-150, 150, 2), (800, 800))
     weights = rng.dirichlet(np.ones(3))
     anchor = SurfacePoint(int(rng.integers(len(model.triangles))), tuple(weights.tolist()))
-    return PointConstraint(
-        anchor, tuple(rng.uniform(100, 700, 2)), view.camera((800, 800)), rng.uniform(0.5, 2)
-    )
+    return PointConstraint(anchor, tuple(rng.uniform(100, 700, 2)), view.camera((800, 800)), rng.uniform(0.5, 2))
 
 
-def central_differences(
-    function: Callable[[np.ndarray], float], p: np.ndarray, step: float = 1e-6
-) -> np.ndarray:
+def central_differences(function: Callable[[np.ndarray], float], p: np.ndarray, step: float = 1e-6) -> np.ndarray:
     steps = step * np.eye(len(p))
     return np.array([(function(p + s) - function(p - s)) / (2 * step) for s in steps])
 

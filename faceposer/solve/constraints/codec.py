@@ -14,7 +14,7 @@ _MAX_PICTURE = 65536
 
 
 def check_keys(data: Any, required: set[str], optional: set[str], where: str) -> None:
-    """Raise ``FacePoserError`` unless ``data`` is an object with all ``required`` keys and none but ``optional`` others."""
+    """Raise ``FacePoserError`` unless ``data`` is an object with the ``required`` and perhaps ``optional`` keys."""
     if not isinstance(data, dict):
         raise FacePoserError(f"{where} must be an object with the keys {_listed(required)}.")
     unknown = sorted(set(data) - required - optional)
