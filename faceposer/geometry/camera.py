@@ -113,6 +113,18 @@ class Camera:
         direction = self.rotation.T @ np.array([offset[0], offset[1], 1.0])
         return self.center, direction / np.linalg.norm(direction)
 
+    def transferred(self, pixel: Sequence[float] | Array, other: "Camera") -> tuple[float, float] | None:
+        """Return where ``other`` shows what this camera shows at ``pixel``, or None unless both look the same way.
+
+        Cameras of one view in windows of different sizes differ only by scale and by where the picture's centre lies.
+        """
+        same = np.array_equal(self.rotation, other.rotation) and np.array_equal(self.translation, other.translation)
+        if not same or not math.isclose(self.focal * other.size[1], other.focal * self.size[1], rel_tol=1e-9):
+            return None
+        offset = np.asarray(pixel, dtype=np.float64) - self.principal_point
+        u, v = (offset * (other.focal / self.focal) + other.principal_point).tolist()
+        return (u, v)
+
     def resized(self, size: tuple[int, int]) -> "Camera":
         """Return the camera for another picture size with the same vertical framing."""
         return replace(self, focal=self.focal * size[1] / self.size[1], size=size)

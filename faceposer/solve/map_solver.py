@@ -44,7 +44,7 @@ class Solution:
 
 def best_start(problem: PoseProblem) -> Array:
     """Return the start of least energy among the problem's start pose and its component means (paper, eq. (21))."""
-    candidates = [problem.start, *problem.mixture.means]
+    candidates = problem.starts
     energies = [problem.energy_and_gradient(candidate)[0] for candidate in candidates]
     return candidates[int(np.argmin(energies))]
 
@@ -68,9 +68,11 @@ def solve(
     """
     began = time.perf_counter()
     evaluations = 0
-    if x0 is None:
+    if problem.at_rest:
+        start = problem.start
+    elif x0 is None:
         start = best_start(problem)
-        evaluations += 1 + problem.mixture.n_components
+        evaluations += len(problem.starts)
     else:
         start = np.array(x0, dtype=np.float64)
     lower = np.linalg.cholesky(problem.curvature(start))

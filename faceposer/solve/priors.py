@@ -69,8 +69,8 @@ def centred_at(model: FaceModel, start: Array) -> GaussianMixture:
 
     The mode of a learned density is its performer's habitual face, not the pose that the user starts from, so that
     minimising (20) as it stands deforms a face that nobody has touched. The start is evidence: here every component
-    keeps where it lies as the direction in which the face moves, cov_k + (mean_k - start)(mean_k - start)^T being its second
-    moment about the start. All components have their peak there, so without constraints the start is the only
+    keeps where it lies as the direction in which the face moves, cov_k + (mean_k - start)(mean_k - start)^T being its
+    second moment about the start. All components have their peak there, so without constraints the start is the only
     minimum, and a small pull moves the face a little. What regions have to do with each other is damped in the same
     step (``faceposer.model.coupling``).
 

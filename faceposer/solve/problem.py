@@ -64,6 +64,7 @@ class PoseProblem:
         """
         self.start = model.neutral() if start is None else np.asarray(start, dtype=np.float64)
         self.constraints = tuple(constraints)
+        self.starts = [self.start, *(model.mixture if mixture is None else mixture).means]
         self.mixture = centred_at(model, self.start) if mixture is None else mixture
         points = [constraint.surface_points(model.triangles) for constraint in self.constraints]
         ends = np.cumsum([0, *map(len, points)])
@@ -83,6 +84,8 @@ class PoseProblem:
             if chosen:
                 group = [self.constraints[i] for i in chosen]
                 self.terms.append(kind.term(group, [self._slots[i] for i in chosen]))
+        # Nothing pulls: seen from the start, the start is the least of all energies.
+        self.at_rest = mixture is None and len(self.terms) == 1
         if prior_weight > 0:
             self.terms.append(MixturePrior(self.mixture, prior_weight))
             if mixture is None:

@@ -1,0 +1,179 @@
+"""What a user makes: a subject, constraints and a pose, and the JSON file that holds them (docs/session-format.md)."""
+
+import json
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.camera import Camera
+from faceposer.model.face_model import FaceModel
+from faceposer.solve.constraints import codec
+from faceposer.solve.constraints.registry import Constraint, constraint_from_json
+
+FORMAT = "faceposer.session"
+VERSION = 1
+_MAX_BYTES = 64 * 2**20
+_MAX_PRIOR_WEIGHT = 1000.0
+_MAX_CONSTRAINTS = 10_000
+
+
+@dataclass(frozen=True, eq=False)
+class Document:
+    """One state of the user's work; every edit makes a new one.
+
+    Attributes:
+        subject: Name of a shipped subject, or the path of a subject's file.
+        constraints: In the order in which they were made.
+        prior_weight: Weight of the prior, at least 0.
+        coefficients: The pose, shape (r,), read-only; None for the neutral face.
+        start: The pose of the face before any constraint pulls at it, shape (r,); None for the neutral face. A file
+            does not hold it: there a pose without constraints is the pose to start from.
+        solved: Whether the pose is what the constraints ask for, or they still wait to be solved.
+        camera: The view under which the document was last seen, or None.
+    """
+
+    subject: str
+    constraints: tuple[Constraint, ...] = ()
+    prior_weight: float = 1.0
+    coefficients: NDArray[np.float64] | None = None
+    start: NDArray[np.float64] | None = None
+    camera: Camera | None = None
+    solved: bool = True
+
+    def posed(self, coefficients: ArrayLike) -> "Document":
+        """Return the document with the pose that was solved for it, shape (r,)."""
+        pose = np.array(coefficients, dtype=np.float64)
+        pose.setflags(write=False)
+        return replace(self, coefficients=pose, solved=True)
+
+    def with_constraint(self, index: int, constraint: Constraint) -> "Document":
+        """Return the document with constraint ``index`` exchanged."""
+        return replace(self, constraints=(*self.constraints[:index], constraint, *self.constraints[index + 1 :]))
+
+    def same_input(self, other: "Document") -> bool:
+        """Whether both ask for the same face: subject, constraints and prior weight agree."""
+        ours = (self.subject, self.constraints, self.prior_weight)
+        return ours == (other.subject, other.constraints, other.prior_weight) and self.start is other.start
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document as its file has it."""
+        data: dict[str, Any] = {
+            "format": FORMAT,
+            "version": VERSION,
+            "subject": self.subject,
+            "prior_weight": self.prior_weight,
+            "constraints": [constraint.to_json() for constraint in self.constraints],
+        }
+        if self.coefficients is not None:
+            data["coefficients"] = self.coefficients.tolist()
+        if self.camera is not None:
+            data["camera"] = codec.camera_to_json(self.camera)
+        return data
+
+    @classmethod
+    def from_json(cls, data: Any) -> "Document":
+        """Return the document that ``data`` describes.
+
+        Raises:
+            FacePoserError: If anything is unknown, missing or of the wrong kind, naming its place.
+        """
+        if not isinstance(data, dict) or data.get("format") != FORMAT:
+            raise FacePoserError(f'this is not a Face Poser session: it lacks \'"format": "{FORMAT}"\'.')
+        if data.get("version") != VERSION:
+            shown = codec.shown(data.get("version"))
+            raise FacePoserError(f"version is {shown}; this program reads version {VERSION}.")
+        codec.check_keys(
+            data,
+            {"format", "version", "subject", "constraints"},
+            {"prior_weight", "coefficients", "camera"},
+            "the session",
+        )
+        if not isinstance(data["subject"], str) or not data["subject"]:
+            raise FacePoserError("subject must be the name or the path of a subject.")
+        entries = data["constraints"]
+        if not isinstance(entries, list) or len(entries) > _MAX_CONSTRAINTS:
+            raise FacePoserError(f"constraints must be a list of at most {_MAX_CONSTRAINTS}.")
+        document = cls(
+            data["subject"],
+            tuple(constraint_from_json(entry, f"constraints[{i}]") for i, entry in enumerate(entries)),
+            codec.number_from_json(data.get("prior_weight", 1.0), "prior_weight", 0.0, _MAX_PRIOR_WEIGHT),
+            camera=codec.camera_from_json(data["camera"], "camera") if "camera" in data else None,
+        )
+        if "coefficients" in data:
+            values = data["coefficients"]
+            if not isinstance(values, list):
+                raise FacePoserError("coefficients must be a list of numbers.")
+            document = document.posed(codec.numbers_from_json(values, len(values), "coefficients"))
+            if not entries:
+                document = replace(document, start=document.coefficients)
+        return document
+
+    def check_against(self, model: FaceModel) -> None:
+        """Raise ``FacePoserError`` unless the document's constraints and pose fit the face."""
+        for i, constraint in enumerate(self.constraints):
+            try:
+                constraint.surface_points(model.triangles)
+            except ValueError as error:
+                raise FacePoserError(f"constraints[{i}].anchor: {error}.") from error
+        if self.coefficients is not None and len(self.coefficients) != model.n_coefficients:
+            raise FacePoserError(
+                f"coefficients has {len(self.coefficients)} numbers where the subject '{self.subject}' has "
+                f"{model.n_coefficients}; remove the key to start from the neutral face."
+            )
+
+
+def read_document(path: Path) -> Document:
+    """Return the document in the session file ``path``.
+
+    Raises:
+        FacePoserError: If the file cannot be read or is not such a file, naming the place.
+    """
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise FacePoserError(f"The session '{path}' is larger than {_MAX_BYTES // 2**20} MB; it cannot be one.")
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FacePoserError(f"The session '{path}' cannot be read: {error.strerror}.") from error
+    except RecursionError as error:
+        raise FacePoserError(f"The session '{path}' is nested too deeply to be one.") from error
+    except UnicodeDecodeError as error:
+        raise FacePoserError(f"The session '{path}' is not a text file.") from error
+    except json.JSONDecodeError as error:
+        raise FacePoserError(
+            f"The session '{path}' is not valid JSON at line {error.lineno}, column {error.colno}: {error.msg}."
+        ) from error
+    except ValueError as error:
+        raise FacePoserError(f"The session '{path}' is not valid JSON: {error}.") from error
+    try:
+        return Document.from_json(data)
+    except FacePoserError as error:
+        raise FacePoserError(f"The session '{path}': {error}") from error
+
+
+def write_document(path: Path, document: Document) -> None:
+    """Write ``document`` to ``path``, all or nothing.
+
+    Raises:
+        FacePoserError: If the file cannot be written.
+    """
+    write_text(path, json.dumps(document.to_json(), indent=1) + "\n", "session")
+
+
+def write_text(path: Path, text: str, kind: str) -> None:
+    """Write ``text`` to ``path`` by a temporary file beside it, so that the old file stays until the new one is whole.
+
+    Raises:
+        FacePoserError: If the file cannot be written; ``kind`` says what it is.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise FacePoserError(f"The {kind} '{path}' cannot be written: {error.strerror}.") from error

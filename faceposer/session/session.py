@@ -1,0 +1,294 @@
+"""The document being edited, its history and its solves: what tools and panels change, and what is drawn.
+
+Revision: rises with every change of the document or the pose; compare it to know whether to redraw.
+Epoch: rises when results under way no longer matter (undo, redo, cancel, load).
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.model.face_model import FaceModel
+from faceposer.session.document import Document, write_document
+from faceposer.session.history import History
+from faceposer.session.solver_worker import InlineWorker, Job, Worker
+from faceposer.solve.constraints.registry import Constraint
+from faceposer.solve.map_solver import Solution
+from faceposer.solve.problem import PoseProblem
+
+Mode = Literal["live", "apply"]
+
+
+class Session:
+    """One document with its face, edited one gesture at a time.
+
+    In the mode "live" every change is solved as it happens (the paper's dragging mode); in "apply" the user asks for
+    the solve (its "click done" mode).
+    """
+
+    def __init__(
+        self, model: FaceModel, document: Document, worker: Worker | None = None, path: Path | None = None
+    ) -> None:
+        """Open ``document`` over ``model``.
+
+        Args:
+            model: The face that the document names.
+            document: What to edit.
+            worker: Solves; in the caller's thread if None.
+            path: The file that the document came from, if any.
+
+        Raises:
+            FacePoserError: If the document does not fit the face.
+        """
+        document.check_against(model)
+        self.model = model
+        self.worker: Worker = InlineWorker() if worker is None else worker
+        self.path = path
+        self.solution: Solution | None = None
+        self.revision = 0
+        self.epoch = 0
+        self._mode: Mode = "live"
+        self._document = document
+        self._history = History(document)
+        self._saved = document
+        self._editing = False
+        self._before_edit = document
+        self._residuals: tuple[int, tuple[float, ...]] | None = None
+        if document.constraints and document.coefficients is None:
+            self._document = replace(document, solved=False)
+            self._submit(from_here=False)
+
+    # What is shown
+
+    @property
+    def document(self) -> Document:
+        """The current document."""
+        return self._document
+
+    @property
+    def coefficients(self) -> NDArray[np.float64]:
+        """The current pose, shape (r,)."""
+        pose = self._document.coefficients
+        return self.model.neutral() if pose is None else pose
+
+    @property
+    def residuals_px(self) -> tuple[float, ...]:
+        """How far each constraint is from being met by the current pose, in pixels of its own camera."""
+        if self._residuals is None or self._residuals[0] != self.revision:
+            problem = PoseProblem(self.model, self._document.constraints, prior_weight=0.0)
+            self._residuals = (self.revision, problem.residuals_px(self.coefficients))
+        return self._residuals[1]
+
+    @property
+    def dirty(self) -> bool:
+        """Whether there is something that a save would keep and the file does not have."""
+        return not self._document.same_input(self._saved)
+
+    @property
+    def editing(self) -> bool:
+        """Whether an edit is open."""
+        return self._editing
+
+    @property
+    def solving(self) -> bool:
+        """Whether a solve waits or runs."""
+        return self.worker.busy
+
+    @property
+    def pending(self) -> bool:
+        """Whether the constraints wait for the user to apply them."""
+        return not self._document.solved and not self.solving
+
+    # Edits
+
+    @property
+    def mode(self) -> Mode:
+        """When the face follows: "live", or "apply" only when asked."""
+        return self._mode
+
+    @mode.setter
+    def mode(self, mode: Mode) -> None:
+        self._mode = mode
+        self.revision += 1
+        self._follow()
+
+    @contextmanager
+    def edit(self, label: str) -> Iterator[None]:
+        """Make everything inside one step of the history, called ``label``; an exception takes it all back.
+
+        Raises:
+            RuntimeError: If an edit is open already.
+        """
+        if self._editing:
+            raise RuntimeError("an edit is open already")
+        before = self._before_edit = self._document
+        self._editing = True
+        try:
+            yield
+        except BaseException:
+            self._editing = False
+            self._show(before)
+            raise
+        self._editing = False
+        if not self._document.same_input(before) or self._document.coefficients is not before.coefficients:
+            self._history.commit(label, self._document)
+
+    def replace(self, document: Document) -> None:
+        """Make ``document`` the current one, inside an edit, and let the face follow.
+
+        Raises:
+            RuntimeError: If no edit is open.
+        """
+        if not self._editing:
+            raise RuntimeError("documents are replaced inside an edit")
+        solved = self._document.solved and document.same_input(self._document)
+        self._document = replace(document, solved=solved)
+        self.revision += 1
+        self._follow()
+
+    def restore(self) -> None:
+        """Return to the document from before the open edit, which then leaves no trace in the history.
+
+        Raises:
+            RuntimeError: If no edit is open.
+        """
+        if not self._editing:
+            raise RuntimeError("documents are restored inside an edit")
+        self._show(self._before_edit)
+
+    def add_constraint(self, constraint: Constraint, label: str) -> None:
+        """Add ``constraint`` as one step of the history."""
+        with self.edit(label):
+            self.replace(replace(self._document, constraints=(*self._document.constraints, constraint)))
+
+    def remove_constraints(self, indices: set[int], label: str) -> None:
+        """Remove the constraints ``indices`` as one step; without any left, the face returns to its start pose."""
+        kept = tuple(c for i, c in enumerate(self._document.constraints) if i not in indices)
+        with self.edit(label):
+            self.replace(replace(self._document, constraints=kept))
+
+    def set_prior_weight(self, weight: float) -> None:
+        """Change the prior's weight inside an open edit (a slider being dragged), or else as one step."""
+        document = replace(self._document, prior_weight=weight)
+        if self._editing:
+            self.replace(document)
+            return
+        with self.edit("Change the prior weight"):
+            self.replace(document)
+
+    def reset_pose(self) -> None:
+        """Return to the neutral face without constraints, as one step."""
+        with self.edit("Reset to neutral"):
+            self.epoch += 1
+            self.solution = None
+            self._document = replace(self._document, constraints=(), start=None).posed(self.model.neutral())
+            self.revision += 1
+
+    def apply(self) -> None:
+        """Solve for the current constraints from the best start, as one step (the paper's "click done")."""
+        if self._editing:
+            return
+        self._history.commit("Apply", self._document)
+        self._submit(from_here=False)
+
+    # History
+
+    @property
+    def undo_label(self) -> str | None:
+        """What undo would take back, or None."""
+        return self._history.undo_label
+
+    @property
+    def redo_label(self) -> str | None:
+        """What redo would do again, or None."""
+        return self._history.redo_label
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is something to take back."""
+        return not self._editing and self.undo_label is not None
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether there is something to do again."""
+        return not self._editing and self.redo_label is not None
+
+    def undo(self) -> None:
+        """Take back the last step; nothing happens while an edit is open."""
+        if self.can_undo:
+            self._show(self._history.undo())
+
+    def redo(self) -> None:
+        """Do the last undone step again; nothing happens while an edit is open."""
+        if self.can_redo:
+            self._show(self._history.redo())
+
+    def _show(self, document: Document) -> None:
+        """Return to a snapshot: constraints and pose together, with nothing left to solve."""
+        self.epoch += 1
+        self._document = document
+        self.revision += 1
+        self._follow()
+
+    # Solving
+
+    def _follow(self) -> None:
+        """Let the face follow the constraints if it is to do so by itself."""
+        if self._mode == "live" and not self._document.solved:
+            self._submit()
+
+    def _submit(self, from_here: bool = True) -> None:
+        x0 = self.coefficients if from_here else None
+        self.worker.submit(Job(self.epoch, self.revision, self.model, self._document, x0))
+
+    def poll(self) -> bool:
+        """Take what the worker has finished and return whether the pose changed.
+
+        Raises:
+            Exception: Whatever ended a solve of the current epoch.
+        """
+        result = self.worker.poll()
+        if result is None or result.job.epoch != self.epoch:
+            return False
+        if result.error is not None:
+            raise result.error
+        assert result.solution is not None
+        self.solution = result.solution
+        self._document = self._document.posed(result.solution.coefficients)
+        self.revision += 1
+        if not self._editing:
+            self._history.amend_head(self._document)
+        return True
+
+    def wait(self, timeout: float = 10.0) -> None:
+        """Wait until nothing is left to solve and take the result.
+
+        Raises:
+            FacePoserError: If that takes longer than ``timeout`` seconds.
+        """
+        if not self.worker.wait_idle(timeout):
+            raise FacePoserError(f"The solve did not end within {timeout:g} s.")
+        self.poll()
+
+    # Files
+
+    def save(self, path: Path) -> None:
+        """Write the session file ``path`` and remember it.
+
+        Raises:
+            FacePoserError: If the file cannot be written.
+        """
+        write_document(path, self._document)
+        self.path = path
+        self._saved = self._document
+        self.revision += 1
+
+    def close(self) -> None:
+        """End the worker."""
+        self.worker.close()

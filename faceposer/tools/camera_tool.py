@@ -1,0 +1,73 @@
+"""Orbit, pan and zoom, as Blender's and Maya's users know them."""
+
+from typing import Literal
+
+from faceposer.tools.tool import Button, Gesture, Navigation, PointerEvent, ToolContext
+
+Motion = Literal["orbit", "pan", "zoom"]
+
+_BLENDER: dict[tuple[Button, frozenset[str]], Motion] = {
+    ("middle", frozenset()): "orbit",
+    ("middle", frozenset({"shift"})): "pan",
+    ("middle", frozenset({"ctrl"})): "zoom",
+}
+_MAYA: dict[tuple[Button, frozenset[str]], Motion] = {
+    ("left", frozenset({"alt"})): "orbit",
+    ("middle", frozenset({"alt"})): "pan",
+    ("right", frozenset({"alt"})): "zoom",
+}
+# Alt works in both, and so does the middle button: neither collides with posing.
+PRESETS: dict[Navigation, dict[tuple[Button, frozenset[str]], Motion]] = {
+    "blender": _BLENDER | _MAYA,
+    "maya": _MAYA | {("middle", frozenset()): "pan"},
+}
+_ZOOM_PER_PIXEL = 1.006
+_ZOOM_PER_NOTCH = 1.12
+
+
+class CameraTool:
+    """Moves the view; the session and its history stay as they are."""
+
+    def motion(self, event: PointerEvent, context: ToolContext) -> Motion | None:
+        """Return what dragging from the press ``event`` does to the view by button and modifiers, if anything."""
+        if event.button is None:
+            return None
+        return PRESETS[context.navigation].get((event.button, event.modifiers))
+
+    def begins(self, event: PointerEvent, context: ToolContext) -> bool:
+        """Whether the press ``event`` moves the view, wherever it lies."""
+        return self.motion(event, context) is not None
+
+    def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
+        """Follow the pointer; a press that means nothing else orbits."""
+        # on press
+        motion = self.motion(event, context) or "orbit"
+        before = context.view
+        last = event.position
+        try:
+            while True:
+                event = yield
+                # on release
+                if event.kind == "release":
+                    return
+                # on move
+                dx, dy = event.position[0] - last[0], event.position[1] - last[1]
+                last = event.position
+                if motion == "orbit":
+                    context.view = context.view.orbited(dx, dy, context.size)
+                elif motion == "pan":
+                    context.view = context.view.panned(dx, dy, context.size)
+                else:
+                    context.view = context.view.zoomed(_ZOOM_PER_PIXEL ** (dx - dy))
+        except GeneratorExit:
+            context.view = before
+            raise
+
+    def wheel(self, event: PointerEvent, context: ToolContext) -> None:
+        """Zoom by the wheel, keeping what lies under the pointer there."""
+        factor = _ZOOM_PER_NOTCH**event.wheel
+        zoomed = context.view.zoomed(factor)
+        achieved = context.view.distance / zoomed.distance
+        offset = [event.position[i] - context.size[i] / 2 for i in range(2)]
+        shift = 1.0 - achieved
+        context.view = zoomed.panned(offset[0] * shift, offset[1] * shift, context.size)

@@ -1,0 +1,136 @@
+"""Session files come back as they were written, and wrong ones are refused with their place."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.camera import Camera, OrbitView
+from faceposer.geometry.picking import SurfacePoint
+from faceposer.model.face_model import FaceModel
+from faceposer.session.document import Document, read_document, write_document
+from faceposer.solve.constraints.point import PointConstraint
+
+CAMERA = OrbitView((0.0, 1.0, 2.0), 0.3, 0.2).camera((640, 480))
+
+
+def document() -> Document:
+    return Document(
+        "man",
+        (
+            PointConstraint(77, (10.5, 20.25), CAMERA),
+            PointConstraint(SurfacePoint(5, (0.2, 0.3, 0.5)), (1.0, 2.0), CAMERA, 0.5, False),
+        ),
+        prior_weight=0.25,
+        camera=CAMERA,
+    ).posed(np.linspace(-1, 1, 7))
+
+
+def test_round_trip(tmp_path: Path) -> None:
+    path = tmp_path / "smile.json"
+    write_document(path, document())
+    again = read_document(path)
+    assert again.same_input(document())
+    assert again.camera == CAMERA
+    assert again.coefficients is not None
+    np.testing.assert_array_equal(again.coefficients, document().coefficients)
+    assert [p.name for p in tmp_path.iterdir()] == ["smile.json"], "no temporary file is left"
+
+
+def test_file_is_as_documented(tmp_path: Path) -> None:
+    write_document(tmp_path / "a.json", document())
+    data = json.loads((tmp_path / "a.json").read_text())
+    assert set(data) == {"format", "version", "subject", "prior_weight", "constraints", "coefficients", "camera"}
+    assert data["format"] == "faceposer.session"
+    assert data["version"] == 1
+    assert data["constraints"][0]["anchor"] == {"vertex": 77}
+    assert data["constraints"][1]["anchor"] == {"face": 5, "barycentric": [0.2, 0.3, 0.5]}
+
+
+def test_the_least_file_is_enough(tmp_path: Path) -> None:
+    path = tmp_path / "least.json"
+    path.write_text('{"format": "faceposer.session", "version": 1, "subject": "woman", "constraints": []}')
+    read = read_document(path)
+    assert (read.subject, read.constraints, read.prior_weight, read.coefficients) == ("woman", (), 1.0, None)
+
+
+def test_a_pose_without_constraints_is_where_editing_starts(tmp_path: Path) -> None:
+    path = tmp_path / "pose.json"
+    write_document(path, Document("man").posed([1.0, 2.0]))
+    read = read_document(path)
+    assert read.start is not None
+    np.testing.assert_array_equal(read.start, [1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"format": "other"}, "not a Face Poser session"),
+        ({"version": 9}, "version is 9"),
+        ({"subjekt": 1}, "unknown key 'subjekt'"),
+        ({"subject": 5}, "subject must be"),
+        ({"subject": ""}, "subject must be"),
+        ({"prior_weight": -1}, "prior_weight must be a number from 0"),
+        ({"prior_weight": "1"}, "prior_weight must be a number"),
+        ({"prior_weight": float("nan")}, "prior_weight must be a number"),
+        ({"constraints": {}}, "constraints must be a list"),
+        ({"constraints": [{"type": "point"}]}, r"constraints\[0\] lacks the key 'anchor'"),
+        ({"constraints": [3]}, r"constraints\[0\] must be an object"),
+        ({"coefficients": "x"}, "coefficients must be a list"),
+        ({"coefficients": [1, None]}, r"coefficients\[1\] must be a number"),
+        ({"camera": []}, "camera must be an object"),
+    ],
+)
+def test_wrong_content_is_refused(tmp_path: Path, change: dict, said: str) -> None:
+    path = tmp_path / "wrong.json"
+    path.write_text(json.dumps(document().to_json() | change))
+    with pytest.raises(FacePoserError, match=said) as caught:
+        read_document(path)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"{", "not valid JSON at line 1"),
+        (b"", "not valid JSON at line 1"),
+        (b"\xff\xfe\x00", "not a text file"),
+        (b"[" * 100_000, "nested too deeply|not valid JSON"),
+        (b"[]", "not a Face Poser session"),
+    ],
+)
+def test_what_is_no_json_is_refused(tmp_path: Path, content: bytes, said: str) -> None:
+    path = tmp_path / "broken.json"
+    path.write_bytes(content)
+    with pytest.raises(FacePoserError, match=said):
+        read_document(path)
+
+
+def test_missing_files_and_folders_are_named(tmp_path: Path) -> None:
+    with pytest.raises(FacePoserError, match=r"nowhere\.json' cannot be read: No such file"):
+        read_document(tmp_path / "nowhere.json")
+    with pytest.raises(FacePoserError, match="cannot be written: No such file"):
+        write_document(tmp_path / "no" / "folder.json", document())
+
+
+def test_a_failed_write_keeps_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "folder"
+    path.mkdir()
+    with pytest.raises(FacePoserError, match="cannot be written"):
+        write_document(path, document())
+    assert path.is_dir()
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_documents_are_checked_against_their_face(model: FaceModel) -> None:
+    camera: Camera = CAMERA
+    with pytest.raises(FacePoserError, match=r"constraints\[0\]\.anchor: vertex 9999999 belongs to no triangle"):
+        Document("man", (PointConstraint(9999999, (0.0, 0.0), camera),)).check_against(model)
+    with pytest.raises(FacePoserError, match="triangle 9999999 does not exist"):
+        Document("man", (PointConstraint(SurfacePoint(9999999, (1.0, 0.0, 0.0)), (0.0, 0.0), camera),)).check_against(
+            model
+        )
+    with pytest.raises(FacePoserError, match="coefficients has 2 numbers"):
+        Document("man").posed([1.0, 2.0]).check_against(model)
