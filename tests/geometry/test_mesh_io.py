@@ -1,0 +1,78 @@
+"""Meshes come back as they were written, and broken files are refused with their place."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.mesh_io import Group, read_mesh, write_obj
+
+VERTICES = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0.1, 1 / 3]], dtype=np.float32)
+POLYGONS = np.array([[0, 1, 2, 3], [1, 4, 2, -1]])
+UV = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0.25, 0.75]])
+
+
+def test_obj_round_trip_keeps_order_quads_and_uvs(tmp_path: Path) -> None:
+    path = tmp_path / "a.obj"
+    normals = np.tile([0.0, 0.0, 1.0], (5, 1))
+    groups = [Group("skin", (0, 1), "skin"), Group("eye", (1, 2))]
+    write_obj(path, VERTICES, POLYGONS, UV, np.array([[3, 2, 1, 0], [0, 4, 2, -1]]), normals, groups, "hello")
+    mesh = read_mesh(path)
+    np.testing.assert_array_equal(mesh.vertices.astype(np.float32), VERTICES)
+    assert mesh.polygons == ((0, 1, 2, 3), (1, 4, 2))
+    assert mesh.polygon_uvs == ((3, 2, 1, 0), (0, 4, 2))
+    np.testing.assert_allclose(mesh.uv, UV)
+    np.testing.assert_allclose(mesh.normals, normals)
+    np.testing.assert_array_equal(mesh.triangles(), [[0, 1, 2], [0, 2, 3], [1, 4, 2]])
+    text = path.read_text()
+    assert text.startswith("# hello\n")
+    assert text.index("g skin") < text.index("f 1/4/1") < text.index("g eye")
+
+
+def test_obj_without_uvs_and_with_relative_indices(tmp_path: Path) -> None:
+    path = tmp_path / "a.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n# comment\nf -3 -2 -1\n")
+    assert read_mesh(path).polygons == ((0, 1, 2),)
+    write_obj(path, VERTICES, POLYGONS, normals=np.ones((5, 3)))
+    assert "f 1//1 2//2 3//3 4//4" in path.read_text()
+
+
+def test_other_formats_keep_their_order(tmp_path: Path) -> None:
+    path = tmp_path / "a.ply"
+    rows = "\n".join(" ".join(map(str, row)) for row in VERTICES.tolist())
+    path.write_text(
+        "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
+        f"element face 2\nproperty list uchar int vertex_indices\nend_header\n{rows}\n3 0 1 2\n3 1 4 2\n"
+    )
+    mesh = read_mesh(path)
+    np.testing.assert_allclose(mesh.vertices, VERTICES)
+    assert mesh.polygons == ((0, 1, 2), (1, 4, 2))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.obj", "v 0 0\n", "broken at line 1: 'v' needs 3 numbers"),
+        ("a.obj", "v 0 0 0\nf 1 2 3\n", "broken at line 2: index 2 names none of the 1"),
+        ("a.obj", "v 0 0 0\nv x 0 0\n", "broken at line 2"),
+        ("a.obj", "v 0 0 0\nf 1 1\n", "at least 3 corners"),
+        ("a.obj", "", "no faces"),
+        ("a.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not finite, number 1"),
+        ("a.ply", "ply\nnonsense", "cannot be read"),
+        ("a.txt", "hello", "not a mesh"),
+    ],
+)
+def test_broken_files_are_refused(tmp_path: Path, name: str, content: str, said: str) -> None:
+    path = tmp_path / name
+    path.write_text(content)
+    with pytest.raises(FacePoserError, match=said) as caught:
+        read_mesh(path)
+    assert str(path) in str(caught.value)
+
+
+def test_missing_files_and_folders_are_named(tmp_path: Path) -> None:
+    with pytest.raises(FacePoserError, match=r"nowhere\.glb' cannot be read: No such file"):
+        read_mesh(tmp_path / "nowhere.glb")
+    with pytest.raises(FacePoserError, match="cannot be written"):
+        write_obj(tmp_path / "no" / "a.obj", VERTICES, POLYGONS)
