@@ -1,0 +1,74 @@
+"""The GPU's copy of a subject, brought up to date only when the face has changed."""
+
+import io
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from faceposer.model.subject import Subject
+
+
+class MeshBuffers:
+    """Vertex and index buffers of one subject.
+
+    A vertex on a seam of the texture has several texture coordinates; the GPU wants one per vertex, so such vertices
+    are doubled. ``source`` maps every vertex drawn to the subject's vertex.
+    """
+
+    def __init__(self, ctx: moderngl.Context, subject: Subject) -> None:
+        """Upload the topology of ``subject``; ``update`` must follow before anything is drawn."""
+        self.subject = subject
+        corners = np.stack([subject.triangles.ravel(), subject.triangle_uvs.ravel()], axis=1)
+        pairs, inverse = np.unique(corners, axis=0, return_inverse=True)
+        self.source: NDArray[np.intp] = pairs[:, 0].astype(np.intp)
+        indices = inverse.reshape(-1).astype(np.int32)
+        self._staging = np.empty((len(pairs), 6), dtype=np.float32)
+        self.points = ctx.buffer(reserve=self._staging.nbytes, dynamic=True)
+        self.uvs = ctx.buffer(np.ascontiguousarray(subject.uv[pairs[:, 1]], dtype=np.float32))
+        self.triangles = ctx.buffer(indices)
+        first_use = np.full(len(subject.vertices), -1, dtype=np.int32)
+        first_use[self.source[::-1]] = np.arange(len(pairs), dtype=np.int32)[::-1]
+        self.edges = ctx.buffer(np.ascontiguousarray(first_use[_edges(subject)]))
+        self.textures = {name: _texture(ctx, data) for name, data in subject.textures.items()}
+        self._revision: object = None
+
+    def update(self, vertices: NDArray[np.float32], normals: NDArray[np.float32], revision: object) -> None:
+        """Upload positions and normals, each (N, 3), unless ``revision`` is what is there already."""
+        if revision is not None and revision == self._revision:
+            return
+        np.take(vertices, self.source, axis=0, out=self._staging[:, :3])
+        np.take(normals, self.source, axis=0, out=self._staging[:, 3:])
+        self.points.write(self._staging)
+        self._revision = revision
+
+    def release(self) -> None:
+        """Free what the GPU holds."""
+        for buffer in (self.points, self.uvs, self.triangles, self.edges):
+            buffer.release()
+        for texture in self.textures.values():
+            texture.release()
+
+
+def _edges(subject: Subject) -> NDArray[np.int32]:
+    """Return the edges of the polygons, each once, as vertex pairs of shape (E, 2)."""
+    polygons = subject.polygons
+    following = np.roll(polygons, -1, axis=1)
+    is_triangle = polygons[:, 3] < 0
+    following[is_triangle, 2] = polygons[is_triangle, 0]
+    pairs = np.stack([polygons, following], axis=-1).reshape(-1, 2)
+    pairs = np.sort(pairs[(pairs >= 0).all(axis=1)], axis=1)
+    unique: NDArray[np.int32] = np.unique(pairs, axis=0).astype(np.int32)
+    return unique
+
+
+def _texture(ctx: moderngl.Context, data: bytes) -> moderngl.Texture:
+    with Image.open(io.BytesIO(data)) as encoded:
+        image = encoded.convert("RGBA" if encoded.mode in ("RGBA", "LA", "P") else "RGB")
+    image = image.transpose(Image.Transpose.FLIP_TOP_BOTTOM)
+    texture = ctx.texture(image.size, len(image.getbands()), image.tobytes(), alignment=1)
+    texture.build_mipmaps()
+    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    texture.anisotropy = 4.0
+    return texture

@@ -1,0 +1,201 @@
+"""Draws a posed subject into any framebuffer."""
+
+from typing import Any, Literal
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.geometry.camera import Camera
+from faceposer.model.subject import Subject
+from faceposer.resources import shader_text
+from faceposer.viewer.mesh_buffers import MeshBuffers
+
+Shading = Literal["full", "clay"]
+# Linear colours of materials that come without a texture.
+_BASE = {
+    "clay": (0.42, 0.42, 0.43),
+    "skin": (0.58, 0.34, 0.26),
+    "eye": (0.75, 0.72, 0.70),
+    "teeth": (0.80, 0.74, 0.62),
+    "gums": (0.42, 0.13, 0.12),
+    "tongue": (0.46, 0.16, 0.15),
+    "lashes": (0.02, 0.015, 0.012),
+}
+_MATERIALS = ("clay", "skin", "eye", "teeth", "gums", "tongue", "lashes")
+# Share of the mesh's height over which the cut of the neck fades away.
+_NECK_FADE = 0.07
+
+
+def projection_matrix(camera: Camera) -> NDArray[np.float32]:
+    """Return the matrix from camera space (y down, z forward) to clip space, shape (4, 4)."""
+    width, height = camera.size
+    depth = float(np.linalg.norm(camera.center)) + 1.0
+    near, far = max(0.02 * depth, 0.1), 4.0 * depth + 200.0
+    matrix = np.zeros((4, 4), dtype=np.float32)
+    matrix[0, 0] = 2.0 * camera.focal / width
+    matrix[1, 1] = -2.0 * camera.focal / height
+    matrix[2, 2] = (far + near) / (far - near)
+    matrix[2, 3] = -2.0 * far * near / (far - near)
+    matrix[3, 2] = 1.0
+    return matrix
+
+
+def view_matrix(camera: Camera) -> NDArray[np.float32]:
+    """Return the matrix from world to camera space, shape (4, 4)."""
+    matrix = np.eye(4, dtype=np.float32)
+    matrix[:3, :3], matrix[:3, 3] = camera.rotation, camera.translation
+    return matrix
+
+
+def load_program(ctx: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
+    """Compile the shaders of these file names; ``//#include NAME`` stands for another file."""
+
+    def source(name: str) -> str:
+        lines = shader_text(name).splitlines()
+        return "\n".join(shader_text(line.split()[1]) if line.startswith("//#include ") else line for line in lines)
+
+    return ctx.program(vertex_shader=source(vertex), fragment_shader=source(fragment))
+
+
+def set_uniform(program: moderngl.Program, name: str, value: Any) -> None:
+    """Set a uniform, or nothing where the compiler has found that the shader does not need it."""
+    if name in program:
+        if isinstance(value, np.ndarray):
+            # GLSL keeps matrices by columns.
+            program[name].write(np.ascontiguousarray(value.T, dtype=np.float32))  # type: ignore[union-attr]
+        else:
+            program[name].value = value  # type: ignore[union-attr]
+
+
+class Renderer:
+    """Draws one subject at a time; it owns the programs and the subject's buffers."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        """Compile the shaders in ``ctx``."""
+        self.ctx = ctx
+        self._surface = load_program(ctx, "surface.vert", "surface.frag")
+        self._background = load_program(ctx, "background.vert", "background.frag")
+        self._edges = load_program(ctx, "edges.vert", "edges.frag")
+        self._triangle_id = load_program(ctx, "triangle_id.vert", "triangle_id.frag")
+        self._backdrop = ctx.vertex_array(self._background, [])
+        self.buffers: MeshBuffers | None = None
+        self._arrays: dict[str, moderngl.VertexArray] = {}
+
+    def set_subject(self, subject: Subject) -> None:
+        """Draw ``subject`` from now on."""
+        self.release_subject()
+        buffers = self.buffers = MeshBuffers(self.ctx, subject)
+        points = (buffers.points, "3f 3f", "position", "normal")
+        bare = (buffers.points, "3f 3x4", "position")
+        self._arrays = {
+            "surface": self.ctx.vertex_array(
+                self._surface, [points, (buffers.uvs, "2f", "uv")], index_buffer=buffers.triangles
+            ),
+            "id": self.ctx.vertex_array(self._triangle_id, [bare], index_buffer=buffers.triangles),
+            "edges": self.ctx.vertex_array(self._edges, [bare], index_buffer=buffers.edges),
+        }
+
+    def update(self, vertices: NDArray[np.float32], normals: NDArray[np.float32], revision: object = None) -> None:
+        """Take over a pose: positions and normals, each (N, 3); nothing is done if ``revision`` is known already."""
+        self._require_buffers().update(vertices, normals, revision)
+
+    def draw(
+        self,
+        target: moderngl.Framebuffer,
+        camera: Camera,
+        shading: Shading = "full",
+        wireframe: bool = False,
+    ) -> None:
+        """Draw the backdrop and the subject into all of ``target``, whose size must be the camera's."""
+        ctx, buffers = self.ctx, self._require_buffers()
+        target.use()
+        ctx.viewport = (0, 0, *camera.size)
+        target.clear(0.0, 0.0, 0.0, 1.0, depth=1.0)
+        size = (float(camera.size[0]), float(camera.size[1]))
+        ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
+        set_uniform(self._background, "viewport", size)
+        self._backdrop.render(moderngl.TRIANGLES, vertices=3)
+
+        ctx.enable(moderngl.DEPTH_TEST)
+        program = self._surface
+        self._set_camera(program, camera)
+        set_uniform(program, "viewport", size)
+        low, high = buffers.subject.vertices[:, 1].min(), buffers.subject.vertices[:, 1].max()
+        set_uniform(program, "neck", (float(low), float(low + _NECK_FADE * (high - low))))
+        self._draw_parts(shading, opaque=True)
+        if wireframe:
+            self._set_camera(self._edges, camera)
+            ctx.enable(moderngl.BLEND)
+            set_uniform(self._edges, "line", (0.0, 0.0, 0.0, 0.35))
+            self._arrays["edges"].render(moderngl.LINES)
+        ctx.enable(moderngl.BLEND)
+        ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        target.depth_mask = False
+        self._draw_parts(shading, opaque=False)
+        target.depth_mask = True
+        ctx.disable(moderngl.DEPTH_TEST | moderngl.BLEND)
+
+    def _draw_parts(self, shading: Shading, opaque: bool) -> None:
+        buffers = self._require_buffers()
+        subject = buffers.subject
+        for part in subject.parts:
+            if (part.material == "lashes") == opaque:
+                continue
+            clay = shading == "clay" and part.material in ("skin", "lashes")
+            if clay and part.material == "lashes":
+                continue
+            name = "clay" if clay else part.material
+            texture = None if clay else buffers.textures.get(part.material)
+            set_uniform(self._surface, "material", _MATERIALS.index(name))
+            set_uniform(self._surface, "textured", texture is not None)
+            set_uniform(self._surface, "base", _BASE[name])
+            if texture is not None:
+                texture.use(0)
+            first, last = subject.part_triangles(part)
+            self._arrays["surface"].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
+
+    def draw_ids(self, target: moderngl.Framebuffer, camera: Camera) -> None:
+        """Write the index of the nearest front-facing triangle plus one into each pixel of the integer ``target``, or 0.
+
+        Lashes are left out: a press on them means the lid behind.
+        """
+        subject = self._require_buffers().subject
+        target.use()
+        self.ctx.viewport = (0, 0, *camera.size)
+        # OpenGL clears with floats; of all of them, only zero is the same as an integer.
+        target.clear(0.0, depth=1.0)
+        self.ctx.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        self.ctx.disable(moderngl.BLEND)
+        self._set_camera(self._triangle_id, camera)
+        for part in subject.parts:
+            if part.material != "lashes":
+                first, last = subject.part_triangles(part)
+                set_uniform(self._triangle_id, "first", first)
+                self._arrays["id"].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
+        self.ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+
+    def _set_camera(self, program: moderngl.Program, camera: Camera) -> None:
+        set_uniform(program, "view", view_matrix(camera))
+        set_uniform(program, "projection", projection_matrix(camera))
+
+    def _require_buffers(self) -> MeshBuffers:
+        if self.buffers is None:
+            raise RuntimeError("set_subject must come before drawing")
+        return self.buffers
+
+    def release_subject(self) -> None:
+        """Free the buffers of the subject."""
+        for array in self._arrays.values():
+            array.release()
+        self._arrays = {}
+        if self.buffers is not None:
+            self.buffers.release()
+            self.buffers = None
+
+    def release(self) -> None:
+        """Free everything."""
+        self.release_subject()
+        self._backdrop.release()
+        for program in (self._surface, self._background, self._edges, self._triangle_id):
+            program.release()

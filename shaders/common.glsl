@@ -1,0 +1,21 @@
+// What several shaders share; put after their #version line.
+
+uniform vec2 viewport;
+
+// Calm studio backdrop, linear colour; pixel in window coordinates.
+vec3 backdrop(vec2 pixel) {
+    vec2 q = pixel / viewport - vec2(0.5, 0.56);
+    q.x *= viewport.x / viewport.y;
+    float glow = exp(-2.2 * dot(q, q));
+    return mix(vec3(0.016, 0.018, 0.022), vec3(0.085, 0.092, 0.104), glow);
+}
+
+// Filmic curve after Hejl and Burgess-Dawson's fit is too contrasty for skin; this is a soft shoulder over sRGB.
+vec3 display(vec3 linear, vec2 pixel) {
+    vec3 x = max(linear, 0.0);
+    x = x * (1.0 + x / 6.0) / (1.0 + x * 0.62);
+    vec3 srgb = pow(x, vec3(1.0 / 2.2));
+    // Noise below one step of 8 bits hides the bands of the smooth backdrop.
+    float noise = fract(sin(dot(floor(pixel), vec2(12.9898, 78.233))) * 43758.5453);
+    return srgb + (noise - 0.5) / 255.0;
+}

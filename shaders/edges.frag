@@ -1,0 +1,6 @@
+#version 330
+uniform vec4 line;
+out vec4 colour;
+void main() {
+    colour = line;
+}

@@ -1,0 +1,20 @@
+#version 330
+uniform mat4 view;
+uniform mat4 projection;
+in vec3 position;
+in vec3 normal;
+in vec2 uv;
+out vec3 eye_position;
+out vec3 eye_normal;
+out vec3 world_normal;
+out vec2 texture_uv;
+out float height;
+void main() {
+    vec4 seen = view * vec4(position, 1.0);
+    eye_position = seen.xyz;
+    eye_normal = mat3(view) * normal;
+    world_normal = normal;
+    texture_uv = uv;
+    height = position.y;
+    gl_Position = projection * seen;
+}

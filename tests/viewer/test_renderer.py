@@ -1,0 +1,132 @@
+"""What is drawn lies where the camera says, and picking by picture agrees with picking by ray."""
+
+from collections.abc import Iterator
+
+import moderngl
+import numpy as np
+import pytest
+
+from faceposer.geometry.camera import OrbitView
+from faceposer.geometry.mesh import VertexNormals
+from faceposer.geometry.picking import pick
+from faceposer.model.face_model import FaceModel
+from faceposer.viewer.offscreen import offscreen_context, plain_subject, render_mesh, render_subject
+from faceposer.viewer.renderer import Renderer
+from faceposer.viewer.targets import ColourTarget, IdTarget
+
+VIEWS = [("front", (320, 240)), ("three-quarter", (240, 320)), ("left", (200, 200)), ("bottom", (200, 200))]
+
+
+@pytest.fixture(scope="module")
+def ctx() -> Iterator[moderngl.Context]:
+    with offscreen_context() as context:
+        yield context
+
+
+def box(model: FaceModel) -> tuple[np.ndarray, np.ndarray]:
+    return model.subject.vertices.min(axis=0), model.subject.vertices.max(axis=0)
+
+
+def test_vertices_appear_where_the_camera_projects_them() -> None:
+    rng = np.random.default_rng(0)
+    size = (321, 247)
+    empty_subject_camera = OrbitView((0, 0, 0), distance=60).camera(size)
+    backdrop = render_mesh(np.zeros((3, 3)), [[0, 1, 2]], empty_subject_camera, samples=0).astype(int)
+    for _ in range(12):
+        view = OrbitView((0, 0, 0), rng.uniform(-3, 3), rng.uniform(-1, 1), 60)
+        camera = view.camera(size)
+        center = rng.uniform(-3, 3, 3)
+        axes = camera.rotation[:2] * 0.8
+        # A small square that faces the camera.
+        corners = center + np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]]) @ axes
+        picture = render_mesh(corners, [[0, 1, 2], [0, 2, 3]], camera, samples=0).astype(int)
+        rows, columns = np.nonzero(np.abs(picture - backdrop).sum(axis=2) > 12)
+        seen = np.array([columns.mean() + 0.5, rows.mean() + 0.5])
+        np.testing.assert_allclose(seen, camera.project(corners).mean(axis=0), atol=0.5)
+
+
+@pytest.mark.parametrize(("view", "size"), VIEWS)
+def test_picking_by_picture_agrees_with_picking_by_ray(
+    ctx: moderngl.Context, model: FaceModel, view: str, size: tuple[int, int]
+) -> None:
+    subject = model.subject
+    vertices = model.instance(model.coefficients_of({"jawOpen": 0.6, "browInnerUp": 0.8}))
+    renderer, ids = Renderer(ctx), IdTarget(ctx)
+    renderer.set_subject(subject)
+    renderer.update(vertices, VertexNormals(subject.triangles, len(vertices))(vertices))
+    camera = OrbitView.preset(*box(model), view).camera(size)
+    solid = np.concatenate(
+        [subject.triangles[slice(*subject.part_triangles(p))] for p in subject.parts if p.material != "lashes"]
+    )
+    lookup = {tuple(triangle): i for i, triangle in enumerate(subject.triangles.tolist())}
+    same, hits = 0, 0
+    for pixel in np.random.default_rng(1).uniform((0, 0), size, (150, 2)):
+        centre = tuple((np.floor(pixel) + 0.5).tolist())
+        by_picture = ids.pick(renderer, camera, "pose", centre)
+        point = pick(vertices, solid, camera, centre)
+        by_ray = -1 if point is None else lookup[tuple(solid[point.face].tolist())]
+        hits += by_ray >= 0
+        same += by_picture == by_ray
+    assert hits > 10
+    # Where triangles are smaller than a pixel, rounding may choose the neighbour.
+    assert same >= 146
+    assert ids.pick(renderer, camera, "pose", (-1, 5)) == -1
+    ids.release()
+    renderer.release()
+
+
+def test_ids_are_redrawn_for_a_new_pose_or_camera(ctx: moderngl.Context, model: FaceModel) -> None:
+    renderer, ids = Renderer(ctx), IdTarget(ctx)
+    renderer.set_subject(model.subject)
+    normals_of = VertexNormals(model.triangles, len(model.subject.vertices))
+    camera = OrbitView.preset(*box(model)).camera((200, 200))
+    vertices = model.subject.vertices
+    renderer.update(vertices, normals_of(vertices), 1)
+    before = ids.pick(renderer, camera, 1, (100.0, 100.0))
+    assert before >= 0
+    away = vertices + np.float32([40, 0, 0])
+    renderer.update(away, normals_of(away), 2)
+    assert ids.pick(renderer, camera, 2, (100.0, 100.0)) == -1
+    assert ids.pick(renderer, camera.resized((400, 200)), 2, (399.0, 100.0)) == -1
+    ids.release()
+    renderer.release()
+
+
+def test_shading_modes_differ_and_leave_no_error(ctx: moderngl.Context, model: FaceModel) -> None:
+    renderer = Renderer(ctx)
+    renderer.set_subject(model.subject)
+    vertices = model.subject.vertices
+    renderer.update(vertices, VertexNormals(model.triangles, len(vertices))(vertices))
+    camera = OrbitView.preset(*box(model)).camera((160, 160))
+    pictures = []
+    for samples in (0, 4):
+        target = ColourTarget(ctx, camera.size, samples)
+        for shading in ("full", "clay"):
+            for wireframe in (False, True):
+                assert ctx.error  # reading the property clears what earlier reads of framebuffers left
+                renderer.draw(target.framebuffer, camera, shading, wireframe)  # type: ignore[arg-type]
+                assert ctx.error == "GL_NO_ERROR"
+                target.resolve()
+                pictures.append(target.read().astype(int))
+        target.release()
+    for i, a in enumerate(pictures):
+        for b in pictures[i + 1 :]:
+            assert np.abs(a - b).max() > 8
+    renderer.release()
+
+
+def test_the_head_fills_the_picture_and_fades_at_the_neck(model: FaceModel) -> None:
+    camera = OrbitView.preset(*box(model)).camera((200, 200))
+    picture = render_subject(model.subject, model.subject.vertices, camera).astype(int)
+    warmth = picture[..., 0] - picture[..., 2]
+    rows = np.nonzero((warmth > 15).sum(axis=1) > 10)[0]
+    assert rows.min() < 40
+    assert rows.max() > 150
+    assert warmth[rows.max() + 4 :].max() < 15, "no hard edge where the neck ends"
+
+
+def test_missing_textures_are_replaced_by_plain_colours() -> None:
+    vertices = np.array([[-5, -5, 0], [5, -5, 0], [0, 5, 0]])
+    subject = plain_subject(vertices, [[0, 1, 2]])
+    picture = render_subject(subject, subject.vertices, OrbitView((0, 0, 0), distance=40).camera((64, 64)))
+    assert picture[32, 32, 0] > picture[32, 32, 2] + 20
