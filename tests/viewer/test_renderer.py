@@ -87,7 +87,7 @@ def test_ids_are_redrawn_for_a_new_pose_or_camera(ctx: moderngl.Context, model: 
     away = vertices + np.float32([40, 0, 0])
     renderer.update(away, normals_of(away), 2)
     assert ids.pick(renderer, camera, 2, (100.0, 100.0)) == -1
-    assert ids.pick(renderer, camera.resized((400, 200)), 2, (399.0, 100.0)) == -1
+    assert ids.pick(renderer, camera.resized((400, 200)), 2, (399.0, 100.0)) >= 0
     ids.release()
     renderer.release()
 
