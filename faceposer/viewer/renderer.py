@@ -156,7 +156,7 @@ class Renderer:
             self._arrays["surface"].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
 
     def draw_ids(self, target: moderngl.Framebuffer, camera: Camera) -> None:
-        """Write the index of the nearest front-facing triangle plus one into each pixel of the integer ``target``, or 0.
+        """Write the index plus one of the nearest front-facing triangle into each pixel of ``target``, 0 where none.
 
         Lashes are left out: a press on them means the lid behind.
         """
