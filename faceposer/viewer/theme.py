@@ -37,24 +37,25 @@ def apply(scale: float) -> None:
 
 def rescale(scale: float) -> None:
     """Set sizes and colours anew for another density."""
-    imgui.get_style().__init__()  # type: ignore[misc]
     style = imgui.get_style()
     imgui.style_colors_dark(style)
-    style.window_padding = ImVec2(12, 10)
-    style.frame_padding = ImVec2(8, 4)
-    style.item_spacing = ImVec2(8, 6)
-    style.item_inner_spacing = ImVec2(6, 4)
+    # Sizes are set outright: Dear ImGui's own scaling multiplies what a window on another display was scaled to before.
+    style.window_padding = ImVec2(12 * scale, 10 * scale)
+    style.frame_padding = ImVec2(8 * scale, 4 * scale)
+    style.item_spacing = ImVec2(8 * scale, 6 * scale)
+    style.item_inner_spacing = ImVec2(6 * scale, 4 * scale)
+    style.cell_padding = ImVec2(4 * scale, 3 * scale)
+    style.indent_spacing = 20 * scale
     style.window_rounding = 0.0
-    style.popup_rounding = 6.0
-    style.frame_rounding = 4.0
-    style.grab_rounding = 4.0
-    style.grab_min_size = 12.0
+    style.popup_rounding = 6.0 * scale
+    style.frame_rounding = 4.0 * scale
+    style.grab_rounding = 4.0 * scale
+    style.grab_min_size = 12.0 * scale
     style.window_border_size = 0.0
     style.popup_border_size = 1.0
-    style.scrollbar_size = 10.0
+    style.scrollbar_size = 10.0 * scale
     for name, value in _COLOURS.items():
         style.set_color_(getattr(imgui.Col_, name), ImVec4(*value))
-    style.scale_all_sizes(scale)
     style.font_scale_dpi = scale
 
 
