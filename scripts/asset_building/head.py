@@ -1,103 +1,154 @@
-"""Cuts the head out of the base mesh and subdivides it."""
+"""Cuts the skin of head and neck out of the base mesh and finds the loops around the eyes."""
 
 from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
-from faceposer.model.subject import Part
+from scripts.asset_building.piece import Ints
 from scripts.asset_building.source import BaseMesh
-from scripts.asset_building.subdivision import catmull_clark, linear_split
+from scripts.asset_building.subdivision import Subdivision, catmull_clark, linear_split
 
-#: An edge at the front of the neck; the edge loop through it, which rises slightly to the back, is the mesh's border.
-_NECK_EDGE_START = 1521
-
-_PARTS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
-    ("skin", "skin", ("body",)),
-    ("eye_left", "eye", ("helper-l-eye",)),
-    ("eye_right", "eye", ("helper-r-eye",)),
-    ("teeth_upper", "teeth", ("helper-upper-teeth",)),
-    ("teeth_lower", "teeth", ("helper-lower-teeth",)),
-    ("tongue", "tongue", ("helper-tongue",)),
-    ("lashes_left", "lashes", ("helper-l-eyelashes-1", "helper-l-eyelashes-2")),
-    ("lashes_right", "lashes", ("helper-r-eyelashes-1", "helper-r-eyelashes-2")),
-)
+#: A vertex in the middle of the neck's front; the edge loop through it is the mesh's border.
+_NECK_FRONT = 811
+#: A vertex in the middle of the loop where the lips touch.
+_LIP_CONTACT = 474
+#: The vertex at the back of the left eye's socket, from which the rings around the eye are counted outwards.
+_SOCKET_LEFT = 8020
+#: The chart of the mouth's inside lies below this v in the base mesh's layout, all other skin above.
+_MOUTH_CHART_TOP = 0.145
+#: The ring that the lashes grow from, and the rings that make up the lid's edge.
+LASH_RING = 13
+LID_RINGS = (10, 11, 12, 13)
 
 
 @dataclass(frozen=True)
-class Head:
-    """The topology of the head, before and after subdivision.
+class Skin:
+    """The skin's topology.
 
     Attributes:
-        base_vertices: Ids into the base mesh of the control mesh's vertices, shape (C,).
-        base_quads: Quads of the control mesh, shape (F, 4).
-        parts: The parts of the subdivided mesh.
-        matrix: Subdivided positions = matrix @ control positions, shape (N, C).
-        quads: Subdivided quads, shape (4 F, 4).
-        uv: Texture coordinates of the subdivided mesh, shape (U, 2).
-        quad_uvs: Ids into ``uv``, shape (4 F, 4).
+        base_ids: Ids in the base mesh of the control mesh's vertices, shape (C,).
+        quads: Quads of the control mesh, shape (F, 4).
+        base_uv: The base mesh's texture coordinates that it uses, shape (U, 2).
+        base_quad_uvs: Ids into ``base_uv``, shape (F, 4).
+        fine: The subdivided mesh; its first C vertices are the control mesh's.
+        border: The control vertices of the neck's end, in order, shape (L,).
+        lip_contact: Those of the loop around the mouth along which the lips touch, in order.
+        rings_left: Control vertices around the left eye by distance in the mesh, from the socket's back outwards.
+        mirror: The control vertex opposite each in x, shape (C,).
+        in_mouth: Which control quads line the mouth's inside, shape (F,).
     """
 
-    base_vertices: NDArray[np.int32]
-    base_quads: NDArray[np.int32]
-    parts: tuple[Part, ...]
-    matrix: sparse.csr_array
-    quads: NDArray[np.int32]
-    uv: NDArray[np.float64]
-    quad_uvs: NDArray[np.int32]
+    base_ids: Ints
+    quads: Ints
+    base_uv: NDArray[np.float64]
+    base_quad_uvs: Ints
+    fine: Subdivision
+    border: Ints
+    lip_contact: Ints
+    rings_left: tuple[Ints, ...]
+    mirror: Ints
+    in_mouth: NDArray[np.bool_]
+
+    def local(self, base_id: int) -> int:
+        """Return the control vertex of vertex ``base_id`` of the base mesh."""
+        index = int(np.searchsorted(self.base_ids, base_id))
+        if index == len(self.base_ids) or self.base_ids[index] != base_id:
+            raise KeyError(base_id)
+        return index
+
+    def fine_loop(self, loop: Ints) -> Ints:
+        """Return a closed loop of control vertices with the vertices that subdivision puts on its edges between them."""
+        neighbours = defaultdict(set)
+        for a, b in np.stack([self.fine.quads, np.roll(self.fine.quads, -1, 1)], -1).reshape(-1, 2).tolist():
+            neighbours[a].add(b)
+            neighbours[b].add(a)
+        result = []
+        for a, b in zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True):
+            (between,) = neighbours[a] & neighbours[b] & set(range(len(self.base_ids), self.fine.n_edge_points))
+            result += [a, between]
+        return np.array(result, dtype=np.int32)
 
 
-def cut_head(base: BaseMesh) -> Head:
-    """Take the parts of the head from ``base`` and subdivide each once."""
-    ids, control_quads, matrices, quads, uvs, quad_uvs, parts = [], [], [], [], [], [], []
-    n_control = n_quads = n_vertices = n_uv = 0
-    for name, material, groups in _PARTS:
-        chosen = _above_neck(base) if name == "skin" else np.flatnonzero(np.isin(base.groups, groups))
-        used, local = _compact(base.quads[chosen])
-        used_uv, local_uv = _compact(base.quad_uvs[chosen])
-        fine = catmull_clark(local, len(used))
-        fine_uv = linear_split(local_uv, len(used_uv))
-        ids.append(used)
-        control_quads.append(local + n_control)
-        matrices.append(fine.matrix)
-        quads.append(fine.quads + n_vertices)
-        uvs.append(fine_uv.matrix @ base.uv[used_uv])
-        quad_uvs.append(fine_uv.quads + n_uv)
-        stop_quads, stop_vertices = n_quads + len(fine.quads), n_vertices + fine.matrix.shape[0]
-        parts.append(Part(name, material, (n_quads, stop_quads), (n_vertices, stop_vertices)))
-        n_control += len(used)
-        n_quads, n_vertices, n_uv = stop_quads, stop_vertices, n_uv + len(uvs[-1])
-    return Head(
-        np.concatenate(ids).astype(np.int32),
-        np.concatenate(control_quads),
-        tuple(parts),
-        sparse.csr_array(sparse.block_diag(matrices)),
-        np.concatenate(quads),
-        np.concatenate(uvs),
-        np.concatenate(quad_uvs),
+def cut_skin(base: BaseMesh, base_mirror: Ints) -> Skin:
+    """Take the body above the edge loop around the neck from ``base`` and subdivide it once."""
+    faces_at = _faces_at_edges(base, np.flatnonzero(base.groups == "body"))
+    border = _edge_loop(faces_at, base, _NECK_FRONT)
+    lips = _edge_loop(faces_at, base, _LIP_CONTACT)
+    faces = _above(base, faces_at, border)
+    ids, quads = compact(base.quads[faces])
+    uv_ids, quad_uvs = compact(base.quad_uvs[faces])
+    index = np.full(len(base.vertices), -1, dtype=np.int32)
+    index[ids] = np.arange(len(ids))
+    return Skin(
+        base_ids=ids,
+        quads=quads,
+        base_uv=base.uv[uv_ids],
+        base_quad_uvs=quad_uvs,
+        fine=catmull_clark(quads, len(ids)),
+        border=index[border],
+        lip_contact=index[lips],
+        rings_left=tuple(_rings(quads, int(index[_SOCKET_LEFT]), LASH_RING + 6)),
+        mirror=index[base_mirror[ids]],
+        in_mouth=(base.uv[base.quad_uvs[faces]] @ [0.0, 1.0]).max(axis=1) < _MOUTH_CHART_TOP,
     )
 
 
-def _compact(faces: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def split_uv(uv: NDArray[np.float64], quad_uvs: Ints) -> tuple[NDArray[np.float64], Ints]:
+    """Return texture coordinates for a subdivided mesh, without smoothing them, so that seams stay."""
+    split = linear_split(quad_uvs, len(uv))
+    return split.matrix @ uv, split.quads
+
+
+def compact(faces: Ints) -> tuple[Ints, Ints]:
     """Return the sorted ids that ``faces`` use, and the faces in terms of positions in that list."""
     used, local = np.unique(faces, return_inverse=True)
-    return used, local.reshape(faces.shape).astype(np.int32)
+    return used.astype(np.int32), local.reshape(faces.shape).astype(np.int32)
 
 
-def _above_neck(base: BaseMesh) -> NDArray[np.intp]:
-    """Return the quads of the body above the edge loop around the neck, shape (F,)."""
-    body = np.flatnonzero(base.groups == "body")
+def ordered_ring(quads: Ints, ring: Ints) -> Ints:
+    """Return the vertices of a closed edge loop in order, starting with the first of ``ring``."""
+    members = set(ring.tolist())
+    onward = defaultdict(set)
+    for a, b in np.stack([quads, np.roll(quads, -1, 1)], -1).reshape(-1, 2).tolist():
+        if a in members and b in members:
+            onward[a].add(b)
+            onward[b].add(a)
+    order = [int(ring[0]), min(onward[int(ring[0])])]
+    while len(order) < len(members):
+        (after,) = onward[order[-1]] - {order[-2]}
+        order.append(after)
+    return np.array(order, dtype=np.int32)
+
+
+def _rings(quads: Ints, start: int, count: int) -> list[Ints]:
+    ring = np.array([start])
+    seen = ring
+    rings = [ring]
+    for _ in range(count):
+        touched = np.unique(quads[np.isin(quads, ring).any(axis=1)])
+        ring = np.setdiff1d(touched, seen)
+        seen = np.concatenate([seen, ring])
+        rings.append(ring.astype(np.int32))
+    return rings
+
+
+def _faces_at_edges(base: BaseMesh, faces: NDArray[np.intp]) -> dict[frozenset[int], list[int]]:
     faces_at: dict[frozenset[int], list[int]] = defaultdict(list)
-    for face in body:
+    for face in faces.tolist():
         corners = base.quads[face].tolist()
         for edge in zip(corners, corners[1:] + corners[:1], strict=True):
-            faces_at[frozenset(edge)].append(int(face))
-    loop = _edge_loop(faces_at, base)
+            faces_at[frozenset(edge)].append(face)
+    return faces_at
+
+
+def _above(base: BaseMesh, faces_at: dict[frozenset[int], list[int]], loop: list[int]) -> NDArray[np.intp]:
+    """Return the quads that can be reached from the highest one without crossing ``loop``, shape (F,)."""
+    faces = sorted({face for beside in faces_at.values() for face in beside})
     fence = {frozenset(edge) for edge in zip(loop, loop[1:] + loop[:1], strict=True)}
-    crown = base.vertices[base.quads[body], 1].mean(axis=1).argmax()
-    reached, front = {int(body[crown])}, [int(body[crown])]
+    crown = faces[int(base.vertices[base.quads[faces], 1].mean(axis=1).argmax())]
+    reached, front = {crown}, [crown]
     while front:
         corners = base.quads[front.pop()].tolist()
         for edge in map(frozenset, zip(corners, corners[1:] + corners[:1], strict=True)):
@@ -108,8 +159,8 @@ def _above_neck(base: BaseMesh) -> NDArray[np.intp]:
     return np.array(sorted(reached))
 
 
-def _edge_loop(faces_at: dict[frozenset[int], list[int]], base: BaseMesh) -> list[int]:
-    """Follow the edges straight through vertices of four edges, from the neck's front around to where it began."""
+def _edge_loop(faces_at: dict[frozenset[int], list[int]], base: BaseMesh, start: int) -> list[int]:
+    """Follow the edges sideways from ``start``, straight through vertices of four edges, around to where it began."""
     edges_at: dict[int, list[frozenset[int]]] = defaultdict(list)
     for edge in faces_at:
         for vertex in edge:
@@ -120,9 +171,9 @@ def _edge_loop(faces_at: dict[frozenset[int], list[int]], base: BaseMesh) -> lis
         along = np.abs(base.vertices[a] - base.vertices[b])
         return bool(along[0] > along[1])
 
-    edge = next(edge for edge in edges_at[_NECK_EDGE_START] if is_sideways(edge))
-    loop = [_NECK_EDGE_START]
-    vertex = _NECK_EDGE_START
+    edge = next(edge for edge in edges_at[start] if is_sideways(edge))
+    loop = [start]
+    vertex = start
     while True:
         (vertex,) = edge - {vertex}
         if vertex == loop[0]:

@@ -15,10 +15,14 @@ class Subdivision:
         matrix: New positions = matrix @ old positions; shape (N', N). The first N rows are the old vertices, then
             come the edges' midpoints, then the faces' centres.
         quads: Four quads for each old one, in order, each starting at an old corner; shape (4 F, 4).
+        split: New vertices as plain means of the old ones they come from, unsmoothed; shape (N', N).
+        n_edge_points: Where the midpoints of the edges end in that order.
     """
 
     matrix: sparse.csr_array
+    split: sparse.csr_array
     quads: NDArray[np.int32]
+    n_edge_points: int
 
 
 def catmull_clark(quads: NDArray[np.int32], n_vertices: int) -> Subdivision:
@@ -69,14 +73,17 @@ def catmull_clark(quads: NDArray[np.int32], n_vertices: int) -> Subdivision:
         _rows(~on_border) @ smooth + _rows(on_border & ~corner) @ along_border + _rows(corner) @ identity
     )
     matrix = sparse.csr_array(sparse.vstack([to_vertices, to_edges, to_faces]))
-    return Subdivision(matrix, _split_quads(quads, edge_of, n_vertices, n_edges))
+    split = sparse.csr_array(sparse.vstack([identity, to_midpoints, to_faces]))
+    return Subdivision(matrix, split, _split_quads(quads, edge_of, n_vertices, n_edges), n_vertices + n_edges)
 
 
 def linear_split(quads: NDArray[np.int32], n_vertices: int) -> Subdivision:
     """Split each quad into the same four as `catmull_clark` does, without moving or smoothing anything."""
     edges, edge_of = _edges(quads)
-    matrix = sparse.vstack([sparse.eye_array(n_vertices), _average(edges, n_vertices), _average(quads, n_vertices)])
-    return Subdivision(sparse.csr_array(matrix), _split_quads(quads, edge_of, n_vertices, len(edges)))
+    split = sparse.csr_array(
+        sparse.vstack([sparse.eye_array(n_vertices), _average(edges, n_vertices), _average(quads, n_vertices)])
+    )
+    return Subdivision(split, split, _split_quads(quads, edge_of, n_vertices, len(edges)), n_vertices + len(edges))
 
 
 def _edges(quads: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.intp]]:

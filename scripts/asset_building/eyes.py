@@ -1,0 +1,75 @@
+"""Eyeballs: spheres with a cornea, rings of vertices around the gaze axis, turned by the gaze shapes."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scripts.asset_building.piece import Floats, Piece, facing_away, grid_quads
+
+#: Angles of the rings from the gaze axis in degrees: pupil and iris end on a ring.
+PUPIL_ANGLE, IRIS_ANGLE = 7.5, 24.0
+_RINGS = np.array([PUPIL_ANGLE, 13.0, 18.5, IRIS_ANGLE, 30.0, 38.0, 48.0, 60.0, 75.0, 95.0, 125.0, 160.0])
+_SECTORS = 28
+_CORNEA_HEIGHT = 0.03
+#: The texture shows the ball from the gaze axis, in its middle, to this angle, at its border.
+TEXTURE_ANGLE = 100.0
+TEXTURE_RADIUS = 0.49
+
+#: Turn at full strength in degrees: about x (positive looks down) and about y (positive looks to the left).
+_GAZE = {"LookDown": (25.0, 0.0), "LookUp": (-22.0, 0.0), "LookIn": (0.0, -30.0), "LookOut": (0.0, 30.0)}
+
+
+def build_eye(side: str, centre: Floats, radius: float, shape_names: tuple[str, ...]) -> Piece:
+    """Return the eyeball of ``side`` ("Left" or "Right") around ``centre`` (3,), looking along +z.
+
+    Vertex 0 is the middle of the pupil.
+    """
+    sign = 1.0 if side == "Left" else -1.0
+    theta = np.radians(_RINGS)[:, None]
+    phi = np.arange(_SECTORS)[None, :] * (2 * np.pi / _SECTORS)
+    directions = np.stack(np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), -1)
+    directions = np.concatenate([[[0.0, 0.0, 1.0]], directions.reshape(-1, 3), [[0.0, 0.0, -1.0]]])
+    # Both eyes are each other's mirror image, vertex by vertex.
+    directions[:, 0] *= sign
+    angle = np.degrees(np.arccos(np.clip(directions[:, 2], -1, 1)))
+    bulge = 1.0 + _CORNEA_HEIGHT * np.maximum(1.0 - (angle / IRIS_ANGLE) ** 2, 0.0) ** 2
+    local = directions * (radius * bulge)[:, None]
+
+    quads = np.concatenate([_cap(0, 1), grid_quads(len(_RINGS), _SECTORS, closed=True, first=1), _end_cap(len(local))])
+    quads = facing_away(quads, local, np.zeros((len(quads), 3)))
+    reach = TEXTURE_RADIUS * np.minimum(angle / TEXTURE_ANGLE, 1.0)
+    around = np.hypot(directions[:, 0], directions[:, 1])
+    flat = directions[:, :2] / np.maximum(around, 1e-9)[:, None]
+    shapes = np.zeros((len(shape_names), len(local), 3))
+    for action, (about_x, about_y) in _GAZE.items():
+        turn = _rotation(about_x, sign * about_y)
+        shapes[shape_names.index(f"eye{action}{side}")] = local @ (turn - np.eye(3)).T
+    return Piece(f"eye_{side.lower()}", "eye", local + centre, quads, 0.5 + flat * reach[:, None], quads.copy(), shapes)
+
+
+def place_eye(rest_lids: Floats, lids: Floats, rest_centre: Floats) -> tuple[Floats, float]:
+    """Return the centre an eyeball needs to sit between ``lids`` (n, 3) as it sat between ``rest_lids``, and its scale.
+
+    The eyeballs of the source do not follow the lids of every identity; translation and scale of the lids do.
+    """
+    rest_middle, middle = rest_lids.mean(axis=0), lids.mean(axis=0)
+    spread = np.sqrt(((lids - middle) ** 2).sum() / ((rest_lids - rest_middle) ** 2).sum())
+    return middle + spread * (rest_centre - rest_middle), float(spread)
+
+
+def _cap(pole: int, first: int) -> NDArray[np.int32]:
+    """Return quads between a pole and the ring that starts at ``first``, two sectors each."""
+    even = np.arange(0, _SECTORS, 2)
+    return np.stack(
+        [np.full_like(even, pole), first + even, first + even + 1, first + (even + 2) % _SECTORS], axis=-1
+    ).astype(np.int32)
+
+
+def _end_cap(n_vertices: int) -> NDArray[np.int32]:
+    return _cap(n_vertices - 1, n_vertices - 1 - _SECTORS)
+
+
+def _rotation(about_x: float, about_y: float) -> Floats:
+    x, y = np.radians(about_x), np.radians(about_y)
+    turn_x = np.array([[1, 0, 0], [0, np.cos(x), -np.sin(x)], [0, np.sin(x), np.cos(x)]])
+    turn_y = np.array([[np.cos(y), 0, np.sin(y)], [0, 1, 0], [-np.sin(y), 0, np.cos(y)]])
+    return turn_y @ turn_x

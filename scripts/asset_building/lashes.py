@@ -1,0 +1,111 @@
+"""Eyelashes: curved strips along the edges of the lids, which turn with the lid in every shape."""
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from scripts.asset_building.piece import Floats, Ints, Piece, grid_quads
+
+_ROWS = 4
+#: Vertices of the lid's edge next to each corner of the eye that carry no lashes.
+_BARE = 2
+#: Vertices whose movement tells how the lid turns at one root, and over how many roots turns are evened out.
+_NEIGHBOURS, _EVENED = 20, 2.5
+
+
+def build_lashes(
+    side: str, skin: Floats, skin_shapes: Floats, ring: Ints, lid: Ints, centre: Floats, length: float
+) -> Piece:
+    """Return the lashes of one eye.
+
+    Args:
+        side: "left" or "right".
+        skin: The skin's vertices in centimetres, shape (N, 3).
+        skin_shapes: Its offsets per shape, shape (S, N, 3).
+        ring: The closed loop of skin vertices that the lashes grow from, in order, shape (n,).
+        lid: Skin vertices around that loop whose movement tells how the lid turns, shape (m,).
+        centre: Centre of the eyeball, shape (3,).
+        length: Factor on the lashes' length.
+    """
+    sign = 1.0 if side == "left" else -1.0
+    inner = int(np.argmin(sign * skin[ring, 0]))
+    ring = np.roll(ring, -inner)
+    outer = int(np.argmax(sign * skin[ring, 0]))
+    one, other = ring[: outer + 1], np.concatenate([ring[:1], ring[:outer - 1 :-1]])
+    upper, lower = (one, other) if skin[one, 1].mean() > skin[other, 1].mean() else (other, one)
+    vertices, quads, uv, shapes = [], [], [], []
+    for edge, opposite, is_upper in ((upper, lower, True), (lower, upper, False)):
+        root = edge[_BARE:-_BARE]
+        strip = _strip(skin[root], centre, sign, is_upper, length)
+        turns = _turns(skin, skin_shapes, root, opposite, lid)
+        along = strip - skin[root]
+        turned = np.einsum("snij,rnj->srni", turns, along) - along + skin_shapes[:, root][:, None]
+        t = np.linspace(0.0, 1.0, len(root))
+        v = (0.52 if is_upper else 0.02) + 0.46 * np.linspace(0.0, 1.0, _ROWS)
+        strip_quads = grid_quads(_ROWS, len(root), first=sum(map(len, vertices)))
+        # The upper lashes are seen from above, the lower ones from below or in front; both from their outside.
+        quads.append(strip_quads if (sign > 0) == is_upper else strip_quads[:, ::-1])
+        vertices.append(strip.reshape(-1, 3))
+        uv.append(np.stack(np.broadcast_arrays(t[None, :], v[:, None]), axis=-1).reshape(-1, 2))
+        shapes.append(turned.reshape(len(turned), -1, 3))
+    all_quads = np.concatenate(quads).astype(np.int32)
+    return Piece(
+        f"lashes_{side}",
+        "lashes",
+        np.concatenate(vertices),
+        all_quads,
+        np.concatenate(uv),
+        all_quads.copy(),
+        np.concatenate(shapes, axis=1),
+    )
+
+
+def _strip(root: Floats, centre: Floats, sign: float, is_upper: bool, length: float) -> Floats:
+    """Return the rows of a strip that grows from ``root`` (n, 3), shape (rows, n, 3)."""
+    t = np.linspace(0.0, 1.0, len(root))[:, None]
+    out = root - centre
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    ahead, up, aside = np.eye(3)[2], np.eye(3)[1], sign * np.eye(3)[0]
+    fan = 1.1 * (t - 0.42) * aside
+    if is_upper:
+        start = 0.7 * out + 0.5 * ahead - 0.10 * up + 0.4 * fan
+        end = 0.35 * ahead + 0.85 * up + 0.9 * fan
+        reach = length * (0.42 + 0.48 * np.sin(np.pi * np.clip(0.12 + 0.66 * t, 0, 1)))
+    else:
+        start = 0.6 * out + 0.45 * ahead - 0.35 * up + 0.4 * fan
+        end = 0.6 * ahead - 0.50 * up + 0.9 * fan
+        reach = length * (0.22 + 0.20 * np.sin(np.pi * np.clip(0.05 + 0.72 * t, 0, 1)))
+    start /= np.linalg.norm(start, axis=1, keepdims=True)
+    end /= np.linalg.norm(end, axis=1, keepdims=True)
+    s = np.linspace(0.0, 1.0, _ROWS)[:, None, None]
+    # A quarter of a turn from the first direction to the second, rooted a hair's breadth inside the skin.
+    return root - 0.015 * out + reach * (s * (1.0 - 0.5 * s) * start + 0.5 * s**2 * end)
+
+
+def _turns(skin: Floats, skin_shapes: Floats, root: Ints, other: Ints, lid: Ints) -> Floats:
+    """Return how the lid around each root turns in each shape, as rotation matrices, shape (S, n, 3, 3).
+
+    The rotation that takes the neighbourhood in the neutral face closest to its place in the shape: W. Kabsch,
+    "A solution for the best rotation to relate two sets of vectors" (1976).
+    """
+    nearest = np.linalg.norm(skin[lid][:, None] - skin[np.concatenate([root, other])][None], axis=2).argmin(axis=1)
+    lid = lid[nearest < len(root)]
+    distance = np.linalg.norm(skin[root][:, None] - skin[lid][None], axis=2)
+    near = lid[np.argsort(distance, axis=1, kind="stable")[:, :_NEIGHBOURS]]
+    rest = skin[near] - skin[near].mean(axis=1, keepdims=True)
+    moved = skin[near] + skin_shapes[:, near]
+    moved -= moved.mean(axis=2, keepdims=True)
+    u, _, vt = np.linalg.svd(np.einsum("snki,nkj->snij", moved, rest))
+    turns = _proper(u, vt)
+    still = ~skin_shapes[:, near].any(axis=(2, 3))
+    turns[still] = np.eye(3)
+    # Evened out along the lid, so that the strip does not crumple: the sum of rotations, made a rotation again.
+    u, _, vt = np.linalg.svd(gaussian_filter1d(turns, _EVENED, axis=1, mode="nearest"))
+    return _proper(u, vt)
+
+
+def _proper(u: Floats, vt: Floats) -> Floats:
+    """Return the rotations nearest to the matrices with the singular vectors ``u`` and ``vt`` (..., 3, 3)."""
+    flip = np.ones(u.shape[:-1])
+    flip[..., 2] = np.linalg.det(u @ vt)
+    rotations: Floats = (u * flip[..., None, :]) @ vt
+    return rotations

@@ -1,0 +1,38 @@
+"""Colours and hair of the two people."""
+
+from scripts.asset_building.eye_texture import IrisLook
+from scripts.asset_building.skin_texture import SkinLook
+from scripts.asset_building.textures import Look
+
+_MAN = SkinLook(
+    base=(203, 158, 134),
+    flush=(190, 112, 96),
+    lips=(170, 104, 94),
+    hair=(58, 42, 32),
+    beard=0.8,
+    brow=((1.4, 74.78, 0.27), (2.4, 74.95, 0.33), (3.6, 75.1, 0.32), (4.7, 74.98, 0.24), (5.7, 74.42, 0.08)),
+    brow_strength=0.95,
+    hair_length=0.45,
+    combed_back=False,
+    lash_line=0.35,
+    seed=11,
+)
+
+_WOMAN = SkinLook(
+    base=(217, 174, 152),
+    flush=(206, 124, 112),
+    lips=(186, 98, 98),
+    hair=(64, 40, 27),
+    beard=0.0,
+    brow=((1.45, 74.75, 0.20), (2.5, 75.0, 0.25), (3.7, 75.28, 0.23), (4.7, 75.25, 0.15), (5.7, 74.72, 0.05)),
+    brow_strength=0.85,
+    hair_length=1.6,
+    combed_back=True,
+    lash_line=0.6,
+    seed=23,
+)
+
+LOOKS = {
+    "man": Look(_MAN, IrisLook(inner=(120, 110, 96), middle=(106, 126, 142), rim=(36, 44, 54), seed=3)),
+    "woman": Look(_WOMAN, IrisLook(inner=(128, 84, 48), middle=(92, 84, 52), rim=(34, 30, 24), seed=4)),
+}

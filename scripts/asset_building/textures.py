@@ -1,0 +1,115 @@
+"""Gathers what is known of each texel and paints the textures of a subject."""
+
+import io
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from scipy import ndimage
+
+from faceposer.geometry.mesh import VertexNormals
+from scripts.asset_building.eye_texture import IrisLook, paint_eye, paint_lashes
+from scripts.asset_building.head import LASH_RING, Skin, split_uv
+from scripts.asset_building.mouth_texture import paint_gums, paint_teeth, paint_tongue
+from scripts.asset_building.occlusion import ambient_occlusion
+from scripts.asset_building.piece import Floats, Ints
+from scripts.asset_building.raster import TexelMap, map_texels
+from scripts.asset_building.skin_texture import SkinLook, SkinTexels, paint_skin
+from scripts.asset_building.source import Source
+from scripts.asset_building.unwrap import Layout
+
+SKIN_SIZE = 2048
+_MASKS = {"lips": "lips", "eyelids": "eyelids", "ears": "ears", "inside": "inside-mouth"}
+
+
+@dataclass(frozen=True)
+class Look:
+    """Everything about one person that is colour."""
+
+    skin: SkinLook
+    iris: IrisLook
+
+
+def skin_texels(source: Source, skin: Skin, rest: Floats, layout: Layout, size: int = SKIN_SIZE) -> SkinTexels:
+    """Return the skin's texels, described on the base mesh, so that they serve every person.
+
+    Args:
+        source: For the masks.
+        skin: Topology of the skin.
+        rest: The control mesh of the skin in the unmodified base mesh, in centimetres, shape (C, 3).
+        layout: Texture layout of the control mesh.
+        size: Width and height of the texture.
+    """
+    place = skin.fine.matrix @ rest
+    triangles, uv, corner_uvs = _triangulated(skin.fine.quads, *split_uv(layout.uv, layout.quad_uvs))
+    _, base_uv, base_corners = _triangulated(skin.fine.quads, *split_uv(skin.base_uv, skin.base_quad_uvs))
+    normals = VertexNormals(triangles, len(place))(place).astype(np.float64)
+    open_share = ambient_occlusion(place, skin.fine.quads, normals)
+    edges = skin.fine.matrix @ np.stack(_lid_edges(skin), axis=1)
+    attributes = np.concatenate(
+        [place[triangles], normals[triangles], open_share[triangles][..., None], base_uv[base_corners], edges[triangles]],
+        axis=-1,
+    )
+    texels = map_texels(uv, corner_uvs, place[triangles], attributes, size)
+    values = texels.values
+    masks = {name: _look_up(source.mask(file), values[:, 7:9]) for name, file in _MASKS.items()}
+    masks |= {"wet_line": values[:, 9], "lash_line": values[:, 10]}
+    normal = values[:, 3:6] / np.maximum(np.linalg.norm(values[:, 3:6], axis=1, keepdims=True), 1e-6)
+    return SkinTexels(texels, values[:, :3], normal, values[:, 6], masks)
+
+
+def vertex_masks(source: Source, skin: Skin) -> dict[str, Floats]:
+    """Return the masks by name at the skin's fine vertices, 0..1, shape (N,); the largest value along seams."""
+    uv, corners = split_uv(skin.base_uv, skin.base_quad_uvs)
+    result = {}
+    for name, file in _MASKS.items():
+        values = np.zeros(skin.fine.matrix.shape[0])
+        np.maximum.at(values, skin.fine.quads.ravel(), _look_up(source.mask(file), uv[corners.ravel()]))
+        result[name] = values
+    return result
+
+
+def paint(texels: SkinTexels, look: Look) -> dict[str, bytes]:
+    """Return the encoded textures by material."""
+    return {
+        "skin": _jpeg(paint_skin(texels, look.skin), 88),
+        "eye": _jpeg(paint_eye(look.iris), 92),
+        "teeth": _jpeg(paint_teeth(), 90),
+        "gums": _jpeg(paint_gums(), 90),
+        "tongue": _jpeg(paint_tongue(), 88),
+        "lashes": _png(paint_lashes(look.skin.seed)),
+    }
+
+
+def _triangulated(quads: Ints, uv: Floats, quad_uvs: Ints) -> tuple[Ints, Floats, Ints]:
+    halves = [0, 1, 2, 0, 2, 3]
+    return quads[:, halves].reshape(-1, 3), uv, quad_uvs[:, halves].reshape(-1, 3)
+
+
+def _lid_edges(skin: Skin) -> tuple[Floats, Floats]:
+    """Return for each control vertex how much it belongs to the lids' wet inside and to their edge under the lashes."""
+    wet, lash = np.zeros(len(skin.base_ids)), np.zeros(len(skin.base_ids))
+    for k, left in enumerate(skin.rings_left[: LASH_RING + 2]):
+        for ring in (left, skin.mirror[left]):
+            wet[ring] = float(k < LASH_RING)
+            lash[ring] = {LASH_RING: 1.0, LASH_RING - 1: 0.5, LASH_RING + 1: 0.5}.get(k, 0.0)
+    return wet, lash
+
+
+def _look_up(mask: NDArray[np.float32], uv: NDArray[np.float32]) -> NDArray[np.float32]:
+    at = [(1.0 - uv[:, 1]) * mask.shape[0] - 0.5, uv[:, 0] * mask.shape[1] - 0.5]
+    found: NDArray[np.float32] = ndimage.map_coordinates(mask, at, order=1, mode="nearest")
+    return found
+
+
+def _jpeg(image: NDArray[np.uint8], quality: int) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, "JPEG", quality=quality, subsampling=0, optimize=True)
+    return buffer.getvalue()
+
+
+def _png(image: NDArray[np.uint8]) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, "PNG", optimize=True)
+    return buffer.getvalue()
