@@ -1,88 +1,105 @@
-"""The picture of the face in the window: drawn only when something in it has changed."""
+"""The face as the window shows it: from coefficients to a picture, each step only when what it needs has changed."""
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.picking import SurfacePoint, barycentric_on_triangle
 from faceposer.model.face_model import FaceModel
 from faceposer.viewer.renderer import Renderer, Shading
-from faceposer.viewer.targets import ColourTarget, IdTarget
-
-_SAMPLES = 4
+from faceposer.viewer.targets import ColourTarget, IdTarget, Size
 
 
 class Scene:
-    """The face under one camera, its picture and its triangles for picking."""
+    """One face in one picture."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
-        """Prepare to draw in ``ctx``."""
+        """Compile the shaders in ``ctx``."""
         self._ctx = ctx
         self._renderer = Renderer(ctx)
         self._ids = IdTarget(ctx)
         self._targets: dict[int, ColourTarget] = {}
         self._model: FaceModel | None = None
-        self._normals_of: VertexNormals | None = None
-        self._drawn: object = None
-        self._posed: object = None
+        self._normals: VertexNormals | None = None
+        self._coefficients: NDArray[np.float64] = np.zeros(0)
+        self._pose = 0
+        self._drawn: tuple[object, ColourTarget] | None = None
         self.vertices: NDArray[np.float32] = np.zeros((0, 3), dtype=np.float32)
-        self.frames_drawn = 0
+        self.pictures_drawn = 0
+
+    @property
+    def triangles(self) -> NDArray[np.int32]:
+        """The subject's triangles, shape (T, 3)."""
+        return self._require_model().triangles
 
     def set_model(self, model: FaceModel) -> None:
-        """Show another subject from now on."""
-        self._model = model
-        self._normals_of = VertexNormals(model.triangles, len(model.subject.vertices))
-        self._renderer.set_subject(model.subject)
-        self._drawn = self._posed = None
-
-    def pose(self, coefficients: NDArray[np.float64], revision: object) -> None:
-        """Give the face the pose ``coefficients``, (r,), unless ``revision`` says that it has it."""
-        if revision == self._posed:
+        """Show ``model``, neutral."""
+        if model is self._model:
             return
-        assert self._model is not None
-        assert self._normals_of is not None
-        self.vertices = self._model.instance(coefficients)
-        self._renderer.update(self.vertices, self._normals_of(self.vertices), revision)
-        self._posed = revision
+        self._renderer.set_subject(model.subject)
+        self._model = model
+        self._normals = VertexNormals(model.triangles, len(model.subject.vertices))
+        self._set(model, model.neutral())
 
-    def draw(self, camera: Camera, shading: Shading, wireframe: bool, fast: bool) -> moderngl.Texture:
-        """Return a picture of the pose under ``camera``; ``fast`` leaves multisampling out."""
-        samples = 0 if fast else min(_SAMPLES, self._ctx.max_samples)
-        target = self._targets.get(samples)
-        if target is None or target.size != camera.size:
-            if target is not None:
-                target.release()
-            target = self._targets[samples] = ColourTarget(self._ctx, camera.size, samples)
-            self._drawn = None
-        key = (self._posed, camera, shading, wireframe, samples)
-        if key != self._drawn:
+    def set_pose(self, coefficients: ArrayLike) -> None:
+        """Show the pose ``coefficients``, shape (r,)."""
+        pose = np.asarray(coefficients, dtype=np.float64)
+        if not np.array_equal(pose, self._coefficients):
+            self._set(self._require_model(), pose)
+
+    def _set(self, model: FaceModel, pose: NDArray[np.float64]) -> None:
+        assert self._normals is not None
+        self._coefficients = pose.copy()
+        self._pose += 1
+        self.vertices = model.instance(pose)
+        self._renderer.update(self.vertices, self._normals(self.vertices), self._pose)
+
+    def bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the lowest and the highest corner, each (3,), of the neutral face."""
+        vertices = self._require_model().subject.vertices
+        return vertices.min(axis=0), vertices.max(axis=0)
+
+    def draw(self, camera: Camera, shading: Shading, wireframe: bool, samples: int) -> moderngl.Texture:
+        """Return the picture under ``camera``, bottom row first, with ``samples`` per pixel; 0 for no multisampling."""
+        key = (camera, self._pose, shading, wireframe, samples, id(self._model))
+        if self._drawn is None or self._drawn[0] != key:
+            target = self._target(camera.size, min(samples, self._ctx.max_samples))
             self._renderer.draw(target.framebuffer, camera, shading, wireframe)
             target.resolve()
-            self._drawn = key
-            self.frames_drawn += 1
-        return target.texture
+            self._drawn = (key, target)
+            self.pictures_drawn += 1
+        return self._drawn[1].texture
+
+    def _target(self, size: Size, samples: int) -> ColourTarget:
+        target = self._targets.get(samples)
+        if target is None or target.size != size:
+            if target is not None:
+                target.release()
+            target = self._targets[samples] = ColourTarget(self._ctx, size, samples)
+        return target
 
     def pick(self, camera: Camera, pixel: tuple[float, float]) -> SurfacePoint | None:
-        """Return the point of the face seen at ``pixel`` of ``camera``, or None."""
-        face = self._ids.pick(self._renderer, camera, self._posed, pixel)
-        if face < 0:
-            return None
-        assert self._model is not None
-        return barycentric_on_triangle(self.vertices, self._model.triangles, face, camera, pixel)
+        """Return the point of the visible surface at ``pixel``, or None."""
+        face = self._ids.pick(self._renderer, camera, (self._pose, id(self._model)), pixel)
+        return None if face < 0 else barycentric_on_triangle(self.vertices, self.triangles, face, camera, pixel)
 
     def occluded(self, camera: Camera, pixels: NDArray[np.float64], depths: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which points, at ``pixels`` (n, 2) and ``depths`` (n,) of ``camera``, lie behind the visible face."""
+        """Return which points, at ``pixels`` (n, 2) and ``depths`` (n,) of ``camera``, lie behind the visible surface."""
         hidden = np.zeros(len(pixels), dtype=bool)
-        assert self._model is not None
-        tolerance = 0.02 * float(np.ptp(self._model.subject.vertices[:, 1]))
-        for i, (pixel, depth) in enumerate(zip(pixels.tolist(), depths.tolist(), strict=True)):
-            face = self._ids.pick(self._renderer, camera, self._posed, (pixel[0], pixel[1]))
+        tolerance = 0.02 * float(np.ptp(self._require_model().subject.vertices[:, 1]))
+        for i, (u, v) in enumerate(pixels.tolist()):
+            face = self._ids.pick(self._renderer, camera, (self._pose, id(self._model)), (u, v))
             if face >= 0:
-                corners = self.vertices[self._model.triangles[face]]
-                hidden[i] = depth > float(camera.to_camera(corners)[:, 2].min()) + tolerance
+                corners = self.vertices[self.triangles[face]]
+                hidden[i] = depths[i] > float(camera.to_camera(corners)[:, 2].min()) + tolerance
         return hidden
+
+    def _require_model(self) -> FaceModel:
+        if self._model is None:
+            raise RuntimeError("set_model must come first")
+        return self._model
 
     def release(self) -> None:
         """Free what the GPU holds."""

@@ -1,86 +1,151 @@
-"""Colours, sizes and the font of the interface."""
+"""Colours, fonts and measures: one quiet dark look. All lengths are in units of the font's size, so that they grow with it."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import imgui_bundle
-from imgui_bundle import ImVec2, ImVec4, imgui
+from imgui_bundle import ImVec4, imgui
 
 from faceposer.errors import FacePoserError
 
 FONT_SIZE = 15.0
-ACCENT = (0.95, 0.62, 0.25)
-# Colours of what is drawn over the face: red, green, blue, 0 to 1.
-PIN = (0.98, 0.98, 1.0)
-PIN_SELECTED = ACCENT
-RESIDUAL = (1.0, 0.35, 0.30)
+_FONTS = Path(imgui_bundle.__file__).parent / "assets" / "fonts"
+
+Colour = tuple[float, float, float, float]
+
+INK: Colour = (0.89, 0.90, 0.91, 1.0)
+FAINT: Colour = (0.58, 0.60, 0.63, 1.0)
+GROUND: Colour = (0.118, 0.122, 0.133, 1.0)
+BAR: Colour = (0.094, 0.098, 0.106, 1.0)
+FIELD: Colour = (0.176, 0.184, 0.200, 1.0)
+RAISED: Colour = (0.224, 0.235, 0.255, 1.0)
+RAISED_MORE: Colour = (0.278, 0.290, 0.314, 1.0)
+EDGE: Colour = (0.043, 0.047, 0.051, 1.0)
+ACCENT: Colour = (0.263, 0.663, 0.949, 1.0)
+ACCENT_DARK: Colour = (0.137, 0.424, 0.651, 1.0)
+ACCENT_MID: Colour = (0.176, 0.514, 0.773, 1.0)
+WARNING: Colour = (0.992, 0.714, 0.345, 1.0)
+BAD: Colour = (0.953, 0.435, 0.408, 1.0)
 
 
-def colour(rgb: tuple[float, float, float], alpha: float = 1.0) -> int:
-    """Return a colour as Dear ImGui's draw lists want it."""
-    return imgui.color_convert_float4_to_u32(ImVec4(*rgb, alpha))
+@dataclass(frozen=True)
+class Fonts:
+    """The loaded fonts; icons are part of each."""
+
+    regular: imgui.ImFont
+    bold: imgui.ImFont
 
 
-def apply(scale: float) -> None:
-    """Set fonts, sizes and colours for a display of ``scale`` times the normal density.
+class Icon:
+    """Characters of Font Awesome 6."""
+
+    CLOSE = "\uf00d"
+    CHECK = "\uf00c"
+    EYE = "\uf06e"
+    EYE_OFF = "\uf070"
+    FOLDER = "\uf07b"
+    FILE = "\uf15b"
+    UP = "\uf062"
+    HOME = "\uf015"
+    WARNING = "\uf071"
+    POINT = "\uf3c5"
+
+
+def u32(colour: Colour, alpha: float = 1.0) -> int:
+    """Return ``colour`` for a draw list, its opacity multiplied by ``alpha``."""
+    return imgui.color_convert_float4_to_u32(ImVec4(*colour[:3], colour[3] * alpha))
+
+
+def em(units: float = 1.0) -> float:
+    """Return ``units`` times the size of the current font, in window units."""
+    return units * imgui.get_font_size()
+
+
+def load_fonts() -> Fonts:
+    """Load the fonts that come with Dear ImGui Bundle.
 
     Raises:
-        FacePoserError: If the interface's font is missing.
+        FacePoserError: If that package lacks them.
     """
-    font = Path(imgui_bundle.__file__).parent / "assets" / "fonts" / "Roboto" / "Roboto-Regular.ttf"
-    if not font.is_file():
-        raise FacePoserError(f"The font '{font}' is missing; install imgui-bundle again.")
-    io = imgui.get_io()
-    io.fonts.clear()
-    io.fonts.add_font_from_file_ttf(str(font), FONT_SIZE)
-    rescale(scale)
+
+    def load(name: str) -> imgui.ImFont:
+        for path in (_FONTS / name, icons):
+            if not path.is_file():
+                raise FacePoserError(f"The font '{path}' is missing; install the package imgui-bundle again.")
+        atlas = imgui.get_io().fonts
+        font = atlas.add_font_from_file_ttf(str(_FONTS / name), FONT_SIZE)
+        merge = imgui.ImFontConfig()
+        merge.merge_mode = True
+        merge.glyph_offset = imgui.ImVec2(0.0, 1.0)
+        atlas.add_font_from_file_ttf(str(icons), FONT_SIZE * 0.87, merge)
+        return font
+
+    icons = _FONTS / "Font_Awesome_6_Free-Solid-900.otf"
+    return Fonts(load("Roboto/Roboto-Regular.ttf"), load("Roboto/Roboto-Bold.ttf"))
 
 
-def rescale(scale: float) -> None:
-    """Set sizes and colours anew for another density."""
+def apply_theme(scale: float) -> None:
+    """Set colours and measures for a display on which everything is ``scale`` times as large."""
     style = imgui.get_style()
-    imgui.style_colors_dark(style)
-    # Sizes are set outright: Dear ImGui's own scaling multiplies what a window on another display was scaled to before.
-    style.window_padding = ImVec2(12 * scale, 10 * scale)
-    style.frame_padding = ImVec2(8 * scale, 4 * scale)
-    style.item_spacing = ImVec2(8 * scale, 6 * scale)
-    style.item_inner_spacing = ImVec2(6 * scale, 4 * scale)
-    style.cell_padding = ImVec2(4 * scale, 3 * scale)
-    style.indent_spacing = 20 * scale
-    style.window_rounding = 0.0
-    style.popup_rounding = 6.0 * scale
-    style.frame_rounding = 4.0 * scale
-    style.grab_rounding = 4.0 * scale
+    for name in ("window_rounding", "child_rounding", "tab_rounding"):
+        setattr(style, name, 0.0)
+    for name in ("frame_rounding", "grab_rounding", "popup_rounding"):
+        setattr(style, name, round(4.0 * scale))
+    style.window_padding = (14.0 * scale, 12.0 * scale)
+    style.frame_padding = (9.0 * scale, 5.0 * scale)
+    style.item_spacing = (8.0 * scale, 7.0 * scale)
+    style.item_inner_spacing = (6.0 * scale, 5.0 * scale)
+    style.cell_padding = (6.0 * scale, 4.0 * scale)
+    style.scrollbar_size = 11.0 * scale
     style.grab_min_size = 12.0 * scale
-    style.window_border_size = 0.0
-    style.popup_border_size = 1.0
-    style.scrollbar_size = 10.0 * scale
-    for name, value in _COLOURS.items():
-        style.set_color_(getattr(imgui.Col_, name), ImVec4(*value))
+    style.window_border_size = style.child_border_size = 0.0
+    style.popup_border_size = style.frame_border_size = round(1.0 * scale)
+    style.frame_border_size = 0.0
+    style.window_title_align = (0.0, 0.5)
+    style.window_menu_button_position = imgui.Dir.none
+    style.hover_stationary_delay, style.hover_delay_normal = 0.25, 0.5
+    style.disabled_alpha = 0.45
+    style.font_size_base = FONT_SIZE
     style.font_scale_dpi = scale
+    _apply_colours(style)
 
 
-_COLOURS: dict[str, tuple[float, float, float, float]] = {
-    "text": (0.90, 0.91, 0.93, 1.0),
-    "text_disabled": (0.55, 0.57, 0.60, 1.0),
-    "window_bg": (0.115, 0.120, 0.130, 1.0),
-    "popup_bg": (0.140, 0.145, 0.157, 0.98),
-    "menu_bar_bg": (0.095, 0.100, 0.108, 1.0),
-    "border": (0.26, 0.27, 0.29, 1.0),
-    "frame_bg": (0.190, 0.198, 0.212, 1.0),
-    "frame_bg_hovered": (0.245, 0.255, 0.272, 1.0),
-    "frame_bg_active": (0.285, 0.295, 0.315, 1.0),
-    "button": (0.220, 0.230, 0.247, 1.0),
-    "button_hovered": (0.290, 0.300, 0.322, 1.0),
-    "button_active": (0.350, 0.360, 0.385, 1.0),
-    "header": (0.245, 0.255, 0.275, 1.0),
-    "header_hovered": (0.300, 0.310, 0.335, 1.0),
-    "header_active": (0.340, 0.350, 0.378, 1.0),
-    "check_mark": (*ACCENT, 1.0),
-    "slider_grab": (*ACCENT, 1.0),
-    "slider_grab_active": (1.0, 0.72, 0.38, 1.0),
-    "separator": (0.22, 0.23, 0.25, 1.0),
-    "title_bg_active": (0.160, 0.166, 0.180, 1.0),
-    "modal_window_dim_bg": (0.02, 0.02, 0.03, 0.55),
-    "text_selected_bg": (0.95, 0.62, 0.25, 0.35),
-    "nav_cursor": (0.95, 0.62, 0.25, 0.0),
-}
+def _apply_colours(style: imgui.Style) -> None:
+    clear: Colour = (0.0, 0.0, 0.0, 0.0)
+    colours: dict[imgui.Col_, Colour] = {
+        imgui.Col_.text: INK,
+        imgui.Col_.text_disabled: FAINT,
+        imgui.Col_.window_bg: GROUND,
+        imgui.Col_.child_bg: clear,
+        imgui.Col_.popup_bg: (0.145, 0.150, 0.163, 1.0),
+        imgui.Col_.border: (0.0, 0.0, 0.0, 0.55),
+        imgui.Col_.menu_bar_bg: BAR,
+        imgui.Col_.title_bg: BAR,
+        imgui.Col_.title_bg_active: BAR,
+        imgui.Col_.frame_bg: FIELD,
+        imgui.Col_.frame_bg_hovered: RAISED,
+        imgui.Col_.frame_bg_active: RAISED_MORE,
+        imgui.Col_.button: RAISED,
+        imgui.Col_.button_hovered: RAISED_MORE,
+        imgui.Col_.button_active: ACCENT_DARK,
+        imgui.Col_.header: (*ACCENT_DARK[:3], 0.75),
+        imgui.Col_.header_hovered: (*RAISED_MORE[:3], 0.9),
+        imgui.Col_.header_active: ACCENT_DARK,
+        imgui.Col_.slider_grab: ACCENT_MID,
+        imgui.Col_.slider_grab_active: ACCENT,
+        imgui.Col_.check_mark: ACCENT,
+        imgui.Col_.checkbox_selected_bg: FIELD,
+        imgui.Col_.scrollbar_bg: clear,
+        imgui.Col_.scrollbar_grab: RAISED_MORE,
+        imgui.Col_.scrollbar_grab_hovered: FAINT,
+        imgui.Col_.scrollbar_grab_active: FAINT,
+        imgui.Col_.separator: (1.0, 1.0, 1.0, 0.08),
+        imgui.Col_.text_selected_bg: (*ACCENT_DARK[:3], 0.8),
+        imgui.Col_.modal_window_dim_bg: (0.0, 0.0, 0.0, 0.45),
+        imgui.Col_.table_row_bg: clear,
+        imgui.Col_.table_row_bg_alt: (1.0, 1.0, 1.0, 0.025),
+        imgui.Col_.table_border_light: (1.0, 1.0, 1.0, 0.06),
+        imgui.Col_.nav_cursor: ACCENT,
+    }
+    for index, colour in colours.items():
+        style.set_color_(index, ImVec4(*colour))

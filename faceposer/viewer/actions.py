@@ -1,0 +1,101 @@
+"""Everything the user can do by a menu or a key, in one table: it feeds the menus, the sheet of keys and the tooltips."""
+
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+
+def _always() -> bool:
+    return True
+
+
+@dataclass(frozen=True)
+class Action:
+    """One thing to do.
+
+    Attributes:
+        name: By which panels refer to it.
+        label: As menus show it.
+        menu: Title of its menu.
+        run: Does it.
+        keys: Shortcuts, such as "Ctrl+Shift+Z"; menus show the first.
+        enabled: Whether it can be done now.
+        checked: For a switch, whether it is on.
+        repeats: Whether holding the key does it again and again.
+        separated: Whether menus draw a line above it.
+        help: One sentence for a tooltip, or "".
+    """
+
+    name: str
+    label: str
+    menu: str
+    run: Callable[[], object]
+    keys: tuple[str, ...] = ()
+    enabled: Callable[[], bool] = _always
+    checked: Callable[[], bool] | None = None
+    repeats: bool = False
+    separated: bool = False
+    help: str = ""
+
+    @property
+    def shortcut(self) -> str:
+        """The first key as this system's users write it, or ""."""
+        return shown_key(self.keys[0]) if self.keys else ""
+
+    @property
+    def tooltip(self) -> str:
+        """What it does and its key."""
+        text = self.help or self.label
+        return f"{text}  ({self.shortcut})" if self.keys else text
+
+
+class Actions:
+    """The table, by name, menu and key."""
+
+    def __init__(self, actions: Iterable[Action]) -> None:
+        """Take over ``actions`` in the order of the menus.
+
+        Raises:
+            ValueError: If two have the same name or the same key.
+        """
+        self._by_name: dict[str, Action] = {}
+        self._by_key: dict[tuple[frozenset[str], str], Action] = {}
+        for action in actions:
+            if action.name in self._by_name:
+                raise ValueError(f"two actions are called {action.name}")
+            self._by_name[action.name] = action
+            for key in action.keys:
+                chord = parsed_key(key)
+                if chord in self._by_key:
+                    raise ValueError(f"two actions have the key {key}")
+                self._by_key[chord] = action
+
+    def __getitem__(self, name: str) -> Action:
+        return self._by_name[name]
+
+    def __iter__(self) -> Iterator[Action]:
+        return iter(self._by_name.values())
+
+    @property
+    def menus(self) -> list[str]:
+        """The titles of the menus, in order."""
+        return list(dict.fromkeys(action.menu for action in self._by_name.values()))
+
+    def in_menu(self, menu: str) -> list[Action]:
+        """Return the actions of ``menu``, in order."""
+        return [action for action in self._by_name.values() if action.menu == menu]
+
+    def for_key(self, key: str, modifiers: frozenset[str]) -> Action | None:
+        """Return the action on ``key`` with exactly ``modifiers``, if any."""
+        return self._by_key.get((modifiers, key))
+
+
+def parsed_key(text: str) -> tuple[frozenset[str], str]:
+    """Return the modifiers and the key of a shortcut such as "Ctrl+Shift+Z"."""
+    *modifiers, key = text.split("+")
+    return frozenset(name.lower() for name in modifiers), key
+
+
+def shown_key(text: str) -> str:
+    """Return a shortcut as this system's users write it."""
+    return text.replace("Ctrl", "Cmd") if sys.platform == "darwin" else text

@@ -1,0 +1,78 @@
+"""What the window remembers between runs: folders, navigation, its size. Losing it must never cost more than comfort."""
+
+import json
+import os
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any, get_args
+
+from faceposer.resources import user_state_dir
+from faceposer.tools.tool import Navigation
+
+_FILE = "window.json"
+_MAX_BYTES = 1 << 20
+
+
+@dataclass
+class Settings:
+    """Remembered choices.
+
+    Attributes:
+        navigation: Which mouse buttons move the view.
+        window_size: Width and height in the window system's units.
+        export_path: Where the last OBJ went, or "".
+        folder: Where the last session was opened or saved, or "".
+        welcome_done: Whether the user has dragged a point once; until then a hint floats over the face.
+    """
+
+    navigation: Navigation = "blender"
+    window_size: tuple[int, int] = (1360, 860)
+    export_path: str = ""
+    folder: str = ""
+    welcome_done: bool = False
+
+
+def load_settings() -> Settings:
+    """Return the settings of the last run; what is missing or damaged has its default."""
+    try:
+        path = user_state_dir() / _FILE
+        data = json.loads(path.read_text(encoding="utf-8")) if path.stat().st_size < _MAX_BYTES else {}
+    except (OSError, ValueError, RecursionError):
+        data = {}
+    settings = Settings()
+    if isinstance(data, dict):
+        for field in fields(Settings):
+            value = _checked(field.name, data.get(field.name))
+            if value is not None:
+                setattr(settings, field.name, value)
+    return settings
+
+
+def save_settings(settings: Settings) -> None:
+    """Write the settings; a folder that cannot be written is no reason to bother the user."""
+    path = user_state_dir() / _FILE
+    temporary = path.with_name(f".{_FILE}.{os.getpid()}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_text(json.dumps(asdict(settings), indent=1) + "\n", encoding="utf-8")
+        temporary.replace(path)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+
+
+def last_folder(settings: Settings) -> Path:
+    """Return the folder in which a file dialog opens."""
+    folder = Path(settings.folder) if settings.folder else Path.cwd()
+    return folder if folder.is_dir() else Path.home()
+
+
+def _checked(name: str, value: Any) -> Any:
+    """Return ``value`` if the setting ``name`` can have it, else None."""
+    if name == "navigation":
+        return value if value in get_args(Navigation) else None
+    if name == "window_size":
+        sound = isinstance(value, list) and len(value) == 2 and all(isinstance(v, int) for v in value)
+        return (min(max(value[0], 480), 16384), min(max(value[1], 360), 16384)) if sound else None
+    if name == "welcome_done":
+        return value if isinstance(value, bool) else None
+    return value if isinstance(value, str) else None
