@@ -244,8 +244,11 @@ class Session:
             self._submit()
 
     def _submit(self, from_here: bool = True) -> None:
-        x0 = self.coefficients if from_here else None
-        self.worker.submit(Job(self.epoch, self.revision, self.model, self._document, x0))
+        self.worker.submit(replace(self.whole_job(), x0=self.coefficients) if from_here else self.whole_job())
+
+    def whole_job(self) -> Job:
+        """Return the job of solving the current document from the best of all starts."""
+        return Job(self.epoch, self.revision, self.model, self._document, None)
 
     def poll(self) -> bool:
         """Take what the worker has finished and return whether the pose changed.

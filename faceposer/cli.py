@@ -1,0 +1,206 @@
+"""The commands. Heavy modules are imported by the command that needs them, so that help and errors come at once."""
+
+import argparse
+import json
+import re
+import sys
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import NoReturn
+
+from faceposer.errors import FacePoserError
+
+_COMMANDS = ("solve", "render", "subjects", "demo")
+_VIEWS = ("front", "three-quarter", "left", "right")
+_MAX_SIDE = 8192
+
+_USAGE = """\
+examples:
+  faceposer                                  open the window with the man
+  faceposer woman                            ... with the woman
+  faceposer smile.json                       ... with a saved session
+  faceposer solve smile.json -o smile.obj    pose without a window
+  faceposer render woman -o woman.png        draw without a window
+  faceposer subjects                         list the faces that come with the program
+  faceposer demo -o DIR                      watch the program being used, as files
+
+'faceposer COMMAND --help' tells more of a command."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one sentence, without the usage before it."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{message[:1].upper()}{message[1:]}; see '{self.prog} --help'.\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line ``arguments``, those of the process if None, and exit with its status."""
+    words = sys.argv[1:] if arguments is None else list(arguments)
+    try:
+        status = _run(words)
+    except FacePoserError as error:
+        print(error, file=sys.stderr)
+        status = 2
+    except KeyboardInterrupt:
+        status = 130
+    except BrokenPipeError:
+        status = 141
+    sys.exit(status)
+
+
+def _run(words: list[str]) -> int:
+    if words and words[0] in _COMMANDS:
+        options = _command_parser().parse_args(words)
+        return {"solve": _solve, "render": _render, "subjects": _subjects, "demo": _demo}[options.command](options)
+    options = _window_parser().parse_args(words)
+    return _window(options)
+
+
+def _version() -> str:
+    try:
+        return f"Face Poser {metadata.version('faceposer')}"
+    except metadata.PackageNotFoundError:
+        return "Face Poser, not installed"
+
+
+def _window_parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="faceposer",
+        description="Pose a 3D face by dragging it: the whole face follows as a real face would.",
+        epilog=_USAGE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "what", metavar="SUBJECT or SESSION", nargs="?", default="man", help="a face or a saved session"
+    )
+    parser.add_argument("--version", action="version", version=_version())
+    parser.add_argument("--exit-after-first-frame", action="store_true", help=argparse.SUPPRESS)
+    return parser
+
+
+def _command_parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="faceposer")
+    commands = parser.add_subparsers(dest="command", required=True)
+
+    solve = commands.add_parser(
+        "solve", help="pose a session's face", description="Solve a session and write the face."
+    )
+    solve.add_argument("session", type=Path, metavar="SESSION", help="session file (docs/session-format.md)")
+    solve.add_argument("-o", "--output", type=Path, metavar="OUT.obj", required=True, help="posed mesh to write")
+    solve.add_argument("--report", type=Path, metavar="R.json", help="also write energy, residuals and ARKit weights")
+
+    render = commands.add_parser(
+        "render", help="draw a face", description="Draw a subject, a session or a mesh as PNG."
+    )
+    render.add_argument("what", metavar="SUBJECT|SESSION|MESH", help="name of a subject, session file or mesh file")
+    render.add_argument("-o", "--output", type=Path, metavar="OUT.png", required=True, help="picture to write")
+    render.add_argument("--view", choices=_VIEWS, default="front", help="where to look from (default: front)")
+    render.add_argument("--size", type=_size, metavar="WxH", default=(960, 960), help="pixels (default: 960x960)")
+
+    commands.add_parser("subjects", help="list the faces", description="List the faces that come with the program.")
+
+    demo = commands.add_parser(
+        "demo",
+        help="play a scripted pose",
+        description="Play a scripted pose through the real program, without a display, and write what it shows.",
+    )
+    demo.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder to write into")
+    return parser
+
+
+def _size(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"(\d{1,5})[xX](\d{1,5})", text)
+    sides = tuple(int(side) for side in match.groups()) if match else ()
+    if len(sides) != 2 or not all(1 <= side <= _MAX_SIDE for side in sides):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a size such as 960x720, with sides from 1 to {_MAX_SIDE}")
+    return (sides[0], sides[1])
+
+
+def _check_output(path: Path, suffix: str) -> None:
+    """Refuse an output that could not be written before any work is done for it."""
+    if path.suffix.lower() != suffix:
+        raise FacePoserError(f"The output '{path}' must end in '{suffix}'.")
+    if path.is_dir():
+        raise FacePoserError(f"The output '{path}' is a folder; give the name of a file.")
+    if not path.parent.is_dir():
+        raise FacePoserError(f"The folder '{path.parent}' of the output does not exist; make it first.")
+
+
+def _solve(options: argparse.Namespace) -> int:
+    _check_output(options.output, ".obj")
+    if options.report is not None:
+        _check_output(options.report, ".json")
+    from faceposer.session.document import write_text
+    from faceposer.session.export import write_posed_obj
+    from faceposer.session.opening import open_session
+    from faceposer.session.report import solve_report
+    from faceposer.session.solver_worker import run_job
+
+    if options.session.suffix.lower() != ".json":
+        raise FacePoserError(f"'{options.session}' is no session file; give one that ends in '.json'.")
+    session = open_session(str(options.session))
+    result = run_job(session.whole_job())
+    if result.error is not None or result.solution is None:
+        raise result.error or FacePoserError("The solve gave nothing.")
+    write_posed_obj(options.output, session.model, result.solution.coefficients)
+    if options.report is not None:
+        report = solve_report(session.model, session.document, result.solution)
+        write_text(options.report, json.dumps(report, indent=1) + "\n", "report")
+    for i, (constraint, residual) in enumerate(
+        zip(session.document.constraints, result.solution.residuals_px, strict=True)
+    ):
+        print(f"constraint {i} ({constraint.kind}): {residual:.2f} px off")
+    print(f"{options.output} written, {result.solution.seconds * 1e3:.1f} ms, energy {result.solution.energy:.4g}")
+    return 0
+
+
+def _render(options: argparse.Namespace) -> int:
+    _check_output(options.output, ".png")
+    import numpy as np
+    from numpy.typing import ArrayLike
+
+    from faceposer.geometry.camera import Camera, OrbitView
+    from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_mesh
+    from faceposer.session.opening import open_session
+    from faceposer.viewer.offscreen import render_mesh, render_subject
+    from faceposer.viewer.pictures import write_png
+
+    def camera(vertices: ArrayLike) -> Camera:
+        return OrbitView.preset(np.min(vertices, axis=0), np.max(vertices, axis=0), options.view).camera(options.size)
+
+    if Path(options.what).suffix.lower() in MESH_SUFFIXES:
+        mesh = read_mesh(Path(options.what))
+        picture = render_mesh(mesh.vertices, mesh.triangles(), camera(mesh.vertices))
+    else:
+        session = open_session(options.what)
+        subject = session.model.subject
+        vertices = session.model.instance(session.coefficients)
+        picture = render_subject(subject, vertices, camera(subject.vertices))
+    write_png(options.output, picture)
+    print(f"{options.output} written")
+    return 0
+
+
+def _subjects(_options: argparse.Namespace) -> int:
+    from faceposer.model.subject import available_subjects
+
+    subjects = available_subjects()
+    width = max((len(name) for name, _ in subjects), default=0)
+    for name, title in subjects:
+        print(f"{name:{width}}  {title}")
+    return 0
+
+
+def _demo(options: argparse.Namespace) -> int:
+    from faceposer.viewer.demo import run
+
+    run(options.output)
+    return 0
+
+
+def _window(options: argparse.Namespace) -> int:
+    from faceposer.viewer.app import run
+
+    return run(options.what, exit_after_first_frame=options.exit_after_first_frame)
