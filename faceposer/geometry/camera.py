@@ -118,8 +118,10 @@ class Camera:
 
         Cameras of one view in windows of different sizes differ only by scale and by where the picture's centre lies.
         """
-        same = np.array_equal(self.rotation, other.rotation) and np.array_equal(self.translation, other.translation)
-        if not same or not math.isclose(self.focal * other.size[1], other.focal * self.size[1], rel_tol=1e-9):
+        # A view that was written to a file and taken up again differs in the last digits.
+        turned = np.abs(self.rotation - other.rotation).max()
+        moved = np.abs(self.translation - other.translation).max()
+        if turned > 1e-9 or moved > 1e-7 or not math.isclose(self.focal * other.size[1], other.focal * self.size[1], rel_tol=1e-9):
             return None
         offset = np.asarray(pixel, dtype=np.float64) - self.principal_point
         u, v = (offset * (other.focal / self.focal) + other.principal_point).tolist()
@@ -163,6 +165,24 @@ class OrbitView:
         distance = 0.56 * (high[1] - low[1]) / math.tan(fov_y / 2.0) + 0.5 * (high[2] - low[2])
         x, y, z = (low + high) / 2.0
         return cls((float(x), float(y), float(z)), yaw, pitch, float(distance), fov_y)
+
+    @classmethod
+    def of_camera(cls, camera: Camera, near: ArrayLike) -> "OrbitView":
+        """Return the view that sees what ``camera`` sees, circling what it has before it at the depth of ``near``, (3,).
+
+        A roll of the camera and a pitch beyond 89 degrees, which no orbit makes, are lost.
+        """
+        right, _, forward = camera.rotation
+        pitch = math.asin(min(max(-forward[1], -1.0), 1.0))
+        distance = max(float(camera.rotation[2] @ np.asarray(near) + camera.translation[2]), 5.0)
+        x, y, z = (camera.center + distance * forward).tolist()
+        return cls(
+            (x, y, z),
+            math.atan2(-right[2], right[0]),
+            min(max(pitch, -_MAX_PITCH), _MAX_PITCH),
+            distance,
+            2.0 * math.atan(0.5 * camera.size[1] / camera.focal),
+        )
 
     def looking(self, name: str) -> "OrbitView":
         """Return this view turned to the direction ``name``, target and distance kept."""
