@@ -157,3 +157,13 @@ def test_fitted_weights_are_those_that_made_the_pose(model: FaceModel) -> None:
     assert all(0.0 <= value <= 1.0 for value in fitted.values())
     for name, value in weights.items():
         assert fitted[name] == pytest.approx(value, abs=0.1)
+
+
+def test_a_view_from_very_near_is_solved_too(model: FaceModel) -> None:
+    vertices = model.subject.vertices
+    view = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0))
+    camera = view.zoomed(1e9).camera((4000, 4000))
+    constraints = points_made_from(model, model.coefficients_of({"jawOpen": 0.3}), camera, 20)
+    solution = solve(PoseProblem(model, constraints), model.neutral())
+    assert np.isfinite(solution.coefficients).all()
+    assert np.isfinite(solution.energy)
