@@ -1,47 +1,77 @@
-# Shared set-up of scripts/run and scripts/test; to be sourced. Puts a ready Python environment first on PATH.
-# Usage: . scripts/_setup.sh EXTRA SYSTEM_PACKAGE...
+# Shared set-up of scripts/run and scripts/test; to be sourced from the root of the checkout:
+#
+#     . scripts/_setup.sh EXTRA PACKAGE...
+#
+# Puts the project's environment, .venv, first on PATH: Face Poser itself with what it needs from PyPI, and with the
+# optional dependencies EXTRA of pyproject.toml ("" for none). The Debian packages PACKAGE... are installed where that is
+# allowed, and unpacked into .cache/system where it is not. All this happens once; a stamp remembers it until
+# pyproject.toml or these scripts change, or the checkout moves.
 
-extra=$1
+setup_extra=$1
 shift
+setup_stamp=.venv/.ready${setup_extra:+-$setup_extra}
+setup_key="$(cat pyproject.toml scripts/_setup.sh scripts/_system.sh | cksum) $PWD"
 
-missing=""
-for package in "$@"; do
-    dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing="$missing $package"
-done
-if [ -n "$missing" ] && command -v apt-get >/dev/null; then
-    as_root=""
-    [ "$(id -u)" = 0 ] || as_root="sudo -n"
-    if [ -z "$as_root" ] || sudo -n true 2>/dev/null; then
-        echo "Installing system packages:$missing"
-        export DEBIAN_FRONTEND=noninteractive
-        { $as_root apt-get update -qq && $as_root apt-get install -y -qq --no-install-recommends $missing; } >/dev/null ||
-            echo "Could not install$missing; going on without." >&2
-    else
-        echo "These system packages are missing and cannot be installed without root:$missing" >&2
-    fi
-fi
+setup_say() { echo "Face Poser: $*" >&2; }
 
-if [ -z "${FACEPOSER_PYTHON:-}" ]; then
-    for candidate in python3 python3.13 python3.12 python3.11; do
-        if command -v "$candidate" >/dev/null &&
-            "$candidate" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))'; then
-            FACEPOSER_PYTHON=$candidate
-            break
+# Prints the first Python that will do. imgui-bundle publishes builds for 3.11 to 3.13.
+setup_find_python() {
+    local candidate
+    for candidate in ${FACEPOSER_PYTHON:-python3 python3.13 python3.12 python3.11}; do
+        if [ -n "${FACEPOSER_PYTHON:-}" ] ||
+            "$candidate" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null; then
+            "$candidate" -c 'import sys; print(sys.executable)' && return
         fi
     done
-fi
-if [ -z "${FACEPOSER_PYTHON:-}" ]; then
-    echo "Face Poser needs Python 3.11, 3.12 or 3.13; install one of them or name it in FACEPOSER_PYTHON." >&2
-    exit 1
-fi
+    setup_say "Python 3.11, 3.12 or 3.13 is needed, and this machine has" \
+        "$(python3 -c 'import platform; print(platform.python_version())' 2>/dev/null || echo none);" \
+        "install one of them, or set FACEPOSER_PYTHON to the path of one."
+    return 1
+}
 
-stamp=.venv/.ready-$extra-$(cksum <pyproject.toml | cut -d' ' -f1)
-if [ ! -e "$stamp" ]; then
-    echo "Setting up the Python environment in .venv (once)"
-    [ -x .venv/bin/pip ] || "$FACEPOSER_PYTHON" -m venv --clear .venv
-    .venv/bin/python -m pip install --quiet --disable-pip-version-check -e ".${extra:+[$extra]}"
-    rm -f .venv/.ready-"$extra"-*
-    touch "$stamp"
+setup_environment() {
+    local python packages=("$@") pip_wheel
+    python=$(setup_find_python) || return
+    if ! "$python" -c 'import ensurepip' 2>/dev/null; then
+        packages+=(python3-venv)
+    fi
+    . scripts/_system.sh
+    system_packages "${packages[@]}"
+
+    setup_say "setting up the Python environment in .venv (once; it downloads some 200 MB)"
+    if ! .venv/bin/python -m pip --version >/dev/null 2>&1; then
+        if "$python" -c 'import ensurepip' 2>/dev/null; then
+            "$python" -m venv --clear .venv || return
+        else
+            pip_wheel=$(find "$PWD/.cache/system" -name 'pip-*.whl' 2>/dev/null | head -n 1)
+            if [ -z "$pip_wheel" ]; then
+                setup_say "this Python cannot make a virtual environment; install the package python3-venv."
+                return 1
+            fi
+            "$python" -m venv --clear --without-pip .venv || return
+            .venv/bin/python "$pip_wheel/pip" install --quiet pip || return
+        fi
+    fi
+    .venv/bin/python -m pip install --quiet --disable-pip-version-check --editable ".${setup_extra:+[$setup_extra]}" || {
+        setup_say "the libraries could not be installed; the lines above say why. Start again when that is mended."
+        return 1
+    }
+    echo "$setup_key" >.venv/.ready
+    echo "$setup_key" >"$setup_stamp"
+}
+
+setup_is_ready() { [ "$(cat "$setup_stamp" 2>/dev/null)" = "$setup_key" ] && [ -x .venv/bin/python ]; }
+
+if ! setup_is_ready; then
+    mkdir -p .cache
+    exec 9>.cache/setup.lock
+    # Of two scripts started at once, the second waits and finds all done.
+    if command -v flock >/dev/null; then flock 9; fi
+    unset PYTHONHOME PYTHONPATH PIP_TARGET PIP_USER
+    setup_is_ready || setup_environment "$@" || exit 1
+    exec 9>&-
 fi
-PATH=$PWD/.venv/bin:$PATH
-export PATH OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
+if [ -r .cache/system/environment.sh ]; then
+    . .cache/system/environment.sh
+fi
+export PATH="$PWD/.venv/bin:$PATH"
