@@ -58,10 +58,11 @@ def _square_root(curvature: Array) -> Array:
     diagonal = np.eye(len(curvature)) * float(np.trace(curvature)) / len(curvature)
     for jitter in (0.0, 1e-12, 1e-9, 1e-6):
         try:
-            return np.linalg.cholesky(curvature + jitter * diagonal)
+            lower: Array = np.linalg.cholesky(curvature + jitter * diagonal)
+            return lower
         except np.linalg.LinAlgError:
             continue
-    return np.linalg.cholesky(np.diag(np.diag(curvature)) + 1e-3 * diagonal)
+    return np.sqrt(np.diag(np.diag(curvature)) + 1e-3 * diagonal)
 
 
 def solve(
