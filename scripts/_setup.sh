@@ -9,6 +9,7 @@
 
 setup_extra=$1
 shift
+cd -P .
 setup_stamp=.venv/.ready${setup_extra:+-$setup_extra}
 setup_key="$(cat pyproject.toml scripts/_setup.sh scripts/_system.sh | cksum) $PWD"
 
@@ -39,7 +40,8 @@ setup_environment() {
     system_packages "${packages[@]}"
 
     setup_say "setting up the Python environment in .venv (once; it downloads some 200 MB)"
-    if ! .venv/bin/python -m pip --version >/dev/null 2>&1; then
+    # Its programs name the path of the environment, which must therefore be made anew where the checkout has moved.
+    if ! { grep -qF "$PWD/.venv" .venv/bin/activate && .venv/bin/python -m pip --version; } >/dev/null 2>&1; then
         if "$python" -c 'import ensurepip' 2>/dev/null; then
             "$python" -m venv --clear .venv || return
         else

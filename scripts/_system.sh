@@ -71,7 +71,7 @@ PYTHON
         cat >"$root/bin/Xvfb" <<SHELL
 #!/bin/sh
 mkdir -m 1777 /tmp/.X11-unix 2>/dev/null
-PATH=\$PATH:$root/usr/bin
+PATH="\$PATH:$root/usr/bin"
 cd "$libraries" && exec "$root/usr/bin/Xvfb" -xkbdir "$root/usr/share/X11/xkb" "\$@"
 SHELL
         chmod +x "$root/bin/Xvfb"
