@@ -7,135 +7,49 @@ Run from the root of a checkout::
 """
 
 import argparse
+import io
+import sys
 from pathlib import Path
 
 import numpy as np
-
-from faceposer.geometry.mesh import VertexNormals
-from faceposer.model.subject import ARKIT_SHAPES, Subject, save_subject
-from scripts.asset_building.eyes import build_eye, place_eye
-from scripts.asset_building.head import LASH_RING, LID_RINGS, Skin, cut_skin, ordered_ring, split_uv
-from scripts.asset_building.identity import NECK_TOP, RECIPES, Recipe, close_lips, identity_vertices, level_neck
-from scripts.asset_building.landmarks import feature_points, regions
-from scripts.asset_building.lashes import build_lashes
-from scripts.asset_building.looks import LOOKS
-from scripts.asset_building.mouth import LOWER, UPPER, build_jaw, build_tongue
-from scripts.asset_building.piece import Floats, Ints, Piece, join
-from scripts.asset_building.skin_texture import hair_depth
-from scripts.asset_building.source import BaseMesh, Source, download_wheel
-from scripts.asset_building.textures import paint, skin_texels, vertex_masks
-from scripts.asset_building.unwrap import Layout, texel_density, unwrap_skin
+from PIL import Image
 
 ROOT = Path(__file__).resolve().parent.parent
-CREDITS = (
-    "Mesh, identity targets and masks: MakeHuman's base mesh and MPFB (CC0 1.0). Expression shapes: Face Units 01 by "
-    "Mika Suominen (CC0 1.0). Eyeballs, teeth, gums, lashes, layout and textures: Face Poser."
-)
-_EYE_RADIUS = 1.45
-_BANDS = {"upper": "helper-upper-teeth", "lower": "helper-lower-teeth"}
-_EYES = {"Left": "helper-l-eye", "Right": "helper-r-eye"}
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))
+
+from faceposer.model.subject import Subject, load_subject, save_subject
+from scripts.asset_building.builder import Builder
+from scripts.asset_building.identity import RECIPES
+from scripts.asset_building.source import Source, download_wheel
+
+#: Largest difference that a rebuild on another machine may show: in centimetres, and in grey levels on average.
+_LENGTH_TOLERANCE, _COLOUR_TOLERANCE = 1e-3, 1.5
 
 
-class Builder:
-    """Builds subjects; what all of them share is computed once."""
-
-    def __init__(self, source: Source) -> None:
-        """Read the base mesh and the face units from ``source``."""
-        self.source = source
-        self.base: BaseMesh = source.base_mesh()
-        self.rest: Floats = 10.0 * self.base.vertices
-        self.mirror = source.mirror(len(self.rest))
-        self.skin: Skin = cut_skin(self.base, self.mirror)
-        self.units = np.stack([10.0 * source.face_unit(name, len(self.rest)) for name in ARKIT_SHAPES])
-        rest_skin = self.rest[self.skin.base_ids]
-        old = Layout(self.skin.base_uv, self.skin.base_quad_uvs)
-        self.layout = unwrap_skin(rest_skin, self.skin.quads, old, texel_density(rest_skin))
-        self.texels = skin_texels(source, self.skin, rest_skin, self.layout)
-
-    def subject(self, recipe: Recipe) -> Subject:
-        """Build the subject of ``recipe``."""
-        everyone = identity_vertices(self.source, self.rest, recipe)
-        skin = self._skin(everyone, recipe)
-        eyes = [self._eye(side, skin) for side in ("Left", "Right")]
-        pieces = [skin, *eyes]
-        for jaw, arch in (("upper", UPPER), ("lower", LOWER)):
-            ids = self._group(_BANDS[jaw])
-            pieces += build_jaw(jaw, arch, self.rest[ids], everyone[ids], self.units[:, ids])
-        pieces.append(build_tongue(self.base, self._group("helper-tongue"), self.rest, everyone, self.units))
-        for side, eye in zip(("left", "right"), eyes, strict=True):
-            ring, lid = self._lash_ring(side)
-            centre = eye.vertices[1:].mean(axis=0)
-            pieces.append(build_lashes(side, skin.vertices, skin.shapes, ring, lid, centre, recipe.lash_length))
-        joined = join(pieces)
-        place = self.skin.fine.matrix @ self.rest[self.skin.base_ids]
-        points, titles = feature_points(self.skin, place, joined.parts)
-        masks = vertex_masks(self.source, self.skin)
-        low, high = skin.vertices.min(axis=0), skin.vertices.max(axis=0)
-        middle = np.array([0.0, high[1] - 12.5, 0.5 * (low[2] + high[2])])
-        return Subject(
-            name=recipe.name,
-            title=recipe.title,
-            vertices=(joined.vertices - middle).astype(np.float32),
-            polygons=joined.quads,
-            uv=joined.uv.astype(np.float32),
-            polygon_uvs=joined.quad_uvs,
-            parts=joined.parts,
-            shape_names=ARKIT_SHAPES,
-            shapes=joined.shapes.astype(np.float32),
-            regions=regions(self.skin, place, masks, joined.parts),
-            feature_points=points,
-            feature_titles=titles,
-            textures=paint(self.texels, LOOKS[recipe.name]),
-            credits=CREDITS,
-        )
-
-    def _group(self, name: str) -> Ints:
-        return np.unique(self.base.quads[self.base.groups == name])
-
-    def _skin(self, everyone: Floats, recipe: Recipe) -> Piece:
-        skin = self.skin
-        fixed = self.base.vertices[skin.base_ids, 1] > NECK_TOP
-        control = close_lips(everyone[skin.base_ids], skin.lip_contact)
-        control = level_neck(control, skin.quads, skin.border, fixed, recipe)
-        uv, quad_uvs = split_uv(self.layout.uv, self.layout.quad_uvs)
-        shapes = np.stack([skin.fine.matrix @ unit[skin.base_ids] for unit in self.units])
-        vertices = skin.fine.matrix @ control
-        normals = VertexNormals(skin.fine.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3), len(vertices))(vertices)
-        depth = _smoothed(hair_depth((skin.fine.matrix @ self.rest[skin.base_ids]).astype(np.float32)), skin.fine.quads)
-        vertices += recipe.hair_height * depth[:, None] * normals
-        return Piece("skin", "skin", vertices, skin.fine.quads, uv, quad_uvs, shapes)
-
-    def _eye(self, side: str, skin: Piece) -> Piece:
-        lids = np.concatenate([self.skin.rings_left[k] for k in LID_RINGS])
-        if side == "Right":
-            lids = self.skin.mirror[lids]
-        rest = (self.skin.fine.matrix @ self.rest[self.skin.base_ids])[lids]
-        rest_centre = self.rest[self._group(_EYES[side])].mean(axis=0)
-        centre, scale = place_eye(rest, skin.vertices[lids], rest_centre)
-        return build_eye(side, centre, _EYE_RADIUS * scale, ARKIT_SHAPES)
-
-    def _lash_ring(self, side: str) -> tuple[Ints, Ints]:
-        """Return the loop of skin vertices that carries the lashes and those of the lid around it."""
-        rings = [self.skin.rings_left[k] for k in range(LASH_RING - 2, LASH_RING + 4)]
-        ring = ordered_ring(self.skin.quads, self.skin.rings_left[LASH_RING])
-        lid = np.concatenate(rings)
-        if side == "right":
-            ring, lid = self.skin.mirror[ring], self.skin.mirror[lid]
-        return self.skin.fine_loop(ring), lid
+def differences(built: Subject, stored: Subject) -> list[str]:
+    """Return what differs between two subjects beyond rounding, a few words each."""
+    names = ("name", "title", "parts", "shape_names", "feature_points", "feature_titles", "credits")
+    found = [name for name in names if getattr(built, name) != getattr(stored, name)]
+    for name in ("polygons", "polygon_uvs", "vertices", "uv", "shapes"):
+        one, other = getattr(built, name), getattr(stored, name)
+        if one.shape != other.shape or np.abs(one - other).max() > _LENGTH_TOLERANCE:
+            found.append(name)
+    for kind, equal in (("regions", np.array_equal), ("textures", _look_alike)):
+        one, other = getattr(built, kind), getattr(stored, kind)
+        found += [f"{kind}: {name}" for name in one.keys() ^ other.keys()]
+        found += [f"{kind}: {name}" for name in one.keys() & other.keys() if not equal(one[name], other[name])]
+    return found
 
 
-def _smoothed(values: Floats, quads: Ints, rounds: int = 12) -> Floats:
-    """Return ``values`` (N,) averaged repeatedly with those of their neighbours in the mesh."""
-    a, b = np.stack([quads, np.roll(quads, -1, axis=1)], axis=-1).reshape(-1, 2).T
-    count = np.bincount(a, minlength=len(values)) + np.bincount(b, minlength=len(values))
-    for _ in range(rounds):
-        around = np.bincount(a, values[b], len(values)) + np.bincount(b, values[a], len(values))
-        values = 0.5 * values + 0.5 * around / count
-    return values
+def _look_alike(one: bytes, other: bytes) -> bool:
+    """Return whether two encoded images are the same but for what encoders and rounding make of them."""
+    pixels = [np.asarray(Image.open(io.BytesIO(data)), dtype=float) for data in (one, other)]
+    return pixels[0].shape == pixels[1].shape and bool(np.abs(pixels[0] - pixels[1]).mean() < _COLOUR_TOLERANCE)
 
 
-def main() -> None:
-    """Run the command line."""
+def main() -> int:
+    """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--wheel", type=Path, help="the source wheel, if it is already here")
     parser.add_argument("--cache", type=Path, default=ROOT / "build" / "source", help="folder for the download")
@@ -143,11 +57,19 @@ def main() -> None:
     parser.add_argument("--check", action="store_true", help="compare with what is there instead of writing")
     options = parser.parse_args()
     builder = Builder(Source(options.wheel or download_wheel(options.cache)))
+    n_different = 0
     for recipe in RECIPES:
+        path = options.output / f"{recipe.name}.npz"
         subject = builder.subject(recipe)
-        save_subject(options.output / f"{recipe.name}.npz", subject)
-        print(f"{recipe.name}: {len(subject.vertices)} vertices, {len(subject.polygons)} polygons")
+        if options.check:
+            found = differences(subject, load_subject(path))
+            n_different += len(found)
+            print(f"{path}: {'differs in ' + ', '.join(sorted(found)) if found else 'as built'}")
+        else:
+            save_subject(path, subject)
+            print(f"{path}: {len(subject.vertices)} vertices, {len(subject.polygons)} polygons")
+    return int(n_different > 0)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.model.subject_checks import check_subject
 from faceposer.resources import asset_path
 
 FORMAT = "faceposer.subject"
 VERSION = 1
-MATERIALS = ("skin", "eye", "teeth", "gums", "tongue", "lashes")
 
 #: The 52 facial action shapes of Apple's ARKit, in the order of its documentation.
 ARKIT_SHAPES: tuple[str, ...] = (
@@ -56,7 +56,7 @@ class Part:
 
     Attributes:
         name: For example "skin" or "eye_left".
-        material: One of `MATERIALS`.
+        material: "skin", "eye", "teeth", "gums", "tongue" or "lashes".
         polygons: First polygon and the one after the last.
         vertices: First vertex and the one after the last.
     """
@@ -109,9 +109,7 @@ class Subject:
     credits: str = ""
 
     def __post_init__(self) -> None:
-        _check_arrays(self)
-        _check_parts(self)
-        _check_names(self)
+        check_subject(self)
 
     @cached_property
     def triangles(self) -> Ints:
@@ -185,7 +183,8 @@ def load_subject(name_or_path: str | os.PathLike[str]) -> Subject:
         if installed is None or not installed.is_file():
             names = ", ".join(f"'{p.stem}'" for p in sorted(asset_path("subjects").glob("*.npz")))
             raise FacePoserError(
-                f"There is no subject '{text}'; choose one of {names or 'none installed'}, or give a path that ends in .npz."
+                f"There is no subject '{text}'; choose one of {names or '(none installed)'}, or give the path of a "
+                "subject file, which ends in .npz."
             )
         path = installed
     members = _read_members(path, None)
@@ -236,14 +235,12 @@ def save_subject(path: str | os.PathLike[str], subject: Subject) -> None:
         with tempfile.NamedTemporaryFile(dir=target.parent, suffix=".tmp", delete=False) as file:
             temporary = file.name
             np.savez_compressed(file, allow_pickle=False, **arrays)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, target)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(target)
     except OSError as error:
         if temporary is not None:
             Path(temporary).unlink(missing_ok=True)
-        raise FacePoserError(
-            f"The subject file '{target}' cannot be written: {error.strerror or error}."
-        ) from error
+        raise FacePoserError(f"The subject file '{target}' cannot be written: {error.strerror or error}.") from error
 
 
 def _refuse(path: Path, reason: str) -> NoReturn:
@@ -255,7 +252,7 @@ def _read_title(path: Path) -> str:
 
 
 def _read_members(path: Path, wanted: set[str] | None) -> dict[str, NDArray[Any]]:
-    """Read the arrays of the archive ``path``, all or only those in ``wanted``, checking sizes before memory is taken."""
+    """Read the arrays of the archive ``path``, all or those in ``wanted``; sizes are checked before memory is taken."""
     try:
         with zipfile.ZipFile(path) as archive:
             entries = archive.infolist()
@@ -355,70 +352,3 @@ def _as_ints(members: Mapping[str, NDArray[Any]], name: str) -> Ints:
     if members[name].dtype != np.int32:
         raise ValueError(f"its {name} are not 32-bit integers")
     return np.ascontiguousarray(members[name])
-
-
-def _require(condition: bool | np.bool_, message: str) -> None:
-    if not condition:
-        raise ValueError(message)
-
-
-def _check_arrays(subject: Subject) -> None:
-    """Check shapes, finiteness and index ranges of the mesh."""
-    count = len(subject.vertices)
-    for name, columns in (("vertices", 3), ("polygons", 4), ("uv", 2), ("polygon_uvs", 4)):
-        array = getattr(subject, name)
-        _require(array.ndim == 2 and array.shape[1] == columns and len(array), f"{name} has the shape {array.shape}")
-    expected = (len(subject.shape_names), count, 3)
-    _require(subject.shapes.shape == expected, f"shapes has the shape {subject.shapes.shape}, not {expected}")
-    for name in ("vertices", "uv", "shapes"):
-        _require(np.isfinite(getattr(subject, name)).all(), f"{name} contains numbers that are not finite")
-    _require(subject.polygons.shape == subject.polygon_uvs.shape, "polygons and polygon_uvs differ in length")
-    is_triangle = subject.polygons[:, 3] < 0
-    for name, limit in (("polygons", count), ("polygon_uvs", len(subject.uv))):
-        array = getattr(subject, name)
-        _require(
-            (array[:, :3] >= 0).all() and (array[:, 3] >= -1).all() and array.max() < limit,
-            f"{name} names corners that do not exist",
-        )
-        _require(((array[:, 3] < 0) == is_triangle).all(), "polygons and polygon_uvs disagree about triangles")
-
-
-def _check_parts(subject: Subject) -> None:
-    """Check that the parts run through all polygons and vertices in order, and own the vertices they use."""
-    polygon = vertex = 0
-    for part in subject.parts:
-        _require(part.material in MATERIALS, f"part '{part.name}' has the unknown material '{part.material}'")
-        _require(
-            part.polygons[0] == polygon < part.polygons[1] <= len(subject.polygons)
-            and part.vertices[0] == vertex < part.vertices[1] <= len(subject.vertices),
-            f"part '{part.name}' does not follow on the part before it",
-        )
-        polygon, vertex = part.polygons[1], part.vertices[1]
-        used = subject.polygons[slice(*part.polygons)]
-        used = used[used >= 0]
-        _require(
-            part.vertices[0] <= used.min() and used.max() < vertex,
-            f"part '{part.name}' uses vertices of another part",
-        )
-    _require(
-        polygon == len(subject.polygons) and vertex == len(subject.vertices), "the parts do not cover the mesh"
-    )
-    _require(len({part.name for part in subject.parts}) == len(subject.parts), "two parts have the same name")
-
-
-def _check_names(subject: Subject) -> None:
-    """Check shapes' names, regions, feature points and textures."""
-    count = len(subject.vertices)
-    _require(len(set(subject.shape_names)) == len(subject.shape_names), "two shapes have the same name")
-    for name, ids in subject.regions.items():
-        _require(
-            ids.ndim == 1 and (not ids.size or (0 <= ids.min() and ids.max() < count)),
-            f"region '{name}' names vertices that do not exist",
-        )
-    for name, vertex in subject.feature_points.items():
-        _require(0 <= vertex < count, f"feature point '{name}' names a vertex that does not exist")
-    _require(
-        subject.feature_titles.keys() <= subject.feature_points.keys(), "there are titles without feature points"
-    )
-    for name in subject.textures:
-        _require(name in MATERIALS, f"texture '{name}' belongs to no material")

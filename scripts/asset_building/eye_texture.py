@@ -94,7 +94,7 @@ def _iris(theta: Image32, phi: Image32, look: IrisLook, rng: np.random.Generator
 
 
 def _around(phi: Image32, t: Image32, count: int, radial: float, rng: np.random.Generator) -> Image32:
-    """Return noise with ``count`` features around the circle and ``radial`` ones along the radius, deviation about 1."""
+    """Return noise with ``count`` features around the circle and ``radial`` along the radius, deviation about 1."""
     lattice = rng.standard_normal((count, 8)).astype(np.float32)
     at = [(phi / (2 * np.pi) * count) % count, 1.0 + radial * t]
     value = ndimage.map_coordinates(lattice, at, order=3, mode="grid-wrap")

@@ -9,7 +9,7 @@ from scripts.asset_building.piece import Floats, Piece, facing_away, grid_quads
 PUPIL_ANGLE, IRIS_ANGLE = 7.5, 24.0
 _RINGS = np.array([PUPIL_ANGLE, 13.0, 18.5, IRIS_ANGLE, 30.0, 38.0, 48.0, 60.0, 75.0, 95.0, 125.0, 160.0])
 _SECTORS = 28
-_CORNEA_HEIGHT = 0.03
+_CORNEA_HEIGHT = 0.025
 #: The texture shows the ball from the gaze axis, in its middle, to this angle, at its border.
 TEXTURE_ANGLE = 100.0
 TEXTURE_RADIUS = 0.49
@@ -26,7 +26,9 @@ def build_eye(side: str, centre: Floats, radius: float, shape_names: tuple[str, 
     sign = 1.0 if side == "Left" else -1.0
     theta = np.radians(_RINGS)[:, None]
     phi = np.arange(_SECTORS)[None, :] * (2 * np.pi / _SECTORS)
-    directions = np.stack(np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), -1)
+    directions = np.stack(
+        np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), -1
+    )
     directions = np.concatenate([[[0.0, 0.0, 1.0]], directions.reshape(-1, 3), [[0.0, 0.0, -1.0]]])
     # Both eyes are each other's mirror image, vertex by vertex.
     directions[:, 0] *= sign

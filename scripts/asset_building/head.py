@@ -59,7 +59,7 @@ class Skin:
         return index
 
     def fine_loop(self, loop: Ints) -> Ints:
-        """Return a closed loop of control vertices with the vertices that subdivision puts on its edges between them."""
+        """Return a closed loop of control vertices with the vertices that subdivision puts between them."""
         neighbours = defaultdict(set)
         for a, b in np.stack([self.fine.quads, np.roll(self.fine.quads, -1, 1)], -1).reshape(-1, 2).tolist():
             neighbours[a].add(b)

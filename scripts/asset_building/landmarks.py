@@ -109,9 +109,7 @@ def feature_points(skin: Skin, place: Floats, parts: tuple[Part, ...]) -> tuple[
     return dict(sorted(points.items(), key=_numeric)), dict(sorted(titles.items(), key=_numeric))
 
 
-def regions(
-    skin: Skin, place: Floats, masks: dict[str, Floats], parts: tuple[Part, ...]
-) -> dict[str, Ints]:
+def regions(skin: Skin, place: Floats, masks: dict[str, Floats], parts: tuple[Part, ...]) -> dict[str, Ints]:
     """Return the vertex ids of each region.
 
     Args:

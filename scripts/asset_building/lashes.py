@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from scripts.asset_building.lids import upper_and_lower
 from scripts.asset_building.piece import Floats, Ints, Piece, grid_quads
 
 _ROWS = 4
@@ -18,7 +19,7 @@ def build_lashes(
     """Return the lashes of one eye.
 
     Args:
-        side: "left" or "right".
+        side: "Left" or "Right".
         skin: The skin's vertices in centimetres, shape (N, 3).
         skin_shapes: Its offsets per shape, shape (S, N, 3).
         ring: The closed loop of skin vertices that the lashes grow from, in order, shape (n,).
@@ -26,12 +27,8 @@ def build_lashes(
         centre: Centre of the eyeball, shape (3,).
         length: Factor on the lashes' length.
     """
-    sign = 1.0 if side == "left" else -1.0
-    inner = int(np.argmin(sign * skin[ring, 0]))
-    ring = np.roll(ring, -inner)
-    outer = int(np.argmax(sign * skin[ring, 0]))
-    one, other = ring[: outer + 1], np.concatenate([ring[:1], ring[:outer - 1 :-1]])
-    upper, lower = (one, other) if skin[one, 1].mean() > skin[other, 1].mean() else (other, one)
+    sign = 1.0 if side == "Left" else -1.0
+    upper, lower = upper_and_lower(skin, ring, side)
     vertices, quads, uv, shapes = [], [], [], []
     for edge, opposite, is_upper in ((upper, lower, True), (lower, upper, False)):
         root = edge[_BARE:-_BARE]
@@ -49,7 +46,7 @@ def build_lashes(
         shapes.append(turned.reshape(len(turned), -1, 3))
     all_quads = np.concatenate(quads).astype(np.int32)
     return Piece(
-        f"lashes_{side}",
+        f"lashes_{side.lower()}",
         "lashes",
         np.concatenate(vertices),
         all_quads,

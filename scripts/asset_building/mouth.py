@@ -1,10 +1,11 @@
-"""Teeth and gums, placed where the base mesh has its bands of teeth and moved as these are."""
+"""Teeth and gums, placed where the base mesh has its bands of teeth and moved as these are, and the tongue."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from faceposer.model.subject import ARKIT_SHAPES
 from scripts.asset_building.head import compact, split_uv
 from scripts.asset_building.piece import Floats, Ints, Piece, facing_away, grid_quads
 from scripts.asset_building.source import BaseMesh
@@ -12,7 +13,7 @@ from scripts.asset_building.subdivision import catmull_clark
 
 #: Widths and heights of the crowns in centimetres, from the middle to the first molar, and their depths.
 _UPPER_WIDTH = np.array([0.86, 0.67, 0.77, 0.72, 0.69, 1.02])
-_UPPER_HEIGHT = np.array([1.02, 0.90, 1.00, 0.86, 0.78, 0.72])
+_UPPER_HEIGHT = np.array([1.12, 0.98, 1.08, 0.92, 0.84, 0.78])
 _LOWER_WIDTH = np.array([0.54, 0.60, 0.68, 0.72, 0.73, 1.10])
 _LOWER_HEIGHT = np.array([0.86, 0.90, 1.00, 0.86, 0.78, 0.70])
 _DEPTH = np.array([0.62, 0.60, 0.74, 0.84, 0.88, 1.02])
@@ -22,7 +23,9 @@ _AROUND = 8
 _LEVELS = np.array([0.0, 0.30, 0.62, 0.88, 1.0])
 _COLUMNS_PER_TOOTH = 4
 #: The floor of the tongue in centimetres of the base mesh, how much of its height above is kept, and how it sinks.
-_TONGUE_FLOOR, _TONGUE_FLATNESS, _TONGUE_DROP = 63.0, 0.5, 0.5
+_TONGUE_FLOOR, _TONGUE_FLATNESS, _TONGUE_DROP = 63.0, 0.45, 0.65
+#: Where the lips meet in the base mesh, in centimetres.
+_LIP_LINE = 65.95
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class Arch:
     up: int
 
     def at(self, length: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return position, tangent (to the character's left) and outward normal at signed arc ``length`` from the front."""
+        """Return position, tangent (to the left) and outward normal at signed arc ``length`` from the front."""
         angle = np.linspace(-0.5, 0.5, 2001) * np.pi
         curve = np.stack([self.half_width * np.sin(angle), 0 * angle, self.back + self.depth * np.cos(angle)], axis=1)
         curve[:, 1] = self.bite
@@ -62,9 +65,7 @@ UPPER = Arch(half_width=2.75, depth=5.0, back=9.85, bite=65.45, up=1)
 LOWER = Arch(half_width=2.55, depth=4.75, back=9.75, bite=65.75, up=-1)
 
 
-def build_jaw(
-    name: str, arch: Arch, rest_band: Floats, band: Floats, band_shapes: Floats
-) -> tuple[Piece, Piece]:
+def build_jaw(name: str, arch: Arch, rest_band: Floats, band: Floats, band_shapes: Floats) -> tuple[Piece, Piece]:
     """Return teeth and gums of one jaw.
 
     Args:
@@ -109,32 +110,41 @@ def build_tongue(base: BaseMesh, ids: Ints, rest: Floats, everyone: Floats, unit
         ids: The tongue's vertices in it, in rising order, shape (n,).
         rest: The base mesh in centimetres, shape (N, 3).
         everyone: The same in the wanted identity.
-        units: Offsets per expression shape, shape (S, N, 3).
+        units: Offsets per expression shape in the order of `ARKIT_SHAPES`, shape (S, N, 3).
     """
     chosen = base.groups == "helper-tongue"
     quads = np.searchsorted(ids, base.quads[chosen]).astype(np.int32)
     uv_ids, quad_uvs = compact(base.quad_uvs[chosen])
     flat = rest[ids].copy()
     flat[:, 1] = _TONGUE_FLOOR + (flat[:, 1] - _TONGUE_FLOOR) * _TONGUE_FLATNESS - _TONGUE_DROP
-    flat = _affine(rest[ids], everyone[ids])(flat)
+    # Stuck out, the front of the tongue lies between the lips, flatter than in the source, whatever its rest is.
+    tongue_out = ARKIT_SHAPES.index("tongueOut")
+    out = rest[ids] + units[tongue_out][ids]
+    front = np.clip((out[:, 2] - 9.0) / 5.0, 0.0, 1.0)
+    between_lips = _LIP_LINE + (out[:, 1] - _LIP_LINE) * _TONGUE_FLATNESS
+    out[:, 1] = flat[:, 1] + front * (between_lips - flat[:, 1])
+    place = _affine(rest[ids], everyone[ids])
+    offsets = [unit[ids] for unit in units]
+    offsets[tongue_out] = place(out) - place(flat)
     fine = catmull_clark(quads, len(ids))
     uv = base.uv[uv_ids] - base.uv[uv_ids].min(axis=0)
     uv, fine_uvs = split_uv(0.02 + 0.96 * uv / uv.max(axis=0), quad_uvs)
-    shapes = np.stack([fine.matrix @ unit[ids] for unit in units])
-    return Piece("tongue", "tongue", fine.matrix @ flat, fine.quads, uv, fine_uvs, shapes)
+    shapes = np.stack([fine.matrix @ offset for offset in offsets])
+    return Piece("tongue", "tongue", fine.matrix @ place(flat), fine.quads, uv, fine_uvs, shapes)
 
 
 def _crown(arch: Arch, length: float, width: float, height: float, k: int) -> tuple[Floats, Ints, Floats]:
-    """Return one crown: rings from below the gum to the cutting edge, closed by a cap; u tells the tooth, v the height."""
+    """Return one crown: rings from below the gum to the cutting edge, and a cap; u is the tooth, v the height."""
     position, tangent, normal = arch.at(np.array(length))
     angle = np.arange(_AROUND) * (2 * np.pi / _AROUND) + np.pi / _AROUND
     # A superellipse: corners rounder than a box, fuller than an ellipse.
     across = np.sign(np.cos(angle)) * np.abs(np.cos(angle)) ** 0.6
     through = np.sign(np.sin(angle)) * np.abs(np.sin(angle)) ** 0.6
+    across, through = across / across.max(), through / through.max()
     rings = []
     for level in _LEVELS:
         neck = 1.0 - level
-        half_width = 0.5 * width * (0.985 - 0.20 * neck**1.5 - (0.06 if level == 1.0 else 0.0))
+        half_width = 0.5 * width * (1.0 - 0.20 * neck**1.5 - (0.04 if level == 1.0 else 0.0))
         half_depth = 0.5 * _DEPTH[k] * (_EDGE_SHARE[k] + (1.0 - _EDGE_SHARE[k]) * min(1.0, neck * 1.5 + 0.05))
         # The front of the crown is upright, slightly rounded; the back slopes.
         shift = 0.5 * _DEPTH[k] - half_depth - 0.05 * neck**2 - (0.03 if level == 1.0 else 0.0)
@@ -169,7 +179,7 @@ def _gums(arch: Arch, edges: Floats, height: Floats) -> tuple[Floats, Ints, Floa
     crown_height, scallop, depth = (np.concatenate([a[:0:-1], a]) for a in (crown_height, scallop, depth))
     position, _, normal = arch.at(length)
     # Rows: from the outer fold over the margins of the gum, in front of and behind the crowns, to the inner fold.
-    margin = crown_height * (0.80 + 0.12 * scallop)
+    margin = crown_height * (0.91 + 0.14 * scallop)
     rows = [
         (0.5 * depth + 0.04, crown_height + 0.55),
         (0.5 * depth + 0.07, crown_height + 0.25),
@@ -185,7 +195,8 @@ def _gums(arch: Arch, edges: Floats, height: Floats) -> tuple[Floats, Ints, Floa
     u = np.broadcast_to((length - length[0]) / (length[-1] - length[0]), (len(rows), len(length)))
     v = np.broadcast_to(np.linspace(0.0, 1.0, len(rows))[:, None], u.shape)
     quads = grid_quads(len(rows), len(length))
-    inside = (position + np.stack([0 * margin, arch.up * (crown_height + 0.5), 0 * margin], -1))[quads[:, 0] % len(length)]
+    core = position + np.stack([0 * margin, arch.up * (crown_height + 0.5), 0 * margin], -1)
+    inside = core[quads[:, 0] % len(length)]
     return points, facing_away(quads, points, inside), np.stack([u, v], -1).reshape(-1, 2)
 
 

@@ -10,7 +10,7 @@ def paint_teeth(size: int = 256) -> NDArray[np.uint8]:
     """Return the teeth's texture, shape (size, size, 3): v runs from the root to the edge, u over the six kinds."""
     u, v = _grid(size)
     noise = Noise(31)(_points(u * 6, v * 2), 0.35, 3)
-    colour = _ramp(v, [(0.0, (196, 168, 128)), (0.25, (219, 202, 168)), (0.6, (233, 224, 204)), (1.0, (228, 226, 220))])
+    colour = _ramp(v, [(0.0, (208, 186, 150)), (0.25, (225, 213, 188)), (0.6, (234, 227, 211)), (1.0, (228, 226, 220))])
     colour *= (1.0 + 0.015 * noise)[..., None]
     # Teeth further back are seen in the mouth's shade and are a little yellower.
     colour *= (1.0 - 0.22 * smoothstep(0.3, 1.0, u))[..., None] * np.array([1.0, 0.99, 0.97], np.float32)
@@ -21,7 +21,8 @@ def paint_gums(size: int = 256) -> NDArray[np.uint8]:
     """Return the gums' texture, shape (size, size, 3): v runs from the outer fold over the margin to the inner fold."""
     u, v = _grid(size)
     noise = Noise(37)(_points(u * 12, v * 2), 0.4, 3)
-    colour = _ramp(v, [(0.0, (118, 44, 46)), (0.3, (178, 92, 90)), (0.5, (198, 122, 116)), (0.75, (150, 70, 70)), (1.0, (100, 36, 38))])
+    inside, margin, fold = (100, 36, 38), (198, 122, 116), (118, 44, 46)
+    colour = _ramp(v, [(0.0, fold), (0.3, (178, 92, 90)), (0.5, margin), (0.75, (150, 70, 70)), (1.0, inside)])
     return _encode(colour * (1.0 + 0.04 * noise)[..., None])
 
 

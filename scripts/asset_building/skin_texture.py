@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
+from scipy.spatial import cKDTree
 
 from scripts.asset_building.raster import Image32, Noise, TexelMap, draw_strokes, smoothstep
 
@@ -65,13 +66,18 @@ class SkinTexels:
     masks: dict[str, Image32]
 
 
+#: Centimetres per degree around the head.
+_ARC = 7.0 * np.pi / 180.0
 #: Height of the hairline (y) by angle around the head's axis, from the middle of the forehead to that of the nape.
 _HAIRLINE = PchipInterpolator(
     [0, 12, 24, 34, 42, 48, 54, 60, 66, 71, 75, 81, 84.5, 89, 98, 108, 118, 130, 145, 180],
-    [79.9, 79.9, 79.8, 79.0, 77.7, 76.3, 75.3, 74.6, 73.6, 71.6, 70.6, 70.4, 72.9, 74.0, 74.2, 73.2, 70.6, 67.6, 66.2, 65.8],
+    [79.9, 79.9, 79.8, 79.0, 77.7, 76.3, 75.3, 74.6, 73.6, 71.6]
+    + [70.6, 70.4, 72.9, 74.0, 74.2, 73.2, 70.6, 67.6, 66.2, 65.8],
 )
 #: Upper limit of the beard on chin and cheeks (y) by the same angle.
-_BEARD_TOP = PchipInterpolator([0, 8, 15, 22, 32, 45, 60, 72, 84, 90], [64.7, 65.0, 66.0, 67.2, 67.6, 68.2, 69.4, 71.2, 71.2, 66.0])
+_BEARD_TOP = PchipInterpolator(
+    [0, 8, 15, 22, 32, 45, 60, 72, 84, 90], [64.7, 65.0, 66.0, 67.2, 67.6, 68.2, 69.4, 71.2, 71.2, 66.0]
+)
 
 
 def paint_skin(skin: SkinTexels, look: SkinLook) -> NDArray[np.uint8]:
@@ -130,11 +136,12 @@ def _angle(p: Image32) -> Image32:
 
 
 def _above(line: PchipInterpolator, p: Image32) -> Image32:
-    """Return about how far ``p`` (K, 3) lies above a line around the head, in centimetres."""
+    """Return about how far ``p`` (K, 3) lies above a line around the head, in centimetres; negative below it."""
+    sampled = np.linspace(line.x[0], line.x[-1], 1500)
+    tree = cKDTree(np.stack([_ARC * sampled, line(sampled)], axis=1))
     angle = np.clip(_angle(p), line.x[0], line.x[-1])
-    radius = np.maximum(np.hypot(p[:, 0], p[:, 2] - 5.0), 2.0)
-    slope = line.derivative()(angle) / (np.radians(1.0) * radius)
-    result: Image32 = ((p[:, 1] - line(angle)) / np.sqrt(1.0 + slope**2)).astype(np.float32)
+    distance, _ = tree.query(np.stack([_ARC * angle, p[:, 1]], axis=1), distance_upper_bound=4.0)
+    result: Image32 = (np.sign(p[:, 1] - line(angle)) * np.minimum(distance, 4.0)).astype(np.float32)
     return result
 
 
@@ -224,7 +231,7 @@ def _scalp(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Gen
 
 
 def brow_frame(p: Image32, look: SkinLook) -> tuple[Image32, Image32, Image32]:
-    """Return for ``p`` (K, 3) the position along the brow (0..1), across it (-1..1 inside), and its slope dy/dx there."""
+    """Return for ``p`` (K, 3) the position along the brow (0..1), across it (-1..1 inside) and its slope dy/dx."""
     curve = np.array(look.brow)
     x = np.abs(p[:, 0])
     middle, half = PchipInterpolator(curve[:, 0], curve[:, 1]), PchipInterpolator(curve[:, 0], curve[:, 2])
@@ -238,7 +245,8 @@ def _brows(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Gen
     p = skin.place
     front = (p[:, 2] > 10.0).astype(np.float32)
     along, across, slope = brow_frame(p, look)
-    inside = smoothstep(1.25, 0.55, np.abs(across)) * smoothstep(-0.06, 0.22, along) * smoothstep(1.03, 0.9, along) * front
+    inside = smoothstep(1.25, 0.55, np.abs(across)) * front
+    inside *= smoothstep(-0.06, 0.22, along) * smoothstep(1.03, 0.9, along)
     colour = _blend(colour, look.hair, 0.42 * look.brow_strength * inside)
     # Hairs rise steeply at the inner end and lie down along the brow towards the tail; from above they point down.
     side = np.sign(p[:, 0])
@@ -246,7 +254,8 @@ def _brows(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Gen
     rise = rise - 0.55 * np.clip(across, -1, 1) * smoothstep(0.15, 0.6, along) + slope
     direction = np.stack([side, rise, np.zeros_like(rise)], axis=1).astype(np.float32)
     flow = _tangent(skin.normal, direction)
-    root = smoothstep(1.15, 0.75, np.abs(across + 0.15)) * smoothstep(-0.05, 0.16, along) * smoothstep(1.0, 0.9, along) * front
+    root = smoothstep(1.15, 0.75, np.abs(across + 0.15)) * front
+    root *= smoothstep(-0.05, 0.16, along) * smoothstep(1.0, 0.9, along)
     for tone, count, strength in ((0.75, 150, 0.75), (1.1, 70, 0.5)):
         thick = _strokes(rng, skin, count * root, flow, 0.62, look.brow_strength * strength)
         colour = _overlay(colour, skin, thick, _shade(look.hair, tone))

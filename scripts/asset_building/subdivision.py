@@ -59,19 +59,14 @@ def catmull_clark(quads: NDArray[np.int32], n_vertices: int) -> Subdivision:
     faces_mean = _mean_around(quads, n_vertices, n_faces) @ to_faces
     edges_mean = _mean_around(edges, n_vertices, n_edges) @ to_midpoints
     identity = sparse.eye_array(n_vertices)
-    smooth = (
-        _rows(1.0 / valence) @ (faces_mean + 2.0 * edges_mean)
-        + _rows((valence - 3.0) / valence) @ identity
-    )
+    smooth = _rows(1.0 / valence) @ (faces_mean + 2.0 * edges_mean) + _rows((valence - 3.0) / valence) @ identity
     border_edges = edges[border]
     along_border = 0.75 * identity + 0.125 * sparse.coo_array(
         (np.ones(2 * len(border_edges)), (border_edges.ravel(), border_edges[:, ::-1].ravel())),
         shape=(n_vertices, n_vertices),
     )
     corner = on_border & (n_at_vertex == 1)
-    to_vertices = (
-        _rows(~on_border) @ smooth + _rows(on_border & ~corner) @ along_border + _rows(corner) @ identity
-    )
+    to_vertices = _rows(~on_border) @ smooth + _rows(on_border & ~corner) @ along_border + _rows(corner) @ identity
     matrix = sparse.csr_array(sparse.vstack([to_vertices, to_edges, to_faces]))
     split = sparse.csr_array(sparse.vstack([identity, to_midpoints, to_faces]))
     return Subdivision(matrix, split, _split_quads(quads, edge_of, n_vertices, n_edges), n_vertices + n_edges)
@@ -87,7 +82,7 @@ def linear_split(quads: NDArray[np.int32], n_vertices: int) -> Subdivision:
 
 
 def _edges(quads: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.intp]]:
-    """Return the edges (E, 2) in lexicographic order and, for each corner of each quad, the edge that leaves it (F, 4)."""
+    """Return the edges (E, 2) in lexicographic order and the edge that leaves each corner of each quad (F, 4)."""
     directed = np.stack([quads, np.roll(quads, -1, axis=1)], axis=-1)
     edges, index = np.unique(np.sort(directed, axis=-1).reshape(-1, 2), axis=0, return_inverse=True)
     return edges, index.reshape(quads.shape)

@@ -14,7 +14,7 @@ from scripts.asset_building.head import LASH_RING, Skin, split_uv
 from scripts.asset_building.mouth_texture import paint_gums, paint_teeth, paint_tongue
 from scripts.asset_building.occlusion import ambient_occlusion
 from scripts.asset_building.piece import Floats, Ints
-from scripts.asset_building.raster import TexelMap, map_texels
+from scripts.asset_building.raster import map_texels
 from scripts.asset_building.skin_texture import SkinLook, SkinTexels, paint_skin
 from scripts.asset_building.source import Source
 from scripts.asset_building.unwrap import Layout
@@ -48,7 +48,8 @@ def skin_texels(source: Source, skin: Skin, rest: Floats, layout: Layout, size: 
     open_share = ambient_occlusion(place, skin.fine.quads, normals)
     edges = skin.fine.matrix @ np.stack(_lid_edges(skin), axis=1)
     attributes = np.concatenate(
-        [place[triangles], normals[triangles], open_share[triangles][..., None], base_uv[base_corners], edges[triangles]],
+        [per_vertex[triangles] for per_vertex in (place, normals, open_share[:, None])]
+        + [base_uv[base_corners], edges[triangles]],
         axis=-1,
     )
     texels = map_texels(uv, corner_uvs, place[triangles], attributes, size)

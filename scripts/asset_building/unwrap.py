@@ -100,7 +100,7 @@ def _unwrap_outside(vertices: Floats, quads: Ints, density: Floats) -> Layout:
     points, density = np.concatenate([points, points[copied]]), np.concatenate([density, density[copied]])
 
     loops = _border_loops(local)
-    loop = max(loops, key=lambda l: np.linalg.norm(np.diff(points[l], axis=0), axis=1).sum())
+    loop = max(loops, key=lambda hole: np.linalg.norm(np.diff(points[hole], axis=0), axis=1).sum())
     # A hole is closed by a fan around a new vertex, so that the embedding's guarantee holds.
     holes = [hole for hole in loops if hole is not loop]
     n = len(points)

@@ -1,0 +1,146 @@
+"""Puts a subject together."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from faceposer.geometry.mesh import VertexNormals
+from faceposer.model.subject import ARKIT_SHAPES, Subject
+from scripts.asset_building.eyes import build_eye, place_eye
+from scripts.asset_building.head import LASH_RING, LID_RINGS, Skin, cut_skin, ordered_ring, split_uv
+from scripts.asset_building.identity import NECK_TOP, Recipe, close_lips, identity_vertices, level_neck
+from scripts.asset_building.landmarks import feature_points, regions
+from scripts.asset_building.lashes import build_lashes
+from scripts.asset_building.lids import close_exactly, keep_clear, socket_ids, tuck_socket
+from scripts.asset_building.looks import LOOKS
+from scripts.asset_building.mouth import LOWER, UPPER, build_jaw, build_tongue
+from scripts.asset_building.piece import Floats, Ints, Piece, join
+from scripts.asset_building.skin_texture import hair_depth
+from scripts.asset_building.source import BaseMesh, Source
+from scripts.asset_building.textures import paint, skin_texels, vertex_masks
+from scripts.asset_building.unwrap import Layout, texel_density, unwrap_skin
+
+CREDITS = (
+    "Mesh, identity targets and masks: MakeHuman's base mesh and MPFB (CC0 1.0). Expression shapes: Face Units 01 by "
+    "Mika Suominen (CC0 1.0). Eyeballs, teeth, gums, lashes, layout and textures: Face Poser."
+)
+_SIDES = ("Left", "Right")
+_EYE_RADIUS = 1.43
+#: How much more the lids follow an upward gaze than in the source, whose lid would cover the pupil.
+_LID_FOLLOWS_UP = 1.9
+_BANDS = {"upper": "helper-upper-teeth", "lower": "helper-lower-teeth"}
+_EYES = {"Left": "helper-l-eye", "Right": "helper-r-eye"}
+
+
+@dataclass(frozen=True)
+class _Eyeball:
+    side: str
+    centre: Floats
+    radius: float
+
+
+class Builder:
+    """Builds subjects; what all of them share is computed once."""
+
+    def __init__(self, source: Source) -> None:
+        """Read the base mesh and the face units from ``source``."""
+        self.source = source
+        self.base: BaseMesh = source.base_mesh()
+        self.rest: Floats = 10.0 * self.base.vertices
+        self.skin: Skin = cut_skin(self.base, source.mirror(len(self.rest)))
+        self.place: Floats = self.skin.fine.matrix @ self.rest[self.skin.base_ids]
+        self.units = np.stack([10.0 * source.face_unit(name, len(self.rest)) for name in ARKIT_SHAPES])
+        rest_skin = self.rest[self.skin.base_ids]
+        old = Layout(self.skin.base_uv, self.skin.base_quad_uvs)
+        self.layout = unwrap_skin(rest_skin, self.skin.quads, old, texel_density(rest_skin))
+        self.texels = skin_texels(source, self.skin, rest_skin, self.layout)
+
+    def subject(self, recipe: Recipe) -> Subject:
+        """Build the subject of ``recipe``."""
+        everyone = identity_vertices(self.source, self.rest, recipe)
+        vertices = self._skin_vertices(everyone, recipe)
+        eyeballs = [self._eyeball(side, vertices) for side in _SIDES]
+        skin = self._skin(vertices, eyeballs)
+        pieces = [skin, *(build_eye(eye.side, eye.centre, eye.radius, ARKIT_SHAPES) for eye in eyeballs)]
+        for jaw, arch in (("upper", UPPER), ("lower", LOWER)):
+            ids = self._group(_BANDS[jaw])
+            pieces += build_jaw(jaw, arch, self.rest[ids], everyone[ids], self.units[:, ids])
+        pieces.append(build_tongue(self.base, self._group("helper-tongue"), self.rest, everyone, self.units))
+        for eye in eyeballs:
+            ring, lid = self._lash_ring(eye.side)
+            pieces.append(build_lashes(eye.side, skin.vertices, skin.shapes, ring, lid, eye.centre, recipe.lash_length))
+        joined = join(pieces)
+        points, titles = feature_points(self.skin, self.place, joined.parts)
+        masks = vertex_masks(self.source, self.skin)
+        low, high = skin.vertices.min(axis=0), skin.vertices.max(axis=0)
+        middle = np.array([0.0, high[1] - 12.5, 0.5 * (low[2] + high[2])])
+        return Subject(
+            name=recipe.name,
+            title=recipe.title,
+            vertices=(joined.vertices - middle).astype(np.float32),
+            polygons=joined.quads,
+            uv=joined.uv.astype(np.float32),
+            polygon_uvs=joined.quad_uvs,
+            parts=joined.parts,
+            shape_names=ARKIT_SHAPES,
+            shapes=joined.shapes.astype(np.float32),
+            regions=regions(self.skin, self.place, masks, joined.parts),
+            feature_points=points,
+            feature_titles=titles,
+            textures=paint(self.texels, LOOKS[recipe.name]),
+            credits=CREDITS,
+        )
+
+    def _group(self, name: str) -> Ints:
+        return np.unique(self.base.quads[self.base.groups == name])
+
+    def _skin_vertices(self, everyone: Floats, recipe: Recipe) -> Floats:
+        """Return the neutral skin, shape (N, 3)."""
+        skin = self.skin
+        fixed = self.base.vertices[skin.base_ids, 1] > NECK_TOP
+        control = close_lips(everyone[skin.base_ids], skin.lip_contact)
+        control = level_neck(control, skin.quads, skin.border, fixed, recipe)
+        vertices = skin.fine.matrix @ control
+        normals = VertexNormals(skin.fine.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3), len(vertices))(vertices)
+        depth = _smoothed(hair_depth(self.place.astype(np.float32)).astype(float), skin.fine.quads)
+        return vertices + recipe.hair_height * depth[:, None] * normals
+
+    def _eyeball(self, side: str, vertices: Floats) -> _Eyeball:
+        lids = np.concatenate([self.skin.rings_left[k] for k in LID_RINGS])
+        if side == "Right":
+            lids = self.skin.mirror[lids]
+        rest_centre = self.rest[self._group(_EYES[side])].mean(axis=0)
+        centre, scale = place_eye(self.place[lids], vertices[lids], rest_centre)
+        return _Eyeball(side, centre, _EYE_RADIUS * scale)
+
+    def _skin(self, vertices: Floats, eyeballs: list[_Eyeball]) -> Piece:
+        skin = self.skin
+        shapes = np.stack([skin.fine.matrix @ unit[skin.base_ids] for unit in self.units])
+        for eye in eyeballs:
+            ring, _ = self._lash_ring(eye.side)
+            blink = ARKIT_SHAPES.index(f"eyeBlink{eye.side}")
+            shapes[blink] = close_exactly(vertices, shapes[blink], ring, eye.side)
+            shapes[ARKIT_SHAPES.index(f"eyeLookUp{eye.side}")] *= _LID_FOLLOWS_UP
+            ids = socket_ids(skin, eye.side)
+            vertices = tuck_socket(vertices, ids, eye.centre, eye.radius)
+            shapes = keep_clear(vertices, shapes, ids, eye.centre, eye.radius)
+        uv, quad_uvs = split_uv(self.layout.uv, self.layout.quad_uvs)
+        return Piece("skin", "skin", vertices, skin.fine.quads, uv, quad_uvs, shapes)
+
+    def _lash_ring(self, side: str) -> tuple[Ints, Ints]:
+        """Return the loop of skin vertices that carries the lashes and those of the lid around it."""
+        ring = ordered_ring(self.skin.quads, self.skin.rings_left[LASH_RING])
+        lid = np.concatenate(self.skin.rings_left[LASH_RING - 2 : LASH_RING + 4])
+        if side == "Right":
+            ring, lid = self.skin.mirror[ring], self.skin.mirror[lid]
+        return self.skin.fine_loop(ring), lid
+
+
+def _smoothed(values: Floats, quads: Ints, rounds: int = 12) -> Floats:
+    """Return ``values`` (N,) averaged repeatedly with those of their neighbours in the mesh."""
+    a, b = np.stack([quads, np.roll(quads, -1, axis=1)], axis=-1).reshape(-1, 2).T
+    count = np.bincount(a, minlength=len(values)) + np.bincount(b, minlength=len(values))
+    for _ in range(rounds):
+        around = np.bincount(a, values[b], len(values)) + np.bincount(b, values[a], len(values))
+        values = 0.5 * values + 0.5 * around / count
+    return values
