@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -109,7 +110,10 @@ class FaceModel:
 
 
 def build_face_model(
-    subject: Subject, statistics: ExpressionStatistics | None = None, n_components: int | None = None
+    subject: Subject,
+    statistics: ExpressionStatistics | None = None,
+    n_components: int | None = None,
+    metric: Literal["local", "plain"] = "local",
 ) -> FaceModel:
     """Return the model of any ``subject`` whose shapes have ARKit's names, from statistics over ARKit weights.
 
@@ -118,6 +122,8 @@ def build_face_model(
         statistics: How the weights move together; the shipped ones if None.
         n_components: Dimensions of the subspace; if None, the fewest that reach every shape (gaze aside) but for
             ``LEAVE_AT_MOST`` of its displacement.
+        metric: What the PCA counts: motion relative to how much its place moves at all ("local"), or plain squared
+            distances as in the paper ("plain").
 
     Raises:
         FacePoserError: If the subject has none of the shapes that the statistics speak of.
@@ -132,10 +138,11 @@ def build_face_model(
     rows = [subject.shape_names.index(name) for name in names]
     shapes = np.ascontiguousarray(subject.shapes, dtype=np.float32)
     flat = shapes.reshape(len(shapes), -1)
-    weighted = shapes * np.sqrt(_vertex_metric(subject))[None, :, None]
-    weighted_flat = weighted.reshape(len(shapes), -1)
     plain_gram = (flat @ flat.T).astype(np.float64)
-    metric_gram = (weighted_flat @ weighted_flat.T).astype(np.float64)
+    metric_gram = plain_gram
+    if metric == "local":
+        weighted = (shapes * np.sqrt(_vertex_metric(subject))[None, :, None]).reshape(len(shapes), -1)
+        metric_gram = (weighted @ weighted.T).astype(np.float64)
 
     # Shapes without statistics stay out of the subspace: nothing is known of when they move.
     lift = np.zeros((len(shapes), len(statistics.shape_names)))
@@ -144,9 +151,7 @@ def build_face_model(
     covariance = lift @ statistics.covariance @ lift.T
     subspace = rig_pca(metric_gram * np.outer(known, known), covariance)
     if n_components is None:
-        must = np.array(
-            [row for row in rows if not subject.shape_names[row].startswith("eyeLook")], dtype=np.intp
-        )
+        must = np.array([row for row in rows if not subject.shape_names[row].startswith("eyeLook")], dtype=np.intp)
         subspace = smallest_reaching(subspace, plain_gram, must, LEAVE_AT_MOST)
     else:
         subspace = subspace.truncated(n_components)

@@ -24,7 +24,7 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
 
     Fitted by expectation-maximisation from a k-means start. With ``shrinkage`` the fit is maximum a posteriori: each
     component's covariance has an inverse Wishart prior around the covariance of all samples, worth as many samples as
-    make up that share of an average component. Plain maximum likelihood overfits the neighbouring frames of a capture badly.
+    make up that share of an average component. Plain maximum likelihood overfits the neighbouring frames of a capture.
 
     Args:
         n_components: Number K of factor analyzers.

@@ -58,8 +58,7 @@ def _square_root(curvature: Array) -> Array:
     diagonal = np.eye(len(curvature)) * float(np.trace(curvature)) / len(curvature)
     for jitter in (0.0, 1e-12, 1e-9, 1e-6):
         try:
-            lower: Array = np.linalg.cholesky(curvature + jitter * diagonal)
-            return lower
+            return np.asarray(np.linalg.cholesky(curvature + jitter * diagonal), dtype=np.float64)
         except np.linalg.LinAlgError:
             continue
     return np.sqrt(np.diag(np.diag(curvature)) + 1e-3 * diagonal)

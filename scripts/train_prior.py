@@ -1,0 +1,60 @@
+#!/usr/bin/env python3
+"""Learn the shipped statistics of expressions, assets/expressions.npz, from the real capture.
+
+    FACEPOSER_CAPTURES=FOLDER python scripts/train_prior.py            # learn and write
+    FACEPOSER_CAPTURES=FOLDER python scripts/train_prior.py --check    # learn and compare with what is there
+
+Only take 3 is used, so that what ships is just what docs/evaluation.md judges on take 4.
+"""
+
+import os
+
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    # One thread gives the same sums on every machine.
+    os.environ[variable] = "1"
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from faceposer.model.capture import read_capture
+from faceposer.model.expression_statistics import load_expression_statistics
+from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.model.training import learn
+from faceposer.resources import asset_path
+
+TAKE = "alex_rom_3.csv"
+CREDITS = "Learned from facial capture (c) 2021 Alexandre Donciu-Julin, MIT licence; see assets/README.md."
+TOLERANCE = 1e-3
+
+
+def main() -> None:
+    """Learn, then write or compare."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true", help="compare with the committed file instead of writing it")
+    options = parser.parse_args()
+    folder = os.environ.get("FACEPOSER_CAPTURES")
+    if not folder:
+        sys.exit("Set FACEPOSER_CAPTURES to the folder with the capture files.")
+    began = time.perf_counter()
+    statistics = learn([read_capture(Path(folder) / TAKE, ARKIT_SHAPES)], credits=CREDITS)
+    print(f"learned from {TAKE} in {time.perf_counter() - began:.1f} s")
+    path = asset_path("expressions.npz")
+    if not options.check:
+        statistics.save(path)
+        print(f"{path} written, {path.stat().st_size / 1024:.0f} kB")
+        return
+    committed = load_expression_statistics(path)
+    for name in ("weights", "means", "covariances", "mean", "covariance"):
+        difference = float(np.abs(getattr(statistics, name) - getattr(committed, name)).max())
+        print(f"{name}: largest difference {difference:.2g}")
+        if difference > TOLERANCE:
+            sys.exit(f"{path} is not what this recipe gives: {name} differs by {difference:.2g}.")
+    print("as committed")
+
+
+if __name__ == "__main__":
+    main()
