@@ -39,7 +39,7 @@ setup_environment() {
     . scripts/_system.sh
     system_packages "${packages[@]}"
 
-    setup_say "setting up the Python environment in .venv (once; it downloads some 200 MB)"
+    setup_say "setting up the Python environment in .venv (once; this downloads about 100 MB)"
     # Its programs name the path of the environment, which must therefore be made anew where the checkout has moved.
     if ! { grep -qF "$PWD/.venv" .venv/bin/activate && .venv/bin/python -m pip --version; } >/dev/null 2>&1; then
         if "$python" -c 'import ensurepip' 2>/dev/null; then
