@@ -9,22 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.model.subject import ARKIT_SHAPES
 
 Array = NDArray[np.float64]
 
-# fmt: off
-ARKIT_SHAPES = (
-    "eyeBlinkLeft", "eyeLookDownLeft", "eyeLookInLeft", "eyeLookOutLeft", "eyeLookUpLeft", "eyeSquintLeft", "eyeWideLeft",
-    "eyeBlinkRight", "eyeLookDownRight", "eyeLookInRight", "eyeLookOutRight", "eyeLookUpRight", "eyeSquintRight",
-    "eyeWideRight", "jawForward", "jawLeft", "jawRight", "jawOpen", "mouthClose", "mouthFunnel", "mouthPucker",
-    "mouthLeft", "mouthRight", "mouthSmileLeft", "mouthSmileRight", "mouthFrownLeft", "mouthFrownRight",
-    "mouthDimpleLeft", "mouthDimpleRight", "mouthStretchLeft", "mouthStretchRight", "mouthRollLower", "mouthRollUpper",
-    "mouthShrugLower", "mouthShrugUpper", "mouthPressLeft", "mouthPressRight", "mouthLowerDownLeft",
-    "mouthLowerDownRight", "mouthUpperUpLeft", "mouthUpperUpRight", "browDownLeft", "browDownRight", "browInnerUp",
-    "browOuterUpLeft", "browOuterUpRight", "cheekPuff", "cheekSquintLeft", "cheekSquintRight", "noseSneerLeft",
-    "noseSneerRight", "tongueOut",
-)
-# fmt: on
 _MAX_BYTES = 256 * 2**20
 
 
@@ -84,7 +72,7 @@ def _parse(lines: Iterator[list[str]], path: Path) -> Capture:
     missing = [name for name in ARKIT_SHAPES if name.lower() not in header]
     if missing:
         raise FacePoserError(
-            f"The header of '{path}' lacks {_listed(missing)}; give a CSV file of Live Link Face with ARKit's 52 channels."
+            f"The header of '{path}' lacks {_listed(missing)}; give a CSV of Live Link Face with all 52 channels."
         )
     columns = [header.index(name.lower()) for name in ARKIT_SHAPES]
     frames = [

@@ -1,9 +1,9 @@
 """How far what one region of the face does may be taken to tell of another.
 
 One performer's takes hold coincidences: a smile with a blink, a raised brow with a frowning mouth. A drag of a brow
-would then move the mouth. Multiplying each covariance of the rig's weights by a correlation matrix over regions (covariance
-tapering: Houtekamer and Mitchell 2001, Schur product) keeps what is known within a region and damps what is believed
-between regions; the product of two positive semi-definite matrices, entry by entry, stays positive semi-definite.
+would then move the mouth. Multiplying each covariance of the rig's weights by a correlation matrix over regions
+(covariance tapering: Houtekamer and Mitchell 2001, Schur product) keeps what is known within a region and damps what
+is believed between regions; the product of two positive semi-definite matrices, entry by entry, stays so.
 """
 
 from collections.abc import Sequence

@@ -51,10 +51,7 @@ class Recipe:
 
 def clean(capture: Capture, recipe: Recipe) -> Array:
     """Return the weights of a take, (F', S), above the performer's rest, without frames that jump."""
-    rested = capture.weights - np.percentile(capture.weights, recipe.rest_percentile, axis=0)
-    calm = np.array([not name.startswith("eyeBlink") for name in capture.shape_names])
-    change = np.abs(np.diff(rested[:, calm], axis=0, prepend=rested[:1, calm])).max(axis=1)
-    return np.clip(rested[change <= recipe.jump], 0.0, 1.0)
+    return capture.without_jumps(recipe.jump).from_rest(recipe.rest_percentile).weights
 
 
 def mirror_indices(shape_names: Sequence[str]) -> NDArray[np.intp]:
