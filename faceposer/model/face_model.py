@@ -28,8 +28,8 @@ _STILL_MOTION = 0.004
 class FaceModel:
     """x = neutral + B p with a density over p (Lau et al. 2009, eqs. (1) and (18)).
 
-    The paper adds B p to the mean face. Here p = 0 is the neutral face exactly, and the means of the mixture are shifted
-    to match: the same set of faces, apart from the directions that the subspace leaves out.
+    The paper adds B p to the mean face. Here p = 0 is the neutral face exactly, and the means of the mixture are
+    shifted to match: the same set of faces, apart from the directions that the subspace leaves out.
 
     Attributes:
         subject: The face, in its unit of length.
