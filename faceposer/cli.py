@@ -9,7 +9,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import NoReturn
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, NoWindowError
 
 _COMMANDS = ("solve", "render", "subjects", "demo")
 _VIEWS = ("front", "three-quarter", "left", "right")
@@ -42,7 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         status = _run(words)
     except FacePoserError as error:
         print(error, file=sys.stderr)
-        status = 2
+        # A status of its own, by which scripts/run knows to play the demo instead.
+        status = 3 if isinstance(error, NoWindowError) else 2
     except KeyboardInterrupt:
         status = 130
     except BrokenPipeError:
