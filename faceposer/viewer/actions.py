@@ -1,4 +1,4 @@
-"""Everything the user can do by a menu or a key, in one table: it feeds the menus, the sheet of keys and the tooltips."""
+"""All that the user can do by a menu or a key, in one table: it feeds the menus, the sheet of keys and the tooltips."""
 
 import sys
 from collections.abc import Callable, Iterable, Iterator

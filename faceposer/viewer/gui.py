@@ -20,7 +20,6 @@ class Gui:
         imgui.create_context()
         self.io = imgui.get_io()
         self.io.set_ini_filename(None)
-        self.io.set_log_filename(None)
         self.io.config_windows_move_from_title_bar_only = True
         imgui.backends.glfw_init_for_opengl(window.address, True)
         imgui.backends.opengl3_init("#version 330")

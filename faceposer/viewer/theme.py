@@ -48,7 +48,7 @@ class Icon:
     UP = "\uf062"
     HOME = "\uf015"
     WARNING = "\uf071"
-    POINT = "\uf3c5"
+    UNDO = "\uf2ea"
 
 
 def u32(colour: Colour, alpha: float = 1.0) -> int:

@@ -19,7 +19,7 @@ from imgui_bundle import imgui
 # isort: split
 import glfw
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import NoWindowError
 from faceposer.tools.tool import Button
 
 Modifiers = frozenset[str]
@@ -116,7 +116,7 @@ class Window:
             hidden: Open it where nobody sees it and no display is needed: for tests and the demo.
 
         Raises:
-            FacePoserError: If there is no display, or no OpenGL 3.3.
+            NoWindowError: If there is no display, or no OpenGL 3.3.
         """
         self._events: list[Event] = []
         self._failure: Exception | None = None
@@ -131,10 +131,11 @@ class Window:
             self.ctx = moderngl.create_context(require=330)
         except Exception as error:  # glcontext raises plain Exception
             glfw.terminate()
-            raise FacePoserError(f"OpenGL 3.3 is not to be had here ({error}); update the graphics driver.") from error
+            raise NoWindowError(f"OpenGL 3.3 is not to be had here ({error}); update the graphics driver.") from error
         self._alive = True
         glfw.swap_interval(0 if hidden else 1)
-        glfw.set_window_size_limits(self._handle, *SMALLEST, glfw.DONT_CARE, glfw.DONT_CARE)
+        if not hidden:
+            glfw.set_window_size_limits(self._handle, *SMALLEST, glfw.DONT_CARE, glfw.DONT_CARE)
         self._listen()
 
     @property
@@ -241,7 +242,10 @@ class Window:
         self._events.append(event)
 
     def _pointer(
-        self, kind: Literal["press", "release", "move", "wheel", "leave"], button: Button | None = None, wheel: float = 0.0
+        self,
+        kind: Literal["press", "release", "move", "wheel", "leave"],
+        button: Button | None = None,
+        wheel: float = 0.0,
     ) -> None:
         self._add(Pointer(kind, self._position, button, self._modifiers, time.perf_counter(), wheel))
 
@@ -344,7 +348,7 @@ def _open(size: Size, hidden: bool) -> Any:
     null = hidden and sys.platform.startswith("linux")
     glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL if null else glfw.ANY_PLATFORM)
     if not glfw.init():
-        raise FacePoserError(
+        raise NoWindowError(
             f"No window can be opened here ({_last_error()}); set DISPLAY, or use 'faceposer demo -o DIR', which needs none."
         )
     glfw.default_window_hints()
@@ -370,7 +374,7 @@ def _open(size: Size, hidden: bool) -> Any:
     if not handle:
         reason = _last_error()
         glfw.terminate()
-        raise FacePoserError(
+        raise NoWindowError(
             f"No window with OpenGL 3.3 can be opened here ({reason}); update the graphics driver, "
             "or on Debian install libgl1-mesa-dri and libegl1."
         )

@@ -1,0 +1,439 @@
+"""The window's program: one frame loop that connects events, the session, the picture and the panels."""
+
+import os
+import sys
+import time
+import traceback
+from pathlib import Path
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.resources import user_state_dir
+from faceposer.session.opening import open_session
+from faceposer.session.session import Mode, Session
+from faceposer.session.solver_worker import InlineWorker, SolverWorker, Worker
+from faceposer.tools.tool import Navigation
+from faceposer.tools.toolbox import Toolbox
+from faceposer.viewer.commands import build_actions
+from faceposer.viewer.file_dialogs import FileDialogs, FileRequest
+from faceposer.viewer.files import Files
+from faceposer.viewer.gui import Gui
+from faceposer.viewer.overlay import PinMark, pin_marks
+from faceposer.viewer.panels.dialogs import Dialogs, Question
+from faceposer.viewer.panels.layout import draw_window
+from faceposer.viewer.panels.points import PointsPanel
+from faceposer.viewer.panels.pose import PosePanel
+from faceposer.viewer.panels.widgets import Marks
+from faceposer.viewer.point_names import PointNames
+from faceposer.viewer.renderer import Shading
+from faceposer.viewer.router import Router
+from faceposer.viewer.scene import Scene
+from faceposer.viewer.settings import Settings, load_settings, save_settings
+from faceposer.viewer.viewport import Viewport
+from faceposer.viewer.window import Window
+
+# Seconds that a frame waits for the solve of a drag, so that the face is where the pointer is in the same frame.
+_SOLVE_PATIENCE = 0.012
+# Frames drawn after anything happens: Dear ImGui spreads fast clicks over several.
+_FRAMES_AFTER_EVENT = 3
+# Seconds for which frames go on after the pointer came to rest on a panel, where tooltips and highlights follow late.
+_LINGER = 1.0
+_NOTICE_SECONDS = 3.5
+_SAMPLES = 4
+_MOST_FAILURES = 10
+
+
+class App:
+    """The running program.
+
+    Attributes:
+        session: What the user edits.
+        comparing: Whether the neutral face is shown in place of the pose.
+        highlighted: Index of the pin that a panel points at, or None.
+        busy: Whether a gesture or a slider holds the document, so that nothing else may change it.
+    """
+
+    def __init__(
+        self, what: str = "man", hidden: bool = False, threaded: bool = True, settings: Settings | None = None
+    ) -> None:
+        """Open ``what``, a subject or a session, in a window.
+
+        Args:
+            what: Name or path.
+            hidden: Open the window where nobody sees it and no display is needed.
+            threaded: Solve beside the frames; else at once, so that what happens does not depend on time.
+            settings: Remembered choices, which are then not written back; those of the last run if None.
+
+        Raises:
+            FacePoserError: If that cannot be opened, or no window can.
+        """
+        self._threaded = threaded
+        self._window: Window | None = None
+        self._remember = settings is None
+        self.settings = load_settings() if settings is None else settings
+        session = open_session(what, self.new_worker())
+        self.window = self._window = Window(self.settings.window_size, hidden)
+        self.gui = Gui(self.window)
+        self.scene = Scene(self.window.ctx)
+        self.marks = Marks()
+        self.session = session
+        self.scene.set_model(session.model)
+        self.viewport = Viewport(self.scene, session, self.settings.navigation)
+        self.dialogs = Dialogs(self.gui.fonts, self.marks)
+        self.file_dialogs = FileDialogs(self.gui.fonts, self.marks, use_native=False if hidden else None)
+        self.files = Files(self)
+        self.toolbox = Toolbox(self.viewport)
+        self.actions = build_actions(self)
+        self.router = Router(self)
+        self.pose_panel, self.points_panel = PosePanel(), PointsPanel()
+        self.comparing = self.wireframe = False
+        self.points_shown = self.panel_shown = True
+        self.shading: Shading = "full"
+        self.highlighted: int | None = None
+        self.debug = bool(os.environ.get("FACEPOSER_DEBUG"))
+        self.frame_seconds = 0.0
+        self.frames_drawn = 0
+        self.closing = False
+        self.notice = ""
+        self._notice_until = 0.0
+        self._frames_due = _FRAMES_AFTER_EVENT
+        self._last_event = time.perf_counter()
+        self._failures = 0
+        self._marks_key: object = None
+        self._pin_marks: list[PinMark] = []
+        self._names = PointNames(session.model.subject)
+        self._mode: Mode = "live"
+        self.set_session(session)
+
+    # The loop
+
+    def run(self) -> None:
+        """Show the window until the user closes it."""
+        self.window.show()
+        while not self.closing:
+            self.window.wait(self._patience())
+            self.step()
+
+    def _patience(self) -> float:
+        """Return for how many seconds there is nothing to do unless something happens."""
+        if self._frames_due:
+            return 0.0
+        now = time.perf_counter()
+        patience = 0.5
+        if self.router.over_widget and now - self._last_event < _LINGER:
+            patience = 0.05
+        if self.file_dialogs.polling or self.gui.io.want_text_input:
+            patience = min(patience, 0.1)
+        if self.notice:
+            patience = min(patience, max(self._notice_until - now, 0.01))
+        return patience
+
+    def step(self, force: bool = False) -> None:
+        """Handle what has happened and draw a frame if anything has changed, or with ``force`` in any case.
+
+        Raises:
+            FacePoserError: If frame after frame fails; the work is then in a file that the message names.
+        """
+        try:
+            self._take_events()
+            self._follow_session()
+        except Exception as error:  # the window goes on, whatever it was
+            self._report(error)
+        linger = self.router.over_widget and time.perf_counter() - self._last_event < _LINGER
+        if not (self._frames_due or force or linger or self.gui.io.want_text_input):
+            return
+        self._frames_due = max(self._frames_due - 1, 0)
+        if self.window.drawable:
+            self._draw()
+
+    def _take_events(self) -> None:
+        events = self.window.take_events()
+        if events:
+            self.redraw()
+            self._last_event = time.perf_counter()
+        self.router.route(events)
+        self.file_dialogs.poll()
+        if self.notice and time.perf_counter() > self._notice_until:
+            self.notice = ""
+            self.redraw()
+
+    def _follow_session(self) -> None:
+        """Bring the picture's face up to date with the session."""
+        session = self.session
+        if self.toolbox.dragging_pin and session.mode == "live":
+            session.worker.wait_idle(_SOLVE_PATIENCE)
+        if session.poll():
+            self.redraw()
+        self.scene.set_pose(session.model.neutral() if self.comparing else session.coefficients)
+        self.router.follow()
+
+    def redraw(self) -> None:
+        """See to it that what has changed is drawn."""
+        self._frames_due = _FRAMES_AFTER_EVENT
+
+    def _draw(self) -> None:
+        begun = time.perf_counter()
+        self.gui.set_scale(self.window.ui_scale)
+        self.window.set_title(self.files.title)
+        failure = self.gui.frame(lambda: draw_window(self))
+        ctx, (width, height) = self.window.ctx, self.window.pixels
+        ctx.screen.use()
+        ctx.viewport = (0, 0, width, height)
+        ctx.clear(0.0, 0.0, 0.0, 1.0)
+        self.gui.draw()
+        self.window.swap()
+        self.frames_drawn += 1
+        self.frame_seconds = time.perf_counter() - begun
+        if failure is None:
+            self._failures = 0
+            return
+        self._failures += 1
+        self._report(failure)
+        if self._failures >= _MOST_FAILURES:
+            raise FacePoserError(f"The window cannot be drawn ({failure}); {self._rescue()}") from failure
+
+    def picture(self, camera_pixels: tuple[int, int]) -> moderngl.Texture:
+        """Return the picture of the face for the view, of the given size in pixels."""
+        camera = self.viewport.camera
+        if camera_pixels != camera.size:
+            camera = self.viewport.view.camera(camera_pixels)
+        samples = 0 if self.window.software and self.toolbox.active else _SAMPLES
+        return self.scene.draw(camera, self.shading, self.wireframe, samples)
+
+    def screenshot(self) -> NDArray[np.uint8]:
+        """Return the window as it was drawn last, top row first, shape (height, width, 3)."""
+        ctx, size = self.window.ctx, self.window.pixels
+        buffer = ctx.simple_framebuffer(size, 3)
+        buffer.use()
+        buffer.clear(0.0, 0.0, 0.0, 1.0)
+        self.gui.draw()
+        data = np.frombuffer(buffer.read(components=3, alignment=1), dtype=np.uint8)
+        buffer.release()
+        ctx.screen.use()
+        return np.ascontiguousarray(data.reshape(size[1], size[0], 3)[::-1])
+
+    # What goes wrong
+
+    def _report(self, error: Exception) -> None:
+        self.redraw()
+        if isinstance(error, FacePoserError):
+            self.dialogs.report("That did not work", str(error))
+            return
+        details = "".join(traceback.format_exception(error))
+        sys.stderr.write(details)
+        text = f"{type(error).__name__}: {error}. Your work is still here; it would be wise to save it."
+        self.dialogs.report("Something went wrong inside the program", text, details)
+
+    def _rescue(self) -> str:
+        """Save the session beside the settings, and say where."""
+        if not self.session.dirty:
+            return "nothing is lost."
+        path: Path = user_state_dir() / "rescued.json"
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self.session.save(path)
+        except (FacePoserError, OSError) as error:
+            return f"your work could not be saved either: {error}"
+        return f"your work is in '{path}'."
+
+    # The session
+
+    def new_worker(self) -> Worker:
+        """Return what solves for a session."""
+        return SolverWorker(on_result=self._wake) if self._threaded else InlineWorker()
+
+    def _wake(self) -> None:
+        if self._window is not None:
+            self._window.wake()
+
+    def set_session(self, session: Session) -> None:
+        """Edit ``session`` from now on."""
+        self.toolbox.cancel()
+        if session is not self.session:
+            self.session.close()
+        self.session = self.viewport.session = session
+        session.mode = self._mode
+        self.scene.set_model(session.model)
+        self.toolbox = Toolbox(self.viewport)
+        self._names = PointNames(session.model.subject)
+        self._marks_key = None
+        self.comparing = False
+        camera = session.document.camera
+        if camera is None:
+            self.viewport.view = self.viewport.framed()
+        else:
+            self.viewport.look_through(camera)
+        self.redraw()
+
+    def viewport_placed(self) -> None:
+        """Frame the face once the size of the view is known."""
+        if self.session.document.camera is None:
+            self.viewport.view = self.viewport.framed()
+
+    def set_mode(self, mode: Mode) -> None:
+        """Let the face follow at once, or when the user applies."""
+        self._mode = self.session.mode = mode
+        self.redraw()
+
+    @property
+    def busy(self) -> bool:
+        """Whether a gesture or a slider holds the document."""
+        return self.toolbox.active or self.session.editing
+
+    @property
+    def covered(self) -> bool:
+        """Whether a menu or a dialog keeps the pointer from the view."""
+        return self.gui.popup_open or self.dialogs.open or self.file_dialogs.browsing
+
+    @property
+    def pins(self) -> list[PinMark]:
+        """How the pins appear in the view."""
+        key = (self.session, self.session.revision, self.viewport.view, self.viewport.size, self.viewport.ui_scale)
+        if key != self._marks_key:
+            self._pin_marks = pin_marks(self.viewport, self.scene)
+            self._marks_key = key
+        return self._pin_marks
+
+    def point_name(self, index: int) -> str:
+        """Return what people call the place of constraint ``index``."""
+        constraint = self.session.document.constraints[index]
+        return self._names.name(constraint.surface_points(self.session.model.triangles)[0])
+
+    def hint(self) -> str:
+        """Return what the mouse will do now."""
+        if self.comparing:
+            return "This is the neutral face   ·   C: back to the pose"
+        if self.session.pending:
+            return f"{self.toolbox.hint()}   ·   Enter: apply"
+        return self.toolbox.hint()
+
+    def notify(self, text: str) -> None:
+        """Show ``text`` over the view for a few seconds."""
+        self.notice = text
+        self._notice_until = time.perf_counter() + _NOTICE_SECONDS
+        self.redraw()
+
+    # Actions
+
+    def before_press(self) -> None:
+        """Prepare for a press on the view: one poses what one sees."""
+        if self.comparing:
+            self.comparing = False
+            self.scene.set_pose(self.session.coefficients)
+
+    def apply(self) -> None:
+        """Let the face follow the points."""
+        self.session.apply()
+
+    def delete_selected(self) -> None:
+        """Remove the selected points."""
+        self.toolbox.delete_selected()
+
+    def clear_points(self) -> None:
+        """Remove all points."""
+        count = len(self.session.document.constraints)
+        self.toolbox.cancel()
+        self.session.remove_constraints(set(range(count)), "Clear all points")
+
+    def reset(self) -> None:
+        """Return to the neutral face."""
+        self.toolbox.cancel()
+        self.comparing = False
+        if self.session.document.constraints or np.any(self.session.coefficients):
+            self.session.reset_pose()
+
+    def cancel(self) -> None:
+        """Take back the gesture, or deselect."""
+        self.toolbox.cancel()
+
+    def compare(self) -> None:
+        """Show the neutral face, or the pose again."""
+        if not self.toolbox.active:
+            self.comparing = not self.comparing
+
+    def look(self, name: str) -> None:
+        """Turn the view."""
+        if not self.toolbox.active:
+            self.viewport.look(name)
+
+    def navigate(self, preset: Navigation) -> None:
+        """Let the mouse buttons move the view as in another program."""
+        self.viewport.navigation = self.settings.navigation = preset
+
+    def toggle_wireframe(self) -> None:
+        """Draw the edges of the mesh, or not."""
+        self.wireframe = not self.wireframe
+
+    def toggle_clay(self) -> None:
+        """Draw without textures, or with them."""
+        self.shading = "full" if self.shading == "clay" else "clay"
+
+    def toggle_points(self) -> None:
+        """Draw the pins, or not."""
+        self.points_shown = not self.points_shown
+
+    def toggle_panel(self) -> None:
+        """Show the side panel, or not."""
+        self.panel_shown = not self.panel_shown
+
+    def toggle_keys(self) -> None:
+        """Show the sheet of keys."""
+        self.dialogs.keys_shown = True
+
+    def about(self) -> None:
+        """Show who made what."""
+        subject = self.session.model.subject
+        text = f"Pose 3D faces by dragging: the whole face follows as a real face would.\n\n{subject.credits}"
+        self.dialogs.ask(Question("Face Poser", text))
+
+    def dialogs_ask(self, request: FileRequest) -> None:
+        """Ask for a file."""
+        self.toolbox.finish()
+        self.file_dialogs.ask(request)
+
+    def close_soon(self) -> None:
+        """Leave the loop after this frame."""
+        self.closing = True
+
+    def close(self) -> None:
+        """Remember the settings and free everything."""
+        if self._remember:
+            scale = max(self.window.ui_scale, 0.1)
+            width, height = self.window.size
+            if min(width, height) > 0:
+                self.settings.window_size = (round(width / scale), round(height / scale))
+            save_settings(self.settings)
+        self._window = None
+        self.session.close()
+        self.scene.release()
+        self.gui.close()
+        self.window.close()
+
+
+def run(what: str, exit_after_first_frame: bool = False) -> int:
+    """Open ``what``, a subject or a session, in a window and return the exit status once the user has closed it.
+
+    Args:
+        what: Name or path.
+        exit_after_first_frame: End as soon as the face is on the screen, to time the start.
+
+    Raises:
+        FacePoserError: If that cannot be opened, or no window can.
+    """
+    # The solver's thread shares the interpreter with the frames: hand over sooner than every 5 ms.
+    sys.setswitchinterval(5e-4)
+    app = App(what)
+    try:
+        if exit_after_first_frame:
+            app.window.show()
+            app.window.wait(0.0)
+            app.step(force=True)
+            app.window.ctx.finish()
+        else:
+            app.run()
+    finally:
+        app.close()
+    return 0

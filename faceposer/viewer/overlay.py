@@ -1,0 +1,148 @@
+"""What is drawn over the face: pins, how far the face is from them, and where a press would take hold."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from imgui_bundle import imgui
+
+from faceposer.geometry.picking import SurfacePoint, surface_positions
+from faceposer.solve.constraints.point import PointConstraint
+from faceposer.tools.point_tool import handle_pixels
+from faceposer.tools.toolbox import Toolbox
+from faceposer.viewer.scene import Scene
+from faceposer.viewer.theme import ACCENT, EDGE, FAINT, INK, WARNING, u32
+from faceposer.viewer.viewport import Pixel, Viewport
+
+_WHITE = (1.0, 1.0, 1.0, 1.0)
+# Pixels at normal density from which the eye sees that a pin and its place on the face are apart.
+_APART = 1.5
+
+
+@dataclass(frozen=True)
+class PinMark:
+    """How one pin appears in the view.
+
+    Attributes:
+        anchor: The place on the face that it holds.
+        handle: Where it is drawn and grabbed.
+        face: Where its place on the face is now.
+        own_view: Whether the view is the one that it was made in, so that its target can be shown.
+        hidden: Whether the face hides its place.
+        enabled: Whether it pulls.
+    """
+
+    anchor: SurfacePoint
+    handle: Pixel
+    face: Pixel
+    own_view: bool
+    hidden: bool
+    enabled: bool
+
+    @property
+    def apart(self) -> float:
+        """Distance in the view between the pin and its place on the face."""
+        return float(np.hypot(self.handle[0] - self.face[0], self.handle[1] - self.face[1]))
+
+
+def pin_marks(viewport: Viewport, scene: Scene) -> list[PinMark]:
+    """Return how each point constraint of the session appears, in the order of the constraints."""
+    constraints = viewport.session.document.constraints
+    if not constraints:
+        return []
+    camera = viewport.camera
+    anchors = [constraint.surface_points(scene.triangles)[0] for constraint in constraints]
+    positions = surface_positions(scene.vertices, scene.triangles, anchors)
+    faces = camera.project(positions)
+    hidden = scene.occluded(camera, faces, camera.to_camera(positions)[:, 2])
+    handles = handle_pixels(viewport).tolist()
+    return [
+        PinMark(
+            anchors[i],
+            (handles[i][0], handles[i][1]),
+            (float(faces[i, 0]), float(faces[i, 1])),
+            isinstance(constraint, PointConstraint)
+            and constraint.camera.transferred(constraint.target, camera) is not None,
+            bool(hidden[i]),
+            constraint.enabled,
+        )
+        for i, constraint in enumerate(constraints)
+    ]
+
+
+def draw_overlay(draw: imgui.ImDrawList, viewport: Viewport, toolbox: Toolbox, marks: Sequence[PinMark]) -> None:
+    """Draw ``marks`` and the place under the pointer."""
+    scale = viewport.ui_scale
+    hover = toolbox.hover
+    hovered = hover.pin if hover is not None and not toolbox.active else None
+    for mark in marks:
+        if mark.own_view and mark.enabled and mark.apart > _APART * scale:
+            _draw_gap(draw, viewport, mark, scale)
+    for i, mark in enumerate(marks):
+        _draw_pin(draw, _placed(viewport, mark.handle), mark, i in toolbox.selection, i == hovered, scale)
+    if hover is not None and hover.surface and not toolbox.active:
+        center = _placed(viewport, hover.position)
+        draw.add_circle_filled(center, 4.2 * scale, u32(EDGE, 0.55))
+        draw.add_circle_filled(center, 2.8 * scale, u32(_WHITE, 0.95))
+
+
+def draw_label(draw: imgui.ImDrawList, viewport: Viewport, mark: PinMark, text: str) -> None:
+    """Write ``text`` beside the pin ``mark``, inside the view."""
+    scale = viewport.ui_scale
+    size = imgui.calc_text_size(text)
+    pad = 5.0 * scale
+    x, y = _placed(viewport, mark.handle)
+    right = viewport.origin[0] + viewport.size[0]
+    left = x + 14.0 * scale
+    if left + size.x + 2.0 * pad > right:
+        left = x - 14.0 * scale - size.x - 2.0 * pad
+    top = max(y - size.y / 2.0 - pad, viewport.origin[1])
+    draw.add_rect_filled(
+        (left, top), (left + size.x + 2.0 * pad, top + size.y + 2.0 * pad), u32(EDGE, 0.78), 4.0 * scale
+    )
+    draw.add_text((left + pad, top + pad), u32(INK), text)
+
+
+def draw_badge(draw: imgui.ImDrawList, viewport: Viewport, text: str, row: float, warm: bool = False) -> None:
+    """Write ``text`` on a plate in the middle of the view, at ``row``: 0 for the top, 1 for the bottom."""
+    scale = viewport.ui_scale
+    size = imgui.calc_text_size(text)
+    if size.x + 28.0 * scale > viewport.size[0]:
+        return
+    pad_x, pad_y, margin = 14.0 * scale, 7.0 * scale, 16.0 * scale
+    width, height = size.x + 2.0 * pad_x, size.y + 2.0 * pad_y
+    left = round(viewport.origin[0] + (viewport.size[0] - width) / 2.0)
+    top = round(viewport.origin[1] + margin + row * (viewport.size[1] - height - 2.0 * margin))
+    draw.add_rect_filled((left, top), (left + width, top + height), u32(EDGE, 0.80), height / 2.0)
+    draw.add_text((left + pad_x, top + pad_y), u32(WARNING if warm else INK), text)
+
+
+def _placed(viewport: Viewport, pixel: Pixel) -> Pixel:
+    return (pixel[0] + viewport.origin[0], pixel[1] + viewport.origin[1])
+
+
+def _draw_gap(draw: imgui.ImDrawList, viewport: Viewport, mark: PinMark, scale: float) -> None:
+    """Draw the line from the face to the pin that it does not reach."""
+    begin, end = _placed(viewport, mark.face), _placed(viewport, mark.handle)
+    alpha = 0.45 if mark.hidden else 1.0
+    draw.add_line(begin, end, u32(EDGE, 0.6 * alpha), 4.0 * scale)
+    draw.add_line(begin, end, u32(WARNING, alpha), 2.0 * scale)
+    draw.add_circle_filled(begin, 4.0 * scale, u32(EDGE, 0.7 * alpha))
+    draw.add_circle_filled(begin, 2.8 * scale, u32(WARNING, alpha))
+
+
+def _draw_pin(
+    draw: imgui.ImDrawList, center: Pixel, mark: PinMark, selected: bool, hovered: bool, scale: float
+) -> None:
+    """Draw a pin: full in its own view, a smaller ghost in others, dim where the face hides it."""
+    alpha = 0.40 if mark.hidden else 1.0 if mark.own_view else 0.75
+    radius = (5.5 if mark.own_view else 4.0) * scale
+    if hovered:
+        draw.add_circle_filled(center, radius + 5.0 * scale, u32(_WHITE, 0.22))
+    if selected:
+        draw.add_circle(center, radius + 3.2 * scale, u32(EDGE, 0.8 * alpha), 0, 3.6 * scale)
+        draw.add_circle(center, radius + 3.2 * scale, u32(_WHITE, alpha), 0, 1.8 * scale)
+    draw.add_circle_filled(center, radius + 1.5 * scale, u32(EDGE, 0.85 * alpha))
+    draw.add_circle_filled(center, radius, u32(ACCENT if mark.enabled else FAINT, alpha))
+    if not mark.own_view:
+        draw.add_circle_filled(center, radius * 0.45, u32(EDGE, 0.85 * alpha))

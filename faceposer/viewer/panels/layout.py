@@ -1,0 +1,113 @@
+"""Where everything is: menus on top, the face at the left, the panel at the right, a line of text at the bottom."""
+
+from typing import TYPE_CHECKING
+
+from imgui_bundle import ImVec2, imgui
+
+from faceposer.viewer.overlay import draw_badge, draw_label, draw_overlay
+from faceposer.viewer.panels.menu_bar import draw_menu_bar
+from faceposer.viewer.panels.status_bar import draw_status_bar, status_height
+from faceposer.viewer.panels.view import draw_output_panel, draw_view_panel
+from faceposer.viewer.theme import BAR, GROUND, em
+
+if TYPE_CHECKING:
+    from faceposer.viewer.app import App
+
+_PANEL_WIDTH = 18.5
+_FIXED = (
+    imgui.WindowFlags_.no_title_bar
+    | imgui.WindowFlags_.no_resize
+    | imgui.WindowFlags_.no_move
+    | imgui.WindowFlags_.no_collapse
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_bring_to_front_on_focus
+    | imgui.WindowFlags_.no_nav
+)
+_BARE = _FIXED | imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+
+
+def draw_window(app: "App") -> None:
+    """Lay out and draw all of the window's content."""
+    app.marks.clear()
+    app.highlighted = None
+    width, height = app.window.size
+    top = draw_menu_bar(app.actions, app.marks)
+    bottom = status_height()
+    middle = max(height - top - bottom, 1.0)
+    panel = min(round(em(_PANEL_WIDTH)), width // 2) if app.panel_shown else 0
+    if panel:
+        _draw_panel(app, (width - panel, top), (panel, middle))
+    _draw_view(app, (0.0, top), (max(width - panel, 1), middle))
+    _place((0.0, height - bottom), (width, bottom))
+    imgui.push_style_color(imgui.Col_.window_bg, BAR)
+    imgui.begin("##status", None, _BARE)
+    draw_status_bar(app)
+    imgui.end()
+    imgui.pop_style_color()
+    app.dialogs.draw(app.actions, app.viewport.navigation)
+    if not app.dialogs.open:
+        app.file_dialogs.draw()
+
+
+def _place(position: tuple[float, float], size: tuple[float, float]) -> None:
+    imgui.set_next_window_pos(ImVec2(*position))
+    imgui.set_next_window_size(ImVec2(*size))
+
+
+def _draw_panel(app: "App", position: tuple[float, float], size: tuple[float, float]) -> None:
+    _place(position, size)
+    imgui.push_style_color(imgui.Col_.window_bg, GROUND)
+    imgui.begin("##panel", None, _FIXED)
+    app.pose_panel.draw(app)
+    app.points_panel.draw(app)
+    draw_view_panel(app)
+    draw_output_panel(app)
+    imgui.end()
+    imgui.pop_style_color()
+
+
+def _draw_view(app: "App", position: tuple[float, float], size: tuple[float, float]) -> None:
+    """Show the face and what is drawn over it."""
+    _place(position, size)
+    imgui.push_style_var(imgui.StyleVar_.window_padding, (0.0, 0.0))
+    imgui.begin("##view", None, _BARE)
+    imgui.pop_style_var()
+    first = app.viewport.size == (1, 1)
+    app.viewport.place(position, (int(size[0]), int(size[1])), app.window.ui_scale)
+    if first:
+        app.viewport_placed()
+    ratio = app.window.pixels[0] / max(app.window.size[0], 1)
+    pixels = (max(round(app.viewport.size[0] * ratio), 1), max(round(app.viewport.size[1] * ratio), 1))
+    texture = app.picture(pixels)
+    imgui.image(imgui.ImTextureRef(texture.glo), ImVec2(*app.viewport.size), ImVec2(0.0, 1.0), ImVec2(1.0, 0.0))
+    imgui.set_cursor_pos(ImVec2(0.0, 0.0))
+    buttons = (
+        imgui.ButtonFlags_.mouse_button_left
+        | imgui.ButtonFlags_.mouse_button_middle
+        | imgui.ButtonFlags_.mouse_button_right
+    )
+    imgui.invisible_button("face", ImVec2(*app.viewport.size), buttons)
+    app.marks.note("view")
+    draw = imgui.get_window_draw_list()
+    if app.comparing:
+        draw_badge(draw, app.viewport, "Neutral", 0.0)
+    else:
+        _draw_pins(app, draw)
+        if app.session.pending:
+            draw_badge(draw, app.viewport, "Press Enter to let the face follow the points", 0.0, warm=True)
+    if app.notice:
+        draw_badge(draw, app.viewport, app.notice, 1.0)
+    imgui.end()
+
+
+def _draw_pins(app: "App", draw: imgui.ImDrawList) -> None:
+    hover = app.toolbox.hover
+    pointed = app.highlighted if hover is None else hover.pin
+    pins = app.pins
+    if not app.points_shown and pointed is None and not app.toolbox.dragging_pin:
+        pins = []
+    draw_overlay(draw, app.viewport, app.toolbox, pins)
+    if pointed is not None and pointed < len(pins) and not app.toolbox.active:
+        draw_label(draw, app.viewport, pins[pointed], app.point_name(pointed))
+        if hover is not None:
+            imgui.set_mouse_cursor(imgui.MouseCursor_.hand)

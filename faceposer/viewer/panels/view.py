@@ -1,0 +1,41 @@
+"""The panel's third part: where one looks from, and how the face is drawn."""
+
+from typing import TYPE_CHECKING
+
+from imgui_bundle import imgui
+
+from faceposer.viewer.panels.widgets import action_button, button_width, choice, heading, tooltip
+
+if TYPE_CHECKING:
+    from faceposer.viewer.app import App
+
+
+def draw_view_panel(app: "App") -> None:
+    """Draw the part."""
+    heading(app.gui.fonts, "View")
+    for row in (("front", "three-quarter", "frame"), ("left", "right", "top")):
+        width = button_width(len(row))
+        for i, name in enumerate(row):
+            if i:
+                imgui.same_line()
+            label = {"three-quarter": "3/4", "frame": "Frame"}.get(name, name.capitalize())
+            action_button(app.marks, app.actions[name if name == "frame" else f"view-{name}"], width, label)
+    imgui.spacing()
+    tips = ("Skin, eyes and teeth as they are.", "Plain clay, to judge the shape.")
+    chosen = choice(app.marks, "shading", ("Full", "Clay"), int(app.shading == "clay"), tips)
+    app.shading = "clay" if chosen else "full"
+    _, app.wireframe = imgui.checkbox("Wireframe", app.wireframe)
+    app.marks.note("wireframe")
+    tooltip(app.actions["wireframe"].tooltip)
+    _, app.points_shown = imgui.checkbox("Show points", app.points_shown)
+    app.marks.note("points-shown")
+    tooltip(app.actions["points"].tooltip)
+
+
+def draw_output_panel(app: "App") -> None:
+    """Draw the last part: what one takes away."""
+    heading(app.gui.fonts, "Save")
+    width = button_width(2)
+    action_button(app.marks, app.actions["save"], width, "Session")
+    imgui.same_line()
+    action_button(app.marks, app.actions["export"], width, "Mesh (OBJ)")

@@ -1,0 +1,117 @@
+"""Small pieces that panels are made of."""
+
+from collections.abc import Sequence
+
+from imgui_bundle import ImVec4, imgui
+
+from faceposer.viewer.actions import Action
+from faceposer.viewer.theme import ACCENT_DARK, ACCENT_MID, FAINT, Fonts, em
+
+Rectangle = tuple[float, float, float, float]
+
+
+class Marks:
+    """Where each named widget of the last frame was drawn, in window units: left, top, right, bottom.
+
+    Tests and the demo find by it what to click on.
+    """
+
+    def __init__(self) -> None:
+        self._rectangles: dict[str, Rectangle] = {}
+
+    def clear(self) -> None:
+        """Forget all, at the begin of a frame."""
+        self._rectangles.clear()
+
+    def note(self, name: str) -> None:
+        """Remember the widget that was drawn last as ``name``."""
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        self._rectangles[name] = (low.x, low.y, high.x, high.y)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._rectangles
+
+    def __getitem__(self, name: str) -> Rectangle:
+        return self._rectangles[name]
+
+    def center(self, name: str) -> tuple[float, float]:
+        """Return the middle of the widget ``name``.
+
+        Raises:
+            KeyError: If there was none in the last frame.
+        """
+        left, top, right, bottom = self._rectangles[name]
+        return ((left + right) / 2.0, (top + bottom) / 2.0)
+
+
+def heading(fonts: Fonts, text: str, first: bool = False) -> None:
+    """Write the title of a section."""
+    if not first:
+        imgui.dummy((0.0, em(0.35)))
+        imgui.separator()
+        imgui.dummy((0.0, em(0.10)))
+    imgui.push_font(fonts.bold, 0.0)
+    imgui.text(text)
+    imgui.pop_font()
+
+
+def caption(text: str) -> None:
+    """Write a quiet line."""
+    imgui.push_style_color(imgui.Col_.text, ImVec4(*FAINT))
+    imgui.text_wrapped(text)
+    imgui.pop_style_color()
+
+
+def tooltip(text: str) -> None:
+    """Explain the widget before, when the pointer rests on it, even if it cannot be used now."""
+    flags = imgui.HoveredFlags_.for_tooltip.value | imgui.HoveredFlags_.allow_when_disabled.value
+    if imgui.is_item_hovered(flags) and imgui.begin_tooltip():
+        imgui.push_text_wrap_pos(em(24))
+        imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()
+        imgui.end_tooltip()
+
+
+def button_width(count: int) -> float:
+    """Return the width of each of ``count`` buttons that share the line."""
+    spacing = imgui.get_style().item_spacing.x
+    return max((imgui.get_content_region_avail().x - spacing * (count - 1)) / count, 1.0)
+
+
+def action_button(marks: Marks, action: Action, width: float, label: str = "", strong: bool = False) -> None:
+    """Draw a button for ``action``; ``strong`` calls attention to it."""
+    on = action.checked is not None and action.checked()
+    if on or strong:
+        _push_lit(ACCENT_DARK if on else ACCENT_MID)
+    imgui.begin_disabled(not action.enabled())
+    if imgui.button(f"{label or action.label}##{action.name}", (width, 0.0)):
+        action.run()
+    imgui.end_disabled()
+    marks.note(action.name)
+    tooltip(action.tooltip)
+    if on or strong:
+        imgui.pop_style_color(3)
+
+
+def choice(marks: Marks, name: str, labels: Sequence[str], chosen: int, tips: Sequence[str]) -> int:
+    """Draw buttons of which one is down, and return which is chosen now."""
+    gap = max(round(em(0.1)), 1)
+    width = (imgui.get_content_region_avail().x - gap * (len(labels) - 1)) / len(labels)
+    for i, label in enumerate(labels):
+        if i:
+            imgui.same_line(0.0, gap)
+        if i == chosen:
+            _push_lit(ACCENT_DARK)
+        pressed = imgui.button(f"{label}##{name}", (max(width, 1.0), 0.0))
+        if i == chosen:
+            imgui.pop_style_color(3)
+        marks.note(f"{name}:{i}")
+        tooltip(tips[i])
+        if pressed:
+            chosen = i
+    return chosen
+
+
+def _push_lit(colour: tuple[float, float, float, float]) -> None:
+    for index in (imgui.Col_.button, imgui.Col_.button_hovered, imgui.Col_.button_active):
+        imgui.push_style_color(index, ImVec4(*colour))

@@ -1,0 +1,82 @@
+"""The view of the face: what tools see of the window, and where the window shows it."""
+
+from faceposer.geometry.camera import Camera, OrbitView
+from faceposer.geometry.picking import SurfacePoint
+from faceposer.session.session import Session
+from faceposer.tools.tool import Navigation
+from faceposer.viewer.scene import Scene
+
+Pixel = tuple[float, float]
+
+
+class Viewport:
+    """A rectangle of the window that shows the face; it gives tools their surroundings (``ToolContext``).
+
+    Tools measure in window units from the rectangle's top left. On some systems a unit is several pixels; pictures are
+    drawn in pixels.
+
+    Attributes:
+        origin: Top left corner in the window.
+        size: Width and height, at least 1.
+        ui_scale: How many window units something takes that takes one on a display at normal density.
+    """
+
+    def __init__(self, scene: Scene, session: Session, navigation: Navigation) -> None:
+        """Look at ``session`` from the front."""
+        self.session = session
+        self.navigation: Navigation = navigation
+        self.origin: Pixel = (0.0, 0.0)
+        self.size = (1, 1)
+        self.ui_scale = 1.0
+        self._scene = scene
+        self._camera: tuple[object, Camera] | None = None
+        self.view = self.framed()
+
+    @property
+    def camera(self) -> Camera:
+        """The camera of the view, in window units."""
+        key = (self.view, self.size)
+        if self._camera is None or self._camera[0] != key:
+            self._camera = (key, self.view.camera(self.size))
+        return self._camera[1]
+
+    def place(self, origin: Pixel, size: tuple[int, int], ui_scale: float) -> None:
+        """Move the rectangle to ``origin`` with ``size``, at least 1 by 1."""
+        self.origin, self.ui_scale = origin, ui_scale
+        self.size = (max(size[0], 1), max(size[1], 1))
+
+    def local(self, position: Pixel) -> Pixel:
+        """Return a position in the window as one in the view."""
+        return (position[0] - self.origin[0], position[1] - self.origin[1])
+
+    def contains(self, position: Pixel) -> bool:
+        """Whether a position in the window lies in the view."""
+        x, y = self.local(position)
+        return 0.0 <= x < self.size[0] and 0.0 <= y < self.size[1]
+
+    def pick(self, pixel: Pixel) -> SurfacePoint | None:
+        """Return the point of the visible face under ``pixel`` of the view, or None."""
+        return self._scene.pick(self.camera, pixel)
+
+    # Views
+
+    def framed(self, name: str = "front") -> OrbitView:
+        """Return the view ``name`` with all of the face in it, however narrow the rectangle is."""
+        lower, upper = self._scene.bounds()
+        view = OrbitView.preset(lower, upper, name)
+        width, height = self.size
+        across = 1.15 * float(upper[0] - lower[0]) / float(upper[1] - lower[1])
+        return view.zoomed(min(1.0, width / (across * height))) if min(width, height) > 1 else view
+
+    def look(self, name: str) -> None:
+        """Turn to the direction ``name`` around what is looked at."""
+        self.view = self.view.looking(name)
+
+    def frame_face(self) -> None:
+        """Bring all of the face into view from the present direction."""
+        framed = self.framed()
+        self.view = OrbitView(framed.target, self.view.yaw, self.view.pitch, framed.distance, framed.fov_y)
+
+    def look_through(self, camera: Camera) -> None:
+        """Take up the view of ``camera``, as a session's file has it; a roll, which orbiting never makes, is lost."""
+        self.view = OrbitView.of_camera(camera, self.framed().target)
