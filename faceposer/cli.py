@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import re
 import sys
 from collections.abc import Sequence
@@ -38,6 +39,9 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line ``arguments``, those of the process if None, and exit with its status."""
     words = sys.argv[1:] if arguments is None else list(arguments)
+    # The matrices are small: threads of NumPy's own would only take time from the frames and the solver.
+    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
     try:
         status = _run(words)
     except FacePoserError as error:
