@@ -260,9 +260,8 @@ class PathBrowser:
         if entered and not fresh:
             chosen = self.accept()
             self._focus = chosen is None
-        imgui.text_colored(
-            WARNING if self.message else FAINT, self.message or f"A name, or a whole path ({self._endings})"
-        )
+        advice = f"A name, or a whole path ({', '.join(self.request.suffixes)})"
+        imgui.text_colored(WARNING if self.message else FAINT, self.message or advice)
         verb = "Open" if self.request.purpose == "open" else "Replace" if self._replacing else "Save"
         width = em(6)
         imgui.set_cursor_pos_x(imgui.get_window_width() - 2 * width - em(0.55) - imgui.get_style().window_padding.x)
@@ -276,7 +275,3 @@ class PathBrowser:
             self.closed = True
         marks.note("files:cancel")
         return chosen
-
-    @property
-    def _endings(self) -> str:
-        return ", ".join(self.request.suffixes)

@@ -30,7 +30,7 @@ class Robot:
                 self._after_frame()
 
     def move(self, position: Position, steps: int = 1, ease: bool = False) -> None:
-        """Move the pointer in ``steps`` to ``position`` in the window; ``ease`` begins and ends slowly, as a hand does."""
+        """Move the pointer in ``steps`` to ``position`` in the window; ``ease`` starts and ends slowly, as hands do."""
         begin = self.position
         for step in range(1, steps + 1):
             share = step / steps

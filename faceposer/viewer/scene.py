@@ -86,7 +86,7 @@ class Scene:
         return None if face < 0 else barycentric_on_triangle(self.vertices, self.triangles, face, camera, pixel)
 
     def occluded(self, camera: Camera, pixels: NDArray[np.float64], depths: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which points, at ``pixels`` (n, 2) and ``depths`` (n,) of ``camera``, lie behind the visible surface."""
+        """Return which points, at ``pixels`` (n, 2) and ``depths`` (n,) of ``camera``, lie behind the visible face."""
         hidden = np.zeros(len(pixels), dtype=bool)
         tolerance = 0.02 * float(np.ptp(self._require_model().subject.vertices[:, 1]))
         for i, (u, v) in enumerate(pixels.tolist()):

@@ -1,4 +1,4 @@
-"""What the window remembers between runs: folders, navigation, its size. Losing it must never cost more than comfort."""
+"""What the window remembers between runs: folders, navigation, its size. Losing it costs no more than comfort."""
 
 import json
 import os

@@ -1,10 +1,10 @@
-"""Colours, fonts and measures: one quiet dark look. All lengths are in units of the font's size, so that they grow with it."""
+"""Colours, fonts and measures: one quiet dark look. Lengths are in units of the font's size and grow with it."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 import imgui_bundle
-from imgui_bundle import ImVec4, imgui
+from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.errors import FacePoserError
 
@@ -91,17 +91,17 @@ def apply_theme(scale: float) -> None:
         setattr(style, name, 0.0)
     for name in ("frame_rounding", "grab_rounding", "popup_rounding"):
         setattr(style, name, round(4.0 * scale))
-    style.window_padding = (14.0 * scale, 12.0 * scale)
-    style.frame_padding = (9.0 * scale, 5.0 * scale)
-    style.item_spacing = (8.0 * scale, 7.0 * scale)
-    style.item_inner_spacing = (6.0 * scale, 5.0 * scale)
-    style.cell_padding = (6.0 * scale, 4.0 * scale)
+    style.window_padding = ImVec2(14.0 * scale, 12.0 * scale)
+    style.frame_padding = ImVec2(9.0 * scale, 5.0 * scale)
+    style.item_spacing = ImVec2(8.0 * scale, 7.0 * scale)
+    style.item_inner_spacing = ImVec2(6.0 * scale, 5.0 * scale)
+    style.cell_padding = ImVec2(6.0 * scale, 4.0 * scale)
     style.scrollbar_size = 11.0 * scale
     style.grab_min_size = 12.0 * scale
     style.window_border_size = style.child_border_size = 0.0
     style.popup_border_size = style.frame_border_size = round(1.0 * scale)
     style.frame_border_size = 0.0
-    style.window_title_align = (0.0, 0.5)
+    style.window_title_align = ImVec2(0.0, 0.5)
     style.window_menu_button_position = imgui.Dir.none
     style.hover_stationary_delay, style.hover_delay_normal = 0.25, 0.5
     style.disabled_alpha = 0.45

@@ -24,6 +24,7 @@ from faceposer.tools.tool import Button
 
 Modifiers = frozenset[str]
 Size = tuple[int, int]
+PointerKind = Literal["press", "release", "move", "wheel", "leave"]
 SMALLEST: Size = (480, 360)
 
 _BUTTONS: dict[int, Button] = {
@@ -62,7 +63,7 @@ _KEY_CODES = {name: code for code, name in reversed(_KEY_NAMES.items())}
 class Pointer:
     """The mouse moved, or a button or the wheel did; the position is in window units from the top left."""
 
-    kind: Literal["press", "release", "move", "wheel", "leave"]
+    kind: PointerKind
     position: tuple[float, float]
     button: Button | None
     modifiers: Modifiers
@@ -241,12 +242,7 @@ class Window:
     def _add(self, event: Event) -> None:
         self._events.append(event)
 
-    def _pointer(
-        self,
-        kind: Literal["press", "release", "move", "wheel", "leave"],
-        button: Button | None = None,
-        wheel: float = 0.0,
-    ) -> None:
+    def _pointer(self, kind: PointerKind, button: Button | None = None, wheel: float = 0.0) -> None:
         self._add(Pointer(kind, self._position, button, self._modifiers, time.perf_counter(), wheel))
 
     def _on_move(self, x: float, y: float) -> None:
@@ -349,7 +345,7 @@ def _open(size: Size, hidden: bool) -> Any:
     glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL if null else glfw.ANY_PLATFORM)
     if not glfw.init():
         raise NoWindowError(
-            f"No window can be opened here ({_last_error()}); set DISPLAY, or use 'faceposer demo -o DIR', which needs none."
+            f"No window can be opened here ({_last_error()}); set DISPLAY, or use 'faceposer demo', which needs none."
         )
     glfw.default_window_hints()
     hints: dict[int, Any] = {
