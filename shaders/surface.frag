@@ -5,13 +5,14 @@ uniform int material;
 uniform bool textured;
 uniform sampler2D image;
 uniform vec3 base;
+uniform float mouth;  // how far forward the teeth reach
 uniform vec2 neck;  // heights between which the cut of the neck fades into the backdrop
 
 in vec3 eye_position;
 in vec3 eye_normal;
 in vec3 world_normal;
 in vec2 texture_uv;
-in float height;
+in vec3 world_position;
 out vec4 colour;
 
 struct Light { vec3 direction; vec3 colour; };
@@ -58,24 +59,40 @@ void main() {
 
     float roughness = 0.48, f0 = 0.030, gloss = 1.0, inside = 1.0;
     if (material == 0) { roughness = 0.55; gloss = 0.7; }
-    else if (material == 2) { roughness = 0.09; f0 = 0.030; }
-    else if (material == 3) { roughness = 0.20; inside = 0.55; }
-    else if (material == 4) { roughness = 0.28; inside = 0.45; }
-    else if (material == 5) { roughness = 0.33; inside = 0.50; }
+    else if (material == 2) { roughness = 0.16; f0 = 0.030; }
+    else if (material == 3) { roughness = 0.22; inside = 0.80; }
+    else if (material == 4) { roughness = 0.28; inside = 0.60; }
+    else if (material == 5) { roughness = 0.33; inside = 0.65; }
     else if (material == 6) { gloss = 0.0; }
     float facing = max(dot(n, v), 0.0);
     // Lids shade the upper eyeball, lips what is in the mouth.
     if (material == 2) inside = 1.0 - 0.50 * smoothstep(0.10, 0.85, world_normal.y);
-    if (material >= 3 && material <= 5) inside *= mix(0.55, 1.0, facing);
+    if (material >= 3 && material <= 5) {
+        float behind = smoothstep(0.3, 3.6, mouth - world_position.z);
+        inside *= mix(0.6, 1.0, facing) * mix(1.0, 0.16, behind);
+    }
 
     vec3 shine = vec3(0.0);
     shine += glossy(n, v, KEY.direction, roughness, f0) * KEY.colour;
     shine += glossy(n, v, FILL.direction, roughness, f0) * FILL.colour;
+    // A soft box mirrored by the wet eye: what makes it look alive. It lies where lids leave it free.
+    if (material == 2) {
+        vec3 mirrored = reflect(-v, n);
+        float box = smoothstep(0.962, 0.980, dot(mirrored, normalize(vec3(-0.40, -0.34, -0.85))));
+        float low = smoothstep(0.90, 0.99, dot(mirrored, normalize(vec3(0.42, 0.36, -0.83))));
+        shine = shine * 0.3 + vec3(0.95, 0.97, 1.0) * (1.15 * box + 0.10 * low);
+    }
     vec3 edge = RIM.colour * pow(1.0 - facing, 3.0) * max(dot(n, RIM.direction), 0.0) * (material <= 1 ? 0.55 : 0.0);
 
+    // Where skin is as dark a red as the inside of the mouth, no light comes from behind, and little from before.
+    if (material == 1) {
+        float outside = smoothstep(0.015, 0.060, albedo.g);
+        edge *= outside;
+        shine *= mix(0.25, 1.0, outside);
+    }
     vec3 linear = (albedo * lit + (shine + edge) * gloss) * inside;
     // The inner side of the skin is only seen where the neck is cut.
-    if (!gl_FrontFacing && material <= 1) linear = albedo * vec3(0.05, 0.02, 0.02);
-    float fade = material <= 1 ? smoothstep(neck.x, neck.y, height) : 1.0;
+    if (!gl_FrontFacing && material <= 1) linear = vec3(0.014, 0.013, 0.013);
+    float fade = material <= 1 ? smoothstep(neck.x, neck.y, world_position.y) : 1.0;
     colour = vec4(display(mix(backdrop(gl_FragCoord.xy), linear, fade), gl_FragCoord.xy), alpha);
 }

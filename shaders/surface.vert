@@ -8,13 +8,13 @@ out vec3 eye_position;
 out vec3 eye_normal;
 out vec3 world_normal;
 out vec2 texture_uv;
-out float height;
+out vec3 world_position;
 void main() {
     vec4 seen = view * vec4(position, 1.0);
     eye_position = seen.xyz;
     eye_normal = mat3(view) * normal;
     world_normal = normal;
     texture_uv = uv;
-    height = position.y;
+    world_position = position;
     gl_Position = projection * seen;
 }

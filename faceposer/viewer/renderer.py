@@ -123,6 +123,7 @@ class Renderer:
         set_uniform(program, "viewport", size)
         low, high = buffers.subject.vertices[:, 1].min(), buffers.subject.vertices[:, 1].max()
         set_uniform(program, "neck", (float(low), float(low + _NECK_FADE * (high - low))))
+        set_uniform(program, "mouth", _front_of_teeth(buffers.subject))
         self._draw_parts(shading, opaque=True)
         if wireframe:
             self._set_camera(self._edges, camera)
@@ -199,3 +200,9 @@ class Renderer:
         self._backdrop.release()
         for program in (self._surface, self._background, self._edges, self._triangle_id):
             program.release()
+
+
+def _front_of_teeth(subject: Subject) -> float:
+    """Return how far forward the neutral teeth reach; what lies far behind is deep in the mouth and dark."""
+    fronts = [subject.vertices[slice(*part.vertices), 2].max() for part in subject.parts if part.material == "teeth"]
+    return float(max(fronts, default=subject.vertices[:, 2].max()))
