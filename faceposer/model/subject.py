@@ -67,7 +67,7 @@ class Part:
     vertices: tuple[int, int]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Subject:
     """A character that can be posed: its neutral mesh and all that belongs to it.
 

@@ -17,6 +17,7 @@ from scripts.asset_building.mouth import LOWER, UPPER, build_jaw, build_tongue
 from scripts.asset_building.piece import Floats, Ints, Piece, join
 from scripts.asset_building.skin_texture import hair_depth
 from scripts.asset_building.source import BaseMesh, Source
+from scripts.asset_building.symmetry import even, even_units
 from scripts.asset_building.textures import paint, skin_texels, vertex_masks
 from scripts.asset_building.unwrap import Layout, texel_density, unwrap_skin
 
@@ -47,9 +48,12 @@ class Builder:
         self.source = source
         self.base: BaseMesh = source.base_mesh()
         self.rest: Floats = 10.0 * self.base.vertices
-        self.skin: Skin = cut_skin(self.base, source.mirror(len(self.rest)))
+        self.mirror = source.mirror(len(self.rest))
+        self.skin: Skin = cut_skin(self.base, self.mirror)
         self.place: Floats = self.skin.fine.matrix @ self.rest[self.skin.base_ids]
-        self.units = np.stack([10.0 * source.face_unit(name, len(self.rest)) for name in ARKIT_SHAPES])
+        self.units = even_units(
+            {name: 10.0 * source.face_unit(name, len(self.rest)) for name in ARKIT_SHAPES}, self.mirror
+        )
         rest_skin = self.rest[self.skin.base_ids]
         old = Layout(self.skin.base_uv, self.skin.base_quad_uvs)
         self.layout = unwrap_skin(rest_skin, self.skin.quads, old, texel_density(rest_skin))
@@ -57,7 +61,7 @@ class Builder:
 
     def subject(self, recipe: Recipe) -> Subject:
         """Build the subject of ``recipe``."""
-        everyone = identity_vertices(self.source, self.rest, recipe)
+        everyone = even(identity_vertices(self.source, self.rest, recipe), self.mirror)
         vertices = self._skin_vertices(everyone, recipe)
         eyeballs = [self._eyeball(side, vertices) for side in _SIDES]
         skin = self._skin(vertices, eyeballs)

@@ -1,0 +1,319 @@
+import io
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from scipy.spatial import cKDTree
+
+from faceposer.geometry.camera import OrbitView
+from faceposer.geometry.picking import pick
+from faceposer.model.subject import ARKIT_SHAPES, Part, Subject, load_subject
+from faceposer.resources import asset_path
+
+NAMES = ("man", "woman")
+REGIONS = {
+    *(f"{region}_{side}" for region in ("brow", "lids", "eye", "cheek", "ear") for side in ("left", "right")),
+    *("nose", "mouth", "lip_upper", "lip_lower", "jaw", "neck", "scalp", "forehead"),
+}
+#: Feature points that are each other's mirror image: left, right.
+PAIRS = [
+    ("8.3", "8.4"),
+    ("4.1", "4.2"),
+    ("4.3", "4.4"),
+    ("4.5", "4.6"),
+    ("3.5", "3.6"),
+    ("3.7", "3.12"),
+    ("3.11", "3.8"),
+]
+PAIRS += [
+    ("5.1", "5.2"),
+    ("9.1", "9.2"),
+    ("10.1", "10.2"),
+    ("3.1", "3.2"),
+    ("3.3", "3.4"),
+    ("2.13", "2.14"),
+    ("2.4", "2.5"),
+]
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def subject(request: pytest.FixtureRequest) -> Subject:
+    return load_subject(request.param)
+
+
+def posed(subject: Subject, **weights: float) -> NDArray[np.float32]:
+    result = subject.vertices.copy()
+    for name, weight in weights.items():
+        result += np.float32(weight) * subject.shapes[subject.shape_names.index(name)]
+    return result
+
+
+def border_loops(subject: Subject, part: Part) -> list[list[int]]:
+    """Return the loops of open edges of a part, checking that it is a manifold with consistent orientation."""
+    quads = subject.polygons[slice(*part.polygons)]
+    directed = np.stack([quads, np.roll(quads, -1, axis=1)], axis=-1).reshape(-1, 2).tolist()
+    count = Counter(map(tuple, directed))
+    assert max(count.values()) == 1, f"{part.name}: neighbours face opposite ways, or an edge has three faces"
+    onward = {a: b for a, b in count if (b, a) not in count}
+    loops = []
+    while onward:
+        start, here = onward.popitem()
+        loop = [start]
+        while here != start:
+            loop.append(here)
+            here = onward.pop(here)
+        loops.append(loop)
+    return loops
+
+
+def test_the_mesh_is_of_the_promised_size(subject: Subject) -> None:
+    assert 17_000 <= len(subject.vertices) <= 22_000
+    assert (subject.polygons >= 0).all()
+    used = np.unique(subject.polygons)
+    assert len(used) == len(subject.vertices)
+    corners = subject.vertices[subject.triangles]
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    assert (area > 0).mean() > 0.999
+
+
+def test_parts_are_named(subject: Subject) -> None:
+    assert {part.name: part.material for part in subject.parts} == {
+        "skin": "skin",
+        "eye_left": "eye",
+        "eye_right": "eye",
+        "teeth_upper": "teeth",
+        "gums_upper": "gums",
+        "teeth_lower": "teeth",
+        "gums_lower": "gums",
+        "tongue": "tongue",
+        "lashes_left": "lashes",
+        "lashes_right": "lashes",
+    }
+
+
+def test_the_skin_is_open_at_the_neck_alone_and_level_there(subject: Subject) -> None:
+    (loop,) = border_loops(subject, subject.part("skin"))
+    edge = subject.vertices[loop]
+    assert len(loop) == 84
+    assert edge[:, 1].max() < subject.vertices[subject.feature_points["2.1"], 1] - 3
+    assert np.ptp(edge[:, 1]) < 2.0
+    # All of it lies in one plane.
+    offsets = edge - edge.mean(axis=0)
+    assert np.linalg.svd(offsets, compute_uv=False)[2] / np.sqrt(len(edge)) < 0.02
+
+
+def test_the_other_parts_are_manifolds_too(subject: Subject) -> None:
+    n_loops = {part.name: len(border_loops(subject, part)) for part in subject.parts}
+    assert n_loops["eye_left"] == n_loops["eye_right"] == n_loops["tongue"] == 0
+    assert n_loops["teeth_upper"] == n_loops["teeth_lower"] == 12, "each crown is open in the gum"
+    assert n_loops["gums_upper"] == n_loops["gums_lower"] == 1
+    assert n_loops["lashes_left"] == n_loops["lashes_right"] == 2
+
+
+def test_the_neutral_face_is_symmetric(subject: Subject) -> None:
+    distance, partner = cKDTree(subject.vertices).query(subject.vertices * np.float32([-1, 1, 1]))
+    assert np.percentile(distance, 99) < 1e-3
+    assert distance.max() < 2e-3
+    for left in (name for name in subject.regions if name.endswith("_left")):
+        right = left.replace("_left", "_right")
+        assert set(partner[subject.regions[left]].tolist()) == set(subject.regions[right].tolist())
+
+
+def test_sizes_are_those_of_a_head(subject: Subject) -> None:
+    assert 20 < subject.height < 25
+    assert abs(subject.vertices[:, 0].mean()) < 0.05
+    width = np.ptp(subject.vertices[subject.regions["scalp"], 0])
+    assert 13 < width < 18
+
+
+def test_shapes_are_the_52_of_arkit_in_order(subject: Subject) -> None:
+    assert subject.shape_names == ARKIT_SHAPES
+    assert len(set(ARKIT_SHAPES)) == 52
+    assert np.linalg.norm(subject.shapes, axis=2).max(axis=1).min() > 0.1, "none is empty"
+
+
+def test_shapes_move_the_side_they_name(subject: Subject) -> None:
+    x = subject.vertices[:, 0]
+    amount = np.linalg.norm(subject.shapes, axis=2)
+    for name, moved in zip(subject.shape_names, amount, strict=True):
+        if name in ("jawLeft", "jawRight", "mouthLeft", "mouthRight"):
+            chin = subject.shapes[subject.shape_names.index(name), subject.feature_points["8.2"], 0]
+            assert chin * (1 if name.endswith("Left") else -1) > 0.2, name
+        elif name.endswith("Left"):
+            assert moved @ x > 0.1 * moved @ np.abs(x), name
+        elif name.endswith("Right"):
+            assert moved @ x < -0.1 * moved @ np.abs(x), name
+
+
+def test_regions_are_named_and_where_they_should_be(subject: Subject) -> None:
+    assert set(subject.regions) == REGIONS
+    assert min(map(len, subject.regions.values())) > 50
+    middle = {name: subject.vertices[ids].mean(axis=0) for name, ids in subject.regions.items()}
+    order = ["neck", "jaw", "lip_lower", "lip_upper", "nose", "eye_left", "brow_left", "forehead"]
+    heights = [middle[name][1] for name in order]
+    assert heights == sorted(heights)
+    for name, place in middle.items():
+        if name.endswith("_left"):
+            assert place[0] > 2, name
+        elif name.endswith("_right"):
+            assert place[0] < -2, name
+    assert not set(subject.regions["jaw"].tolist()) & set(subject.regions["nose"].tolist())
+
+
+def test_feature_points_are_those_of_mpeg4(subject: Subject) -> None:
+    points = subject.feature_points
+    assert 46 <= len(points) <= 68
+    assert points.keys() == subject.feature_titles.keys()
+    assert len(set(points.values())) == len(points)
+    assert len(set(subject.feature_titles.values())) == len(points)
+    p = {name: subject.vertices[vertex] for name, vertex in points.items()}
+    for left, right in PAIRS:
+        np.testing.assert_allclose(p[left], p[right] * [-1, 1, 1], atol=2e-3)
+        assert p[left][0] > 0.3, left
+        assert ("left" in subject.feature_titles[left]) and ("right" in subject.feature_titles[right])
+    for name in ("2.1", "2.2", "2.3", "2.10", "8.1", "8.2", "9.3", "9.15", "11.1", "11.4", "11.6"):
+        assert abs(p[name][0]) < 1e-3, name
+    column = ["2.1", "2.10", "8.2", "2.3", "2.2", "8.1", "9.15", "9.3", "9.12", "11.1", "11.4"]
+    assert [p[name][1] for name in column] == sorted(p[name][1] for name in column)
+    skin = subject.vertices[slice(*subject.part("skin").vertices)]
+    assert p["9.3"][2] == pytest.approx(skin[:, 2].max(), abs=0.05)
+    assert p["11.4"][1] == pytest.approx(skin[:, 1].max(), abs=0.1)
+    assert p["3.11"][0] < p["3.5"][0] < p["3.7"][0], "inner corner, pupil, outer corner"
+    assert p["3.3"][1] < p["3.5"][1] < p["3.1"][1], "lower lid, pupil, upper lid"
+    assert p["4.1"][0] < p["4.3"][0] < p["4.5"][0]
+
+
+@pytest.mark.parametrize(("side", "pupil"), [("Left", "3.5"), ("Right", "3.6")])
+def test_the_pupil_turns_with_the_gaze(subject: Subject, side: str, pupil: str) -> None:
+    part = subject.part(f"eye_{side.lower()}")
+    ball = slice(*part.vertices)
+    vertex = subject.feature_points[pupil]
+    outwards = 1 if side == "Left" else -1
+    centre = 0.5 * (subject.vertices[ball].min(axis=0) + subject.vertices[ball].max(axis=0))
+    expected = {"LookOut": (outwards, 0), "LookIn": (-outwards, 0), "LookUp": (0, 1), "LookDown": (0, -1)}
+    for action, (right, up) in expected.items():
+        vertices = posed(subject, **{f"eye{action}{side}": 1.0})
+        move = vertices[vertex] - subject.vertices[vertex]
+        assert move[:2] @ [right, up] > 0.5, action
+        # It is a turn: the ball stays where it was and keeps its shape.
+        rest = np.linalg.norm(subject.vertices[ball] - centre, axis=1)
+        np.testing.assert_allclose(np.linalg.norm(vertices[ball] - centre, axis=1), rest, atol=0.03)
+    other = subject.part("eye_right" if side == "Left" else "eye_left")
+    still = subject.shapes[subject.shape_names.index(f"eyeLookUp{side}"), slice(*other.vertices)]
+    assert not still.any()
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_blink_shuts_the_lids_in_front_of_the_eye(subject: Subject, side: str) -> None:
+    upper, lower = (subject.feature_points[name] for name in (("3.1", "3.3") if side == "left" else ("3.2", "3.4")))
+    shape = f"eyeBlink{side.capitalize()}"
+
+    def gap(weight: float) -> float:
+        vertices = posed(subject, **{shape: weight})
+        return float(vertices[upper, 1] - vertices[lower, 1])
+
+    assert gap(0.0) > 0.6
+    assert gap(0.5) == pytest.approx(0.5 * gap(0.0), abs=0.15)
+    assert abs(gap(1.0)) < 0.1
+    ball = subject.vertices[slice(*subject.part(f"eye_{side}").vertices)]
+    centre = 0.5 * (ball.min(axis=0) + ball.max(axis=0))
+    radius = 0.5 * np.ptp(ball[:, 1])
+    lids = subject.regions[f"lids_{side}"]
+    ahead = lids[subject.vertices[lids, 2] > centre[2] + 0.5 * radius]
+    outside = ahead[np.linalg.norm(subject.vertices[ahead] - centre, axis=1) > radius]
+    assert len(outside) > 100
+    for weight in (0.25, 0.5, 0.75, 1.0):
+        distance = np.linalg.norm(posed(subject, **{shape: weight})[outside] - centre, axis=1)
+        assert distance.min() > radius - 0.02, weight
+
+
+def test_lashes_stay_on_the_lids(subject: Subject) -> None:
+    skin = slice(*subject.part("skin").vertices)
+    lashes = np.arange(*subject.part("lashes_left").vertices)
+    polygons = slice(*subject.part("lashes_left").polygons)
+    v = np.zeros(len(subject.vertices))
+    v[subject.polygons[polygons]] = subject.uv[subject.polygon_uvs[polygons], 1]
+    roots = lashes[np.isclose(v[lashes], 0.52) | np.isclose(v[lashes], 0.02)]
+    assert len(roots) >= 40
+    for name in ("eyeBlinkLeft", "eyeSquintLeft", "eyeWideLeft", "eyeLookDownLeft", "cheekSquintLeft"):
+        vertices = posed(subject, **{name: 1.0})
+        assert cKDTree(vertices[skin]).query(vertices[roots])[0].max() < 0.1, name
+
+
+def test_the_jaw_takes_the_lower_teeth_and_the_tongue_with_it(subject: Subject) -> None:
+    opened = subject.shapes[subject.shape_names.index("jawOpen")]
+    drop = {part.name: float(-opened[slice(*part.vertices), 1].mean()) for part in subject.parts}
+    assert drop["teeth_lower"] > 1.5
+    assert drop["gums_lower"] > 1.5
+    assert drop["tongue"] > 0.8
+    assert abs(drop["teeth_upper"]) < 1e-3
+    assert abs(drop["gums_upper"]) < 1e-3
+
+
+def test_the_lips_are_shut_in_the_neutral_face(subject: Subject) -> None:
+    """From the front, whatever is seen along the mouth is skin: no teeth and no tongue."""
+    camera = OrbitView.preset(subject.vertices.min(axis=0), subject.vertices.max(axis=0), "front").camera((800, 800))
+    corner = subject.vertices[subject.feature_points["8.3"]]
+    top, bottom = (subject.vertices[subject.feature_points[name], 1] for name in ("2.2", "2.3"))
+    first, stop = subject.part_triangles(subject.part("skin"))
+    for x in np.linspace(-0.95, 0.95, 9) * corner[0]:
+        for y in np.linspace(min(bottom, corner[1]) - 0.1, top + 0.1, 9):
+            (pixel,) = camera.project(np.array([[x, y, corner[2] + 1.0]]))
+            hit = pick(subject.vertices, subject.triangles, camera, (pixel[0], pixel[1]))
+            assert hit is not None
+            assert first <= hit.face < stop, (x, y)
+
+
+def test_textures_are_images_of_every_material_but_none_else(subject: Subject) -> None:
+    assert set(subject.textures) == {"skin", "eye", "teeth", "gums", "tongue", "lashes"}
+    images = {name: Image.open(io.BytesIO(data)) for name, data in subject.textures.items()}
+    assert images["skin"].size == (2048, 2048)
+    assert images["lashes"].mode == "RGBA"
+    assert all(image.mode == "RGB" for name, image in images.items() if name != "lashes")
+    assert subject.uv.min() >= 0
+    assert subject.uv.max() <= 1
+
+
+def colour_at(subject: Subject, vertex: int) -> NDArray[np.float64]:
+    part = next(part for part in subject.parts if part.vertices[0] <= vertex < part.vertices[1])
+    image = np.asarray(Image.open(io.BytesIO(subject.textures[part.material])).convert("RGB"), dtype=float)
+    polygon, corner = np.argwhere(subject.polygons == vertex)[0]
+    u, v = subject.uv[subject.polygon_uvs[polygon, corner]]
+    row, column = int((1 - v) * image.shape[0]), int(u * image.shape[1])
+    return image[max(row - 6, 0) : row + 7, max(column - 6, 0) : column + 7].mean(axis=(0, 1))
+
+
+def test_the_paint_lies_where_the_face_has_it(subject: Subject) -> None:
+    points = subject.feature_points
+    cheek, lip, brow = (colour_at(subject, points[name]) for name in ("5.1", "8.2", "4.3"))
+    crown, pupil, forehead = (colour_at(subject, points[name]) for name in ("11.4", "3.5", "9.12"))
+    assert lip[0] / lip[1] > 1.08 * cheek[0] / cheek[1], "lips are redder than cheeks"
+    assert brow.sum() < 0.75 * forehead.sum(), "brows are darker than skin"
+    assert crown.sum() < 0.65 * forehead.sum(), "hair is darker than skin"
+    assert pupil.max() < 30
+
+
+def test_no_chart_of_the_skin_overlaps_itself(subject: Subject) -> None:
+    stop = subject.part_triangles(subject.part("skin"))[1]
+    corners = subject.uv[subject.triangle_uvs[:stop]].astype(float)
+    one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    assert (one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0] > -1e-9).mean() > 0.999
+    area = 0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]).sum()
+    assert 0.8 < area < 1.0
+
+
+def test_all_assets_together_stay_small() -> None:
+    folder = asset_path("")
+    total = sum(path.stat().st_size for path in Path(folder).rglob("*") if path.is_file())
+    assert total < 12_000_000
+
+
+def test_the_two_are_different_people() -> None:
+    man, woman = map(load_subject, NAMES)
+    np.testing.assert_array_equal(man.polygons, woman.polygons)
+    skin = slice(*man.part("skin").vertices)
+    assert np.linalg.norm(man.vertices[skin] - woman.vertices[skin], axis=1).mean() > 0.3
+    assert np.abs(colour_at(man, man.feature_points["3.9"]) - colour_at(woman, woman.feature_points["3.9"])).max() > 5
