@@ -72,11 +72,11 @@ class GaussianMixture:
         gradient = (deviations * (shares / total)[:, None]).ravel() @ self._stacked[0]
         return -float(top + np.log(total)), gradient
 
-    def precision(self, component: int) -> Array:
-        """Return the inverse covariance of ``component``, shape (r, r)."""
-        whitener = self.whiteners[component]
-        precision: Array = whitener.T @ whitener
-        return precision
+    @cached_property
+    def precisions(self) -> Array:
+        """Inverse covariances, shape (K, r, r)."""
+        precisions: Array = self.whiteners.transpose(0, 2, 1) @ self.whiteners
+        return precisions
 
     def transformed(self, matrix: Array) -> "GaussianMixture":
         """Return the density of ``matrix @ p``, for a ``matrix`` of shape (r', r) of full row rank."""

@@ -32,7 +32,7 @@ class MixturePrior:
     def curvature(self, state: PoseState) -> Array:
         """Return the precision of the component that most likely made the pose, shape (r, r)."""
         component = int(np.argmax(self.mixture.responsibilities(state.p)))
-        return self.weight * self.mixture.precision(component)
+        return self.weight * self.mixture.precisions[component]
 
 
 class WeightBounds:

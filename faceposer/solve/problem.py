@@ -63,8 +63,8 @@ class PoseProblem:
             ValueError: If a constraint names a place that the face does not have.
         """
         self.start = model.neutral() if start is None else np.asarray(start, dtype=np.float64)
+        self.prior_weight = prior_weight
         self.constraints = tuple(constraints)
-        self.starts = [self.start, *(model.mixture if mixture is None else mixture).means]
         self.mixture = centred_at(model, self.start) if mixture is None else mixture
         points = [constraint.surface_points(model.triangles) for constraint in self.constraints]
         ends = np.cumsum([0, *map(len, points)])
@@ -109,6 +109,20 @@ class PoseProblem:
         """Return the Gauss-Newton estimate of the second derivative of E at ``p``, shape (r, r), positive definite."""
         state = self.state(p)
         return np.sum([term.curvature(state) for term in self.terms], axis=0)
+
+    def conditional_means(self) -> Array:
+        """Return each component's mean given the constraints, linearised at the start pose, shape (K, r)."""
+        state = self.state(self.start)
+        others = [term for term in self.terms if not isinstance(term, MixturePrior)]
+        curvature = np.sum([term.curvature(state) for term in others], axis=0)
+        gradient = np.sum([term.value_and_gradient(state)[1] for term in others], axis=0)
+        if self.prior_weight <= 0:
+            return (self.start - np.linalg.solve(curvature, gradient))[None]
+        precisions = self.prior_weight * self.mixture.precisions
+        towards = np.einsum("kij,kj->ki", precisions, self.mixture.means - self.start)
+        steps = np.linalg.solve(curvature + precisions, (towards - gradient)[:, :, None])
+        means: Array = self.start + steps[:, :, 0]
+        return means
 
     def residuals_px(self, p: Array) -> tuple[float, ...]:
         """Return how far each constraint, enabled or not, is from being met at ``p``, in pixels."""

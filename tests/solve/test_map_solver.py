@@ -125,10 +125,25 @@ def test_constraints_keep_their_own_cameras(model: FaceModel, camera: Camera) ->
 
 def test_best_start_is_the_candidate_of_least_energy(model: FaceModel, camera: Camera) -> None:
     constraints = points_made_from(model, model.mixture.means[3], camera, 40)
-    problem = PoseProblem(model, constraints, mixture=model.mixture)
-    energies = [problem.energy_and_gradient(mean)[0] for mean in model.mixture.means]
-    chosen = best_start(problem)
-    assert problem.energy_and_gradient(chosen)[0] <= min(energies)
+    for mixture in (None, model.mixture):
+        problem = PoseProblem(model, constraints, mixture=mixture)
+        candidates = problem.conditional_means()
+        assert candidates.shape == (model.mixture.n_components, model.n_coefficients)
+        chosen, compared = best_start(problem)
+        assert compared == len(candidates) + 1
+        energy = problem.energy_and_gradient(chosen)[0]
+        assert energy <= min(problem.energy_and_gradient(candidate)[0] for candidate in candidates)
+        assert energy < problem.energy_and_gradient(model.neutral())[0]
+
+
+def test_conditional_means_answer_the_linearised_problem(model: FaceModel, camera: Camera) -> None:
+    constraints = points_made_from(model, model.coefficients_of({"jawOpen": 0.05}), camera, 20)
+    gaussian = model.mixture.as_gaussian()
+    problem = PoseProblem(model, constraints, mixture=gaussian, start=gaussian.means[0])
+    solution = solve(problem, gaussian.means[0])
+    np.testing.assert_allclose(
+        model.instance(problem.conditional_means()[0]), model.instance(solution.coefficients), atol=0.02
+    )
 
 
 def test_iterates_are_shown_and_a_solve_can_be_stopped(model: FaceModel, camera: Camera) -> None:
