@@ -121,7 +121,8 @@ class Camera:
         # A view that was written to a file and taken up again differs in the last digits.
         turned = np.abs(self.rotation - other.rotation).max()
         moved = np.abs(self.translation - other.translation).max()
-        if turned > 1e-9 or moved > 1e-7 or not math.isclose(self.focal * other.size[1], other.focal * self.size[1], rel_tol=1e-9):
+        same_framing = math.isclose(self.focal * other.size[1], other.focal * self.size[1], rel_tol=1e-9)
+        if turned > 1e-9 or moved > 1e-7 or not same_framing:
             return None
         offset = np.asarray(pixel, dtype=np.float64) - self.principal_point
         u, v = (offset * (other.focal / self.focal) + other.principal_point).tolist()
@@ -168,7 +169,7 @@ class OrbitView:
 
     @classmethod
     def of_camera(cls, camera: Camera, near: ArrayLike) -> "OrbitView":
-        """Return the view that sees what ``camera`` sees, circling what it has before it at the depth of ``near``, (3,).
+        """Return the view that sees what ``camera`` sees, circling what lies before it at the depth of ``near``, (3,).
 
         A roll of the camera and a pitch beyond 89 degrees, which no orbit makes, are lost.
         """

@@ -70,7 +70,7 @@ class Toolbox:
     def _begin(self, tool: Tool, event: PointerEvent) -> None:
         self._active, self._gesture_button = tool, event.button
         self._gesture = tool.gesture(event, self._context)
-        self._advance(lambda gesture: next(gesture))
+        self._advance(next)
 
     def _send(self, event: PointerEvent) -> None:
         self._advance(lambda gesture: gesture.send(event))
