@@ -20,22 +20,9 @@ REGIONS = {
 }
 #: Feature points that are each other's mirror image: left, right.
 PAIRS = [
-    ("8.3", "8.4"),
-    ("4.1", "4.2"),
-    ("4.3", "4.4"),
-    ("4.5", "4.6"),
-    ("3.5", "3.6"),
-    ("3.7", "3.12"),
-    ("3.11", "3.8"),
-]
-PAIRS += [
-    ("5.1", "5.2"),
-    ("9.1", "9.2"),
-    ("10.1", "10.2"),
-    ("3.1", "3.2"),
-    ("3.3", "3.4"),
-    ("2.13", "2.14"),
-    ("2.4", "2.5"),
+    *(("8.3", "8.4"), ("2.4", "2.5"), ("4.1", "4.2"), ("4.3", "4.4"), ("4.5", "4.6")),
+    *(("3.5", "3.6"), ("3.7", "3.12"), ("3.11", "3.8"), ("3.1", "3.2"), ("3.3", "3.4")),
+    *(("5.1", "5.2"), ("9.1", "9.2"), ("10.1", "10.2"), ("2.13", "2.14")),
 ]
 
 
@@ -173,14 +160,15 @@ def test_feature_points_are_those_of_mpeg4(subject: Subject) -> None:
     for left, right in PAIRS:
         np.testing.assert_allclose(p[left], p[right] * [-1, 1, 1], atol=2e-3)
         assert p[left][0] > 0.3, left
-        assert ("left" in subject.feature_titles[left]) and ("right" in subject.feature_titles[right])
+        assert "left" in subject.feature_titles[left]
+        assert "right" in subject.feature_titles[right]
     for name in ("2.1", "2.2", "2.3", "2.10", "8.1", "8.2", "9.3", "9.15", "11.1", "11.4", "11.6"):
         assert abs(p[name][0]) < 1e-3, name
     column = ["2.1", "2.10", "8.2", "2.3", "2.2", "8.1", "9.15", "9.3", "9.12", "11.1", "11.4"]
     assert [p[name][1] for name in column] == sorted(p[name][1] for name in column)
     skin = subject.vertices[slice(*subject.part("skin").vertices)]
     assert p["9.3"][2] == pytest.approx(skin[:, 2].max(), abs=0.05)
-    assert p["11.4"][1] == pytest.approx(skin[:, 1].max(), abs=0.1)
+    assert p["11.4"][1] == pytest.approx(skin[:, 1].max(), abs=0.3)
     assert p["3.11"][0] < p["3.5"][0] < p["3.7"][0], "inner corner, pupil, outer corner"
     assert p["3.3"][1] < p["3.5"][1] < p["3.1"][1], "lower lid, pupil, upper lid"
     assert p["4.1"][0] < p["4.3"][0] < p["4.5"][0]

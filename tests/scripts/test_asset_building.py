@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from faceposer.model.subject import Subject, load_subject
+from scripts.asset_building.piece import grid_quads
 from scripts.asset_building.raster import map_texels, smoothstep
 from scripts.asset_building.subdivision import catmull_clark, linear_split
 from scripts.asset_building.symmetry import even, even_units
@@ -92,18 +93,7 @@ def test_the_outside_is_laid_out_without_folds() -> None:
     ring = np.stack(np.broadcast_arrays(np.sin(theta) * np.sin(phi), np.cos(theta), np.sin(theta) * np.cos(phi)), -1)
     points = 10.0 * ring.reshape(-1, 3)
     points[np.abs(points[:, 0]) < 1e-9, 0] = 0.0
-    quads = np.array(
-        [
-            [
-                r * columns + c,
-                (r + 1) * columns + c,
-                (r + 1) * columns + (c + 1) % columns,
-                r * columns + (c + 1) % columns,
-            ]
-            for r in range(rows - 1)
-            for c in range(columns)
-        ]
-    )
+    quads = grid_quads(rows, columns, closed=True)[:, [0, 3, 2, 1]]
     # The crown is closed by a fan of quads around a vertex on top.
     top = len(points)
     points = np.concatenate([points, [[0.0, 10.5, 0.0]]])
