@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.session.document import Document, write_document
 from faceposer.session.history import History
@@ -281,13 +282,13 @@ class Session:
 
     # Files
 
-    def save(self, path: Path) -> None:
-        """Write the session file ``path`` and remember it.
+    def save(self, path: Path, camera: Camera | None = None) -> None:
+        """Write the session file ``path`` with the view ``camera``, if given, and remember it.
 
         Raises:
             FacePoserError: If the file cannot be written.
         """
-        write_document(path, self._document)
+        write_document(path, self._document if camera is None else replace(self._document, camera=camera))
         self.path = path
         self._saved = self._document
         self.revision += 1

@@ -43,6 +43,8 @@ _FRAMES_AFTER_EVENT = 3
 _LINGER = 1.0
 _NOTICE_SECONDS = 3.5
 _SAMPLES = 4
+# Seconds: a moving picture is drawn coarser when frames take longer than the one, finer when shorter than the other.
+_SLOW_FRAME, _FAST_FRAME = 0.040, 0.010
 _MOST_FAILURES = 10
 
 
@@ -102,6 +104,7 @@ class App:
         self._frames_due = _FRAMES_AFTER_EVENT
         self._last_event = time.perf_counter()
         self._failures = 0
+        self._coarseness = 1
         self._marks_key: object = None
         self._pin_marks: list[PinMark] = []
         self._names = PointNames(session.model.subject)
@@ -187,6 +190,7 @@ class App:
         self.window.swap()
         self.frames_drawn += 1
         self.frame_seconds = time.perf_counter() - begun
+        self._choose_coarseness()
         if failure is None:
             self._failures = 0
             return
@@ -195,13 +199,24 @@ class App:
         if self._failures >= _MOST_FAILURES:
             raise FacePoserError(f"The window cannot be drawn ({failure}); {self._rescue()}") from failure
 
-    def picture(self, camera_pixels: tuple[int, int]) -> moderngl.Texture:
-        """Return the picture of the face for the view, of the given size in pixels."""
+    def picture(self, size: tuple[int, int]) -> moderngl.Texture:
+        """Return the picture of the face for the view, of ``size`` pixels or, while it moves without a GPU, coarser."""
+        samples = _SAMPLES
+        if self.window.software and self.toolbox.active:
+            samples = 0
+            size = (max(size[0] // self._coarseness, 1), max(size[1] // self._coarseness, 1))
         camera = self.viewport.camera
-        if camera_pixels != camera.size:
-            camera = self.viewport.view.camera(camera_pixels)
-        samples = 0 if self.window.software and self.toolbox.active else _SAMPLES
+        if size != camera.size:
+            camera = self.viewport.view.camera(size)
         return self.scene.draw(camera, self.shading, self.wireframe, samples)
+
+    def _choose_coarseness(self) -> None:
+        """Let the picture be coarser while it moves if frames take too long to feel immediate."""
+        if self.toolbox.active:
+            if self.frame_seconds > _SLOW_FRAME:
+                self._coarseness = 2
+            elif self.frame_seconds < _FAST_FRAME:
+                self._coarseness = 1
 
     def screenshot(self) -> NDArray[np.uint8]:
         """Return the window as it was drawn last, top row first, shape (height, width, 3)."""
@@ -291,9 +306,10 @@ class App:
     @property
     def pins(self) -> list[PinMark]:
         """How the pins appear in the view."""
-        key = (self.session, self.session.revision, self.viewport.view, self.viewport.size, self.viewport.ui_scale)
+        moving = self.toolbox.active
+        key = (self.session, self.session.revision, self.viewport.view, self.viewport.size, moving)
         if key != self._marks_key:
-            self._pin_marks = pin_marks(self.viewport, self.scene)
+            self._pin_marks = pin_marks(self.viewport, self.scene, moving)
             self._marks_key = key
         return self._pin_marks
 

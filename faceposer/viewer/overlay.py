@@ -45,8 +45,12 @@ class PinMark:
         return float(np.hypot(self.handle[0] - self.face[0], self.handle[1] - self.face[1]))
 
 
-def pin_marks(viewport: Viewport, scene: Scene) -> list[PinMark]:
-    """Return how each point constraint of the session appears, in the order of the constraints."""
+def pin_marks(viewport: Viewport, scene: Scene, moving: bool) -> list[PinMark]:
+    """Return how each point constraint of the session appears, in the order of the constraints.
+
+    While the face or the view is ``moving``, a pin counts as hidden only where the surface faces away: the picture that
+    tells what lies before what costs more than a frame may take.
+    """
     constraints = viewport.session.document.constraints
     if not constraints:
         return []
@@ -54,7 +58,10 @@ def pin_marks(viewport: Viewport, scene: Scene) -> list[PinMark]:
     anchors = [constraint.surface_points(scene.triangles)[0] for constraint in constraints]
     positions = surface_positions(scene.vertices, scene.triangles, anchors)
     faces = camera.project(positions)
-    hidden = scene.occluded(camera, faces, camera.to_camera(positions)[:, 2])
+    if moving:
+        hidden = scene.facing_away(camera, [anchor.face for anchor in anchors])
+    else:
+        hidden = scene.occluded(camera, faces, camera.to_camera(positions)[:, 2])
     handles = handle_pixels(viewport).tolist()
     return [
         PinMark(

@@ -1,5 +1,7 @@
 """The face as the window shows it: from coefficients to a picture, each step only when what it needs has changed."""
 
+from collections.abc import Sequence
+
 import moderngl
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -84,6 +86,13 @@ class Scene:
         """Return the point of the visible surface at ``pixel``, or None."""
         face = self._ids.pick(self._renderer, camera, (self._pose, id(self._model)), pixel)
         return None if face < 0 else barycentric_on_triangle(self.vertices, self.triangles, face, camera, pixel)
+
+    def facing_away(self, camera: Camera, faces: Sequence[int]) -> NDArray[np.bool_]:
+        """Return which of the triangles ``faces`` turn their back on ``camera``."""
+        corners = self.vertices[self.triangles[list(faces)]].astype(np.float64)
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        away: NDArray[np.bool_] = np.einsum("nd,nd->n", normals, corners[:, 0] - camera.center) > 0.0
+        return away
 
     def occluded(self, camera: Camera, pixels: NDArray[np.float64], depths: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which points, at ``pixels`` (n, 2) and ``depths`` (n,) of ``camera``, lie behind the visible face."""
