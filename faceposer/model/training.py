@@ -42,7 +42,7 @@ class Recipe:
     halves: float = 0.5
     sides: float = 0.5
     extras: float = 0.15
-    n_components: int = 30
+    n_components: int = 24
     n_factors: int = 10
     fit_shrinkage: float = 0.1
     blend: float = 0.5

@@ -1,6 +1,7 @@
-"""Writes pictures to files."""
+"""Writes pictures to files, each all or nothing."""
 
 import os
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,15 +11,50 @@ from PIL import Image
 from faceposer.errors import FacePoserError
 
 
+# Of the animation's shared palette: more would cost bytes without showing.
+_COLOURS = 160
+
+
 def write_png(path: Path, picture: NDArray[np.uint8]) -> None:
-    """Write ``picture``, shape (height, width, 3), as PNG, all or nothing.
+    """Write ``picture``, shape (height, width, 3), as PNG.
 
     Raises:
         FacePoserError: If the file cannot be written.
     """
+    _write(path, lambda temporary: Image.fromarray(picture).save(temporary, format="PNG", compress_level=6))
+
+
+def write_animation(path: Path, pictures: Sequence[Image.Image], milliseconds: Sequence[int]) -> None:
+    """Write ``pictures``, at least one, as an animated GIF that shows each for its ``milliseconds``, again and again.
+
+    Raises:
+        FacePoserError: If the file cannot be written.
+    """
+    # One palette for all, from three pictures of the whole: palettes of their own would make still parts flicker.
+    samples = [pictures[i] for i in (0, len(pictures) // 2, -1)]
+    strip = Image.new("RGB", (samples[0].width, sum(sample.height for sample in samples)))
+    for i, sample in enumerate(samples):
+        strip.paste(sample, (0, i * samples[0].height))
+    palette = strip.quantize(_COLOURS, Image.Quantize.MEDIANCUT)
+    first, *others = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+    _write(
+        path,
+        lambda temporary: first.save(
+            temporary,
+            format="GIF",
+            save_all=True,
+            append_images=others,
+            duration=list(milliseconds),
+            loop=0,
+            optimize=False,
+        ),
+    )
+
+
+def _write(path: Path, save: Callable[[Path], None]) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        Image.fromarray(picture).save(temporary, format="PNG", optimize=True)
+        save(temporary)
         temporary.replace(path)
     except OSError as error:
         temporary.unlink(missing_ok=True)

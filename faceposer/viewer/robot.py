@@ -13,8 +13,8 @@ Position = tuple[float, float]
 class Robot:
     """A user at an application; every event is followed by a frame."""
 
-    def __init__(self, app: App, after_frame: Callable[[], None] | None = None) -> None:
-        """Use ``app`` and call ``after_frame`` after each frame, as to record it."""
+    def __init__(self, app: App, after_frame: Callable[["Robot"], None] | None = None) -> None:
+        """Use ``app`` and call ``after_frame`` with the robot after each frame, as to record it."""
         self.app = app
         self.position: Position = (0.0, 0.0)
         self.pressed: Button | None = None
@@ -27,7 +27,7 @@ class Robot:
             self.app.window.wait(0.0)
             self.app.step(force=True)
             if self._after_frame is not None:
-                self._after_frame()
+                self._after_frame(self)
 
     def move(self, position: Position, steps: int = 1, ease: bool = False) -> None:
         """Move the pointer in ``steps`` to ``position`` in the window; ``ease`` starts and ends slowly, as hands do."""

@@ -9,7 +9,7 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from faceposer.errors import FacePoserError
 
 FONT_SIZE = 15.0
-_FONTS = Path(imgui_bundle.__file__).parent / "assets" / "fonts"
+FONTS = Path(imgui_bundle.__file__).parent / "assets" / "fonts"
 
 Colour = tuple[float, float, float, float]
 
@@ -69,18 +69,18 @@ def load_fonts() -> Fonts:
     """
 
     def load(name: str) -> imgui.ImFont:
-        for path in (_FONTS / name, icons):
+        for path in (FONTS / name, icons):
             if not path.is_file():
                 raise FacePoserError(f"The font '{path}' is missing; install the package imgui-bundle again.")
         atlas = imgui.get_io().fonts
-        font = atlas.add_font_from_file_ttf(str(_FONTS / name), FONT_SIZE)
+        font = atlas.add_font_from_file_ttf(str(FONTS / name), FONT_SIZE)
         merge = imgui.ImFontConfig()
         merge.merge_mode = True
         merge.glyph_offset = imgui.ImVec2(0.0, 1.0)
         atlas.add_font_from_file_ttf(str(icons), FONT_SIZE * 0.87, merge)
         return font
 
-    icons = _FONTS / "Font_Awesome_6_Free-Solid-900.otf"
+    icons = FONTS / "Font_Awesome_6_Free-Solid-900.otf"
     return Fonts(load("Roboto/Roboto-Regular.ttf"), load("Roboto/Roboto-Bold.ttf"))
 
 
