@@ -1,6 +1,7 @@
 #version 330
 //#include common.glsl
 // Materials: 0 clay, 1 skin, 2 eye, 3 teeth, 4 gums, 5 tongue, 6 lashes.
+uniform mat4 view;
 uniform int material;
 uniform bool textured;
 uniform sampler2D image;
@@ -50,6 +51,8 @@ void main() {
     vec4 texel = textured ? texture(image, texture_uv) : vec4(1.0);
     vec3 albedo = textured ? pow(texel.rgb, vec3(2.2)) : base;
     float alpha = material == 6 ? texel.a : 1.0;
+    // Where skin is as dark a red as the inside of the mouth.
+    float outside = material == 1 ? smoothstep(0.015, 0.060, albedo.g) : 1.0;
     if (!gl_FrontFacing) n = -n;
 
     vec3 wrap = material == 1 ? vec3(0.42, 0.20, 0.14) : vec3(material == 2 ? 0.35 : 0.12);
@@ -84,15 +87,15 @@ void main() {
     }
     vec3 edge = RIM.colour * pow(1.0 - facing, 3.0) * max(dot(n, RIM.direction), 0.0) * (material <= 1 ? 0.55 : 0.0);
 
-    // Where skin is as dark a red as the inside of the mouth, no light comes from behind, and little from before.
-    if (material == 1) {
-        float outside = smoothstep(0.015, 0.060, albedo.g);
-        edge *= outside;
-        shine *= mix(0.25, 1.0, outside);
-    }
+    // In the mouth no light comes from behind, and little from before.
+    edge *= outside;
+    shine *= mix(0.25, 1.0, outside);
     vec3 linear = (albedo * lit + (shine + edge) * gloss) * inside;
-    // The inner side of the skin is only seen where the neck is cut.
-    if (!gl_FrontFacing && material <= 1) linear = vec3(0.014, 0.013, 0.013);
+    // The inner side of the skin is seen from below, where the neck is cut; elsewhere it is a fold that turns over.
+    if (!gl_FrontFacing && material <= 1) {
+        float from_below = smoothstep(0.05, 0.30, -(transpose(mat3(view)) * v).y);
+        linear = mix(0.75 * linear, vec3(0.014, 0.013, 0.013), from_below);
+    }
     float fade = material <= 1 ? smoothstep(neck.x, neck.y, world_position.y) : 1.0;
     colour = vec4(display(mix(backdrop(gl_FragCoord.xy), linear, fade), gl_FragCoord.xy), alpha);
 }

@@ -104,6 +104,8 @@ class App:
         self._frames_due = _FRAMES_AFTER_EVENT
         self._last_event = time.perf_counter()
         self._failures = 0
+        # Where nobody watches, pictures are for keeping.
+        self._may_coarsen = self.window.software and not hidden
         self._coarseness = 1
         self._marks_key: object = None
         self._pin_marks: list[PinMark] = []
@@ -202,7 +204,7 @@ class App:
     def picture(self, size: tuple[int, int]) -> moderngl.Texture:
         """Return the picture of the face for the view, of ``size`` pixels or, while it moves without a GPU, coarser."""
         samples = _SAMPLES
-        if self.window.software and self.toolbox.active:
+        if self._may_coarsen and self.toolbox.active:
             samples = 0
             size = (max(size[0] // self._coarseness, 1), max(size[1] // self._coarseness, 1))
         camera = self.viewport.camera

@@ -10,9 +10,9 @@ from faceposer.viewer.recorder import Recorder
 from faceposer.viewer.robot import Robot
 from faceposer.viewer.settings import Settings
 
-_WINDOW = (1120, 720)
-# MPEG-4 feature points: corners of the mouth, inner ends of the brows, the chin.
-LEFT_CORNER, RIGHT_CORNER, LEFT_BROW, RIGHT_BROW = "8.3", "8.4", "4.1", "4.2"
+_WINDOW = (1200, 780)
+# MPEG-4 feature points.
+LEFT_CORNER, RIGHT_CORNER, LOWER_LIP, LEFT_BROW = "8.3", "8.4", "8.2", "4.1"
 
 
 @dataclass(frozen=True)
@@ -38,16 +38,16 @@ class _Script:
         """Play everything."""
         self._say("A neutral face")
         self._rest(4)
-        self._say("Drag the left corner of the mouth")
-        self._pull(LEFT_CORNER, 15.0, -19.0)
-        self._say("... and the right one")
-        self._pull(RIGHT_CORNER, -12.0, -19.0)
+        self._say("Drag the left corner of the mouth: the whole face follows")
+        self._pull(LEFT_CORNER, 13.0, -16.0)
+        self._say("... then the right one, a little")
+        self._pull(RIGHT_CORNER, -1.5, -2.0)
         self._say("Raise the inner end of a brow")
-        self._pull(LEFT_BROW, 1.0, -14.0)
+        self._pull(LEFT_BROW, 1.0, -9.0)
         self._say("Orbit, by dragging beside the face")
-        self._orbit(150.0, 12.0)
+        self._orbit(130.0, 10.0)
         self._say("Drag from any side")
-        self._pull(RIGHT_BROW, -1.0, -12.0)
+        self._pull(LOWER_LIP, 0.0, 3.5)
         self._say("Undo", "Ctrl+Z")
         self.robot.key("Ctrl+Z")
         self._rest(4)
@@ -143,5 +143,7 @@ def run(folder: Path, progress: Callable[[str], None] = print) -> DemoFiles:
         )
     finally:
         app.close()
-    progress(f"{len(files.frames)} frames in {frames_folder}, {files.animation}, {files.mesh} and {files.session} written")
+    progress(
+        f"{len(files.frames)} frames in {frames_folder}, {files.animation}, {files.mesh} and {files.session} written"
+    )
     return files

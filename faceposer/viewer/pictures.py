@@ -10,7 +10,6 @@ from PIL import Image
 
 from faceposer.errors import FacePoserError
 
-
 # Of the animation's shared palette: more would cost bytes without showing.
 _COLOURS = 160
 

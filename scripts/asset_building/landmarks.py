@@ -131,15 +131,16 @@ def regions(skin: Skin, place: Floats, masks: dict[str, Floats], parts: tuple[Pa
     hair = above_hairline(even) > 0.0
     along, across, _ = brow_frame(even, LOOKS["man"].skin)
     brows = outer & (along > -0.12) & (along < 1.08) & (np.abs(across) < 2.4) & (np.abs(y - 74.9) < 1.0) & (z > 10)
-    lids = _ring_mask(skin, len(place), LASH_RING - 2, LASH_RING + 4) & ~brows
-    nose_width = np.interp(y, [67.6, 68.3, 69.5, 70.5, 71.5, 73.0], [1.3, 2.1, 2.1, 1.7, 1.25, 0.9])
-    nose = outer & (x < nose_width) & (y > 67.85) & (y < 73.2) & (z > 12.0) & ~lips
+    lids = (_ring_mask(skin, len(place), LASH_RING - 2, LASH_RING + 4) | _around_eyes(skin, place)) & ~brows
+    nose_width = np.interp(y, [67.6, 68.3, 69.5, 70.5, 71.5, 73.0, 74.0], [1.3, 2.1, 2.1, 1.7, 1.25, 0.9, 0.9])
+    nose = outer & (x < nose_width) & (y > 67.85) & (y <= 74.0) & (z > 12.0) & ~lips
     near_lips = cKDTree(place[lips & outer]).query(place)[0] < 0.75
-    mouth = lips | (outer & near_lips & ~nose)
+    philtrum = (x < 1.5) & (y > 66.5) & (y < 68.0) & (z > 14.0)
+    mouth = lips | (outer & (near_lips | philtrum) & ~nose)
     neck = outer & (y < 61.2 + 0.3 * (13.2 - z)) & ~hair & ~ears & ~lips
     lower = np.interp(z, [6.0, 10.0, 14.0], [68.0, 66.5, 65.2])
     jaw = outer & (y < lower) & (z > 5.5) & ~neck & ~mouth & ~ears
-    cheek = outer & (y < 71.9) & (z > 6.5) & ~jaw & ~neck & ~mouth & ~nose & ~lids & ~ears & ~hair
+    cheek = outer & (y <= 74.0) & (z > 6.5) & ~jaw & ~neck & ~mouth & ~nose & ~lids & ~brows & ~ears & ~hair
     forehead = outer & (y > 74.0) & (z > 8.0) & ~hair & ~brows & ~lids & ~nose
     left = place[:, 0] > 1e-6
     right = place[:, 0] < -1e-6
@@ -178,6 +179,17 @@ def _inside_ids(skin: Skin, place: Floats) -> Ints:
     quads = np.unique(skin.fine.quads[np.repeat(skin.in_mouth, 4)])
     behind_lips = quads[place[quads, 2] < 15.0]
     return np.union1d(inside, behind_lips).astype(np.int32)
+
+
+def _around_eyes(skin: Skin, place: Floats) -> NDArray[np.bool_]:
+    """Return which vertices lie over either eye's opening or close around it, up to the fold below the brow."""
+    lashes = place[skin.rings_left[LASH_RING]]
+    low, high = lashes.min(axis=0), lashes.max(axis=0)
+    middle, half = 0.5 * (low + high)[:2], 0.5 * (high - low)[:2]
+    beside = (np.abs(place[:, 0]) - middle[0]) / (1.30 * half[0])
+    beyond = (place[:, 1] - middle[1]) / np.where(place[:, 1] > middle[1], half[1] + 1.1, half[1] + 0.6)
+    around: NDArray[np.bool_] = (np.round(np.hypot(beside, beyond), 6) < 1.0) & (place[:, 2] > low[2] - 0.8)
+    return around
 
 
 def _ring_mask(skin: Skin, n_vertices: int, first: int, last: int) -> NDArray[np.bool_]:

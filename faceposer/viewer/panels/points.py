@@ -71,9 +71,7 @@ class PointsPanel:
         baseline = corner.y + (height - imgui.get_font_size()) / 2.0
         name_left = corner.x + height + em(0.2)
         draw.push_clip_rect(ImVec2(name_left, corner.y), ImVec2(figure_left - em(0.4), corner.y + height), True)
-        draw.add_text(
-            ImVec2(name_left, baseline), u32(INK if constraint.enabled else FAINT), app.point_name(index)
-        )
+        draw.add_text(ImVec2(name_left, baseline), u32(INK if constraint.enabled else FAINT), app.point_name(index))
         draw.pop_clip_rect()
         far = residual > _NOTABLE and constraint.enabled
         draw.add_text(ImVec2(figure_left, baseline), u32(WARNING if far else FAINT), figure)
