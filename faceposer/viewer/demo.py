@@ -6,6 +6,7 @@ from pathlib import Path
 
 from faceposer.errors import FacePoserError
 from faceposer.viewer.app import App
+from faceposer.viewer.pictures import write_png
 from faceposer.viewer.recorder import Recorder
 from faceposer.viewer.robot import Robot
 from faceposer.viewer.settings import Settings
@@ -21,6 +22,7 @@ class DemoFiles:
 
     frames: tuple[Path, ...]
     animation: Path
+    picture: Path
     mesh: Path
     session: Path
 
@@ -57,6 +59,7 @@ class _Script:
         self._say("Front view", "1")
         self.robot.key("1")
         self._rest(2)
+        write_png(self._folder / "pose.png", self.app.screenshot())
         self._say("Compare with the neutral face", "C")
         self.robot.key("C")
         self._rest(4)
@@ -138,12 +141,12 @@ def run(folder: Path, progress: Callable[[str], None] = print) -> DemoFiles:
         files = DemoFiles(
             tuple(recorder.frames),
             recorder.write_animation(folder / "demo.gif"),
+            folder / "pose.png",
             folder / "pose.obj",
             folder / "session.json",
         )
     finally:
         app.close()
-    progress(
-        f"{len(files.frames)} frames in {frames_folder}, {files.animation}, {files.mesh} and {files.session} written"
-    )
+    names = ", ".join(path.name for path in (files.animation, files.picture, files.mesh, files.session))
+    progress(f"{len(files.frames)} frames, {names} written to {folder}")
     return files

@@ -1,0 +1,395 @@
+"""The window, driven by pointer and key events alone: a hidden one, on GLFW's null platform."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faceposer.geometry.mesh_io import read_mesh
+from faceposer.session.document import Document, write_document
+from faceposer.viewer.app import App
+from faceposer.viewer.robot import Robot
+from faceposer.viewer.settings import Settings
+from faceposer.viewer.window import CloseRequest, Drop, FocusLost, Key
+
+LEFT_CORNER, RIGHT_CORNER = "8.3", "8.4"
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Iterator[Robot]:
+    app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(900, 680), folder=str(tmp_path)))
+    yield Robot(app)
+    app.close()
+
+
+def count(robot: Robot) -> int:
+    return len(robot.app.session.document.constraints)
+
+
+def smile(robot: Robot) -> None:
+    x, y = robot.at(LEFT_CORNER)
+    robot.drag((x, y), (x + 12, y - 14))
+
+
+def beside(robot: Robot) -> tuple[float, float]:
+    left, top, _, bottom = robot.app.marks["view"]
+    return (left + 30.0, 0.5 * (top + bottom))
+
+
+def answer(robot: Robot, choice: int) -> None:
+    robot.frames(2)
+    robot.click_widget(f"choice:{choice}")
+
+
+def moved(robot: Robot) -> float:
+    """How far the corner of the mouth is from where it is on the neutral face, in pixels of the view."""
+    app = robot.app
+    vertex = app.session.model.subject.feature_points[LEFT_CORNER]
+    rest, now = app.viewport.camera.project(
+        np.stack([app.session.model.subject.vertices[vertex], app.scene.vertices[vertex]])
+    )
+    return float(np.hypot(*(now - rest)))
+
+
+def save_by_dialog(robot: Robot, key: str, path: Path) -> None:
+    robot.key(key)
+    robot.key("Ctrl+A")
+    robot.type(str(path))
+    robot.click_widget("files:accept")
+
+
+def test_starts_neutral_and_draws_nothing_while_nothing_happens(robot: Robot) -> None:
+    app = robot.app
+    robot.frames(4)
+    np.testing.assert_allclose(app.scene.vertices, app.session.model.subject.vertices, atol=1e-4)
+    drawn = app.frames_drawn
+    for _ in range(50):
+        app.step()
+    assert app.frames_drawn == drawn
+    app.window.play_move(*beside(robot))
+    app.step()
+    assert app.frames_drawn > drawn
+
+
+def test_the_point_sticks_under_the_pointer_and_the_rest_follows(robot: Robot) -> None:
+    app = robot.app
+    x, y = robot.at(LEFT_CORNER)
+    robot.drag((x, y), (x + 12, y - 14))
+    seen = robot.at(LEFT_CORNER)
+    assert np.hypot(seen[0] - (x + 12), seen[1] - (y - 14)) < 2.0
+    names = app.session.model.subject.shape_names
+    weights = dict(zip(names, app.session.model.weights_of(app.session.coefficients), strict=True))
+    assert weights["mouthSmileLeft"] > 0.2
+    assert weights["mouthSmileRight"] > 0.2
+    assert "left mouth corner" in app.point_name(0)
+
+
+def test_nothing_jumps(robot: Robot) -> None:
+    app = robot.app
+    x, y = robot.at(LEFT_CORNER)
+    robot.click((x, y))
+    assert count(robot) == 1
+    assert moved(robot) < 0.1
+    robot.key("Ctrl+Z")
+    pixels = []
+    robot.move((x, y))
+    robot.press()
+    for step in range(1, 9):
+        robot.move((x + step, y))
+        pixels.append(moved(robot))
+    robot.release()
+    steps = np.diff([0.0, *pixels])
+    assert steps.max() < 2.5 and steps.min() > -0.5
+    assert pixels[-1] > 5.0
+    assert not app.dialogs.open
+
+
+def test_undo_redo_escape_and_removal(robot: Robot) -> None:
+    app = robot.app
+    smile(robot)
+    posed = app.session.coefficients.copy()
+    x, y = robot.at(RIGHT_CORNER)
+    robot.drag((x, y), (x - 4, y + 8))
+    assert count(robot) == 2
+    robot.key("Ctrl+Z")
+    assert count(robot) == 1
+    np.testing.assert_array_equal(app.session.coefficients, posed)
+    robot.key("Ctrl+Z")
+    assert count(robot) == 0 and moved(robot) == 0.0
+    robot.key("Ctrl+Y")
+    robot.key("Ctrl+Shift+Z")
+    assert count(robot) == 2
+
+    pin = robot.at(LEFT_CORNER)
+    before = app.session.document
+    robot.move(pin)
+    robot.press()
+    robot.move((pin[0] + 20, pin[1] + 20), 4)
+    robot.key("Esc")
+    robot.release()
+    assert app.session.document == before
+
+    robot.click(robot.at(LEFT_CORNER), "right")
+    assert count(robot) == 1
+    robot.click(robot.at(RIGHT_CORNER))
+    assert app.toolbox.selection == {0}
+    robot.key("Delete")
+    assert count(robot) == 0 and moved(robot) == 0.0
+
+
+def test_compare_by_tap_and_by_holding(robot: Robot) -> None:
+    app = robot.app
+    smile(robot)
+    robot.key("C")
+    assert app.comparing and moved(robot) == 0.0
+    robot.key("C")
+    assert not app.comparing and moved(robot) > 5.0
+    now = time.perf_counter()
+    app.window.play_event(Key("press", "C", frozenset(), now))
+    robot.frames()
+    assert app.comparing
+    app.window.play_event(Key("release", "C", frozenset(), now + 1.0))
+    robot.frames()
+    assert not app.comparing
+    robot.key("C")
+    robot.click(robot.at(LEFT_CORNER))
+    assert not app.comparing
+
+
+def test_on_apply_waits(robot: Robot) -> None:
+    app = robot.app
+    robot.click_widget("mode:1")
+    smile(robot)
+    assert app.session.pending and moved(robot) == 0.0
+    assert "apply" in app.hint().lower()
+    robot.key("Enter")
+    assert not app.session.pending and moved(robot) > 5.0
+
+
+def test_prior_weight_by_its_slider(robot: Robot) -> None:
+    app = robot.app
+    x, y = robot.at(LEFT_CORNER)
+    robot.drag((x, y), (x + 60, y - 5))
+    residual = app.session.residuals_px[0]
+    left, top, right, bottom = app.marks["weight"]
+    middle = 0.5 * (top + bottom)
+    robot.move((right - 12, middle))
+    robot.drag((right - 12, middle), (left - 5, middle), steps=6)
+    assert app.session.document.prior_weight == 0.0
+    assert app.session.residuals_px[0] < 0.5 * residual
+    robot.key("Ctrl+Z")
+    assert app.session.document.prior_weight == 1.0
+    assert app.session.residuals_px[0] == pytest.approx(residual, abs=1e-6)
+
+
+def test_views_orbit_and_zoom_do_not_edit(robot: Robot) -> None:
+    app = robot.app
+    view = app.viewport.view
+    begin = beside(robot)
+    robot.drag(begin, (begin[0] + 60, begin[1] + 10))
+    assert app.viewport.view != view
+    robot.move(robot.at(LEFT_CORNER))
+    distance = app.viewport.view.distance
+    robot.wheel(2.0)
+    assert app.viewport.view.distance < distance
+    robot.key("Ctrl+3")
+    right = app.viewport.camera.center
+    robot.key("3")
+    left = app.viewport.camera.center
+    assert left[0] * right[0] < 0 and abs(left[0]) > abs(left[2])
+    robot.drag(begin, (begin[0] + 10, begin[1] + 10), button="middle", modifiers=frozenset({"shift"}))
+    robot.key("F")
+    assert not app.session.can_undo
+
+
+def test_keys_sheet_takes_the_keys_while_it_is_open(robot: Robot) -> None:
+    app = robot.app
+    smile(robot)
+    robot.key("F1")
+    assert app.dialogs.open
+    robot.key("R")
+    assert count(robot) == 1
+    robot.key("Esc")
+    assert not app.dialogs.open
+    robot.key("R")
+    assert count(robot) == 0
+
+
+def test_the_saved_obj_is_the_solved_face(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    smile(robot)
+    save_by_dialog(robot, "Ctrl+E", tmp_path / "posed")
+    mesh = read_mesh(tmp_path / "posed.obj")
+    subject = app.session.model.subject
+    solved = app.session.model.instance(app.session.coefficients)
+    height = float(np.ptp(subject.vertices[:, 1]))
+    assert np.abs(mesh.vertices - solved).max() < 1e-5 * height
+    assert np.abs(solved - subject.vertices).max() > 0.3
+    smile(robot)
+    robot.key("Ctrl+E")
+    assert not app.file_dialogs.open
+    again = read_mesh(tmp_path / "posed.obj")
+    assert np.abs(again.vertices - mesh.vertices).max() > 1e-3
+
+
+def test_session_saved_and_opened_again(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    smile(robot)
+    begin = beside(robot)
+    robot.drag(begin, (begin[0] + 40, begin[1]))
+    view, pose = app.viewport.view, app.session.coefficients.copy()
+    path = tmp_path / "smile.json"
+    assert app.session.dirty and app.window.title.startswith("Man (not saved)*")
+    save_by_dialog(robot, "Ctrl+S", path)
+    assert not app.session.dirty and app.window.title == "smile.json - Face Poser"
+    robot.key("R")
+    app.window.play_event(Drop((str(path),)))
+    answer(robot, 1)
+    np.testing.assert_allclose(app.session.coefficients, pose, atol=1e-9)
+    assert app.viewport.view.yaw == pytest.approx(view.yaw, abs=1e-6)
+
+
+def test_unsaved_changes_are_asked_about(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    smile(robot)
+    robot.click_widget("subject")
+    robot.click_widget("subject:woman")
+    answer(robot, 2)
+    assert app.session.document.subject == "man" and count(robot) == 1
+    app.window.play_event(CloseRequest())
+    robot.frames(2)
+    assert app.dialogs.open and not app.closing
+    answer(robot, 0)
+    robot.key("Ctrl+A")
+    robot.type(str(tmp_path / "kept.json"))
+    robot.click_widget("files:accept")
+    assert (tmp_path / "kept.json").is_file() and app.closing
+
+
+def test_another_subject_opens(robot: Robot) -> None:
+    app = robot.app
+    robot.click_widget("subject")
+    robot.click_widget("subject:woman")
+    assert app.session.model.subject.name == "woman"
+    smile(robot)
+    assert moved(robot) > 5.0
+
+
+def test_a_file_that_cannot_be_opened_is_told_and_changes_nothing(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    smile(robot)
+    before = app.session
+    bad = tmp_path / "bad.json"
+    bad.write_text('{"format": "faceposer.session", "version": 1, "subject": "man", "mood": "good"}')
+    app.window.play_event(Drop((str(bad),)))
+    answer(robot, 1)
+    assert app.session is before
+    assert "mood" in app.dialogs.waiting[0].text
+    answer(robot, 0)
+    assert not app.dialogs.open
+
+
+def test_resizing_minimising_and_a_dense_display(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    app = robot.app
+    smile(robot)
+    for size in ((1300, 500), (481, 361), (1500, 1000)):
+        app.window.set_size(size)
+        robot.frames(2)
+        assert app.screenshot().shape == (size[1], size[0], 3)
+        corner = robot.at(LEFT_CORNER)
+        assert app.viewport.contains(corner)
+    pictures = []
+    monkeypatch.setattr(type(app.window), "pixels", property(lambda window: (3000, 2000)))
+    original = app.scene.draw
+    monkeypatch.setattr(
+        app.scene, "draw", lambda camera, *rest: (pictures.append(camera.size), original(camera, *rest))[1]
+    )
+    robot.frames(1)
+    assert pictures[-1] == (2 * app.viewport.size[0], 2 * app.viewport.size[1])
+    monkeypatch.undo()
+    drawn = app.frames_drawn
+    monkeypatch.setattr(type(app.window), "drawable", property(lambda window: False))
+    robot.frames(3)
+    assert app.frames_drawn == drawn
+    monkeypatch.undo()
+    robot.frames(1)
+    assert app.frames_drawn > drawn
+
+
+def test_losing_the_focus_ends_a_drag_where_it_is(robot: Robot) -> None:
+    app = robot.app
+    x, y = robot.at(LEFT_CORNER)
+    robot.move((x, y))
+    robot.press()
+    robot.move((x + 10, y - 10), 4)
+    app.window.play_event(FocusLost())
+    robot.frames(2)
+    assert not app.toolbox.active and count(robot) == 1
+    robot.move((x + 80, y + 80), 2)
+    assert moved(robot) < 25.0
+
+
+def test_an_error_inside_a_frame_is_told_and_the_window_goes_on(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    app = robot.app
+    smile(robot)
+    monkeypatch.setattr(app.points_panel, "draw", lambda app: 1 / 0)
+    robot.frames(2)
+    monkeypatch.undo()
+    assert "ZeroDivisionError" in app.dialogs.waiting[0].text
+    assert "ZeroDivisionError" in capsys.readouterr().err
+    answer(robot, 0)
+    smile(robot)
+    assert count(robot) >= 1
+
+
+def test_menus_do_what_they_say(robot: Robot) -> None:
+    app = robot.app
+    robot.click_widget("menu:View")
+    robot.click_widget("menu:wireframe")
+    assert app.wireframe
+    robot.click_widget("menu:View")
+    robot.click_widget("menu:maya")
+    assert app.viewport.navigation == "maya"
+    smile(robot)
+    robot.click_widget("menu:Edit")
+    robot.click_widget("menu:undo")
+    assert count(robot) == 0
+
+
+def test_points_panel_switches_and_removes(robot: Robot) -> None:
+    app = robot.app
+    smile(robot)
+    robot.click_widget("point:0:on")
+    assert not app.session.document.constraints[0].enabled and moved(robot) < 0.1
+    robot.click_widget("point:0:on")
+    assert moved(robot) > 5.0
+    robot.click_widget("point:0:delete")
+    assert count(robot) == 0
+
+
+def test_a_session_opens_from_the_command_line(tmp_path: Path) -> None:
+    path = tmp_path / "one.json"
+    write_document(path, Document("woman", prior_weight=2.0))
+    app = App(str(path), hidden=True, threaded=False, settings=Settings(window_size=(640, 480)))
+    try:
+        assert app.session.path == path and app.session.document.prior_weight == 2.0
+        Robot(app).frames(1)
+    finally:
+        app.close()
+
+
+def test_solving_beside_the_frames(tmp_path: Path) -> None:
+    app = App("man", hidden=True, threaded=True, settings=Settings(window_size=(700, 560)))
+    try:
+        robot = Robot(app)
+        smile(robot)
+        app.session.wait()
+        robot.frames(1)
+        assert moved(robot) > 5.0
+        assert not app.session.solving
+    finally:
+        app.close()
