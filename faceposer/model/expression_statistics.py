@@ -76,7 +76,7 @@ def load_expression_statistics(path: Path | None = None) -> ExpressionStatistics
     try:
         if path.stat().st_size > _MAX_BYTES:
             raise ValueError("it is too large")
-        with np.load(path, allow_pickle=False) as data:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             arrays = {name: data[name].astype(np.float64) for name in _ARRAYS}
             names = tuple(str(name) for name in data["shape_names"])
             return ExpressionStatistics(names, credits=str(data["credits"]), **arrays)

@@ -101,7 +101,8 @@ def test_nothing_jumps(robot: Robot) -> None:
         pixels.append(moved(robot))
     robot.release()
     steps = np.diff([0.0, *pixels])
-    assert steps.max() < 2.5 and steps.min() > -0.5
+    assert steps.max() < 2.5
+    assert steps.min() > -0.5
     assert pixels[-1] > 5.0
     assert not app.dialogs.open
 
@@ -117,7 +118,8 @@ def test_undo_redo_escape_and_removal(robot: Robot) -> None:
     assert count(robot) == 1
     np.testing.assert_array_equal(app.session.coefficients, posed)
     robot.key("Ctrl+Z")
-    assert count(robot) == 0 and moved(robot) == 0.0
+    assert count(robot) == 0
+    assert moved(robot) == 0.0
     robot.key("Ctrl+Y")
     robot.key("Ctrl+Shift+Z")
     assert count(robot) == 2
@@ -136,16 +138,19 @@ def test_undo_redo_escape_and_removal(robot: Robot) -> None:
     robot.click(robot.at(RIGHT_CORNER))
     assert app.toolbox.selection == {0}
     robot.key("Delete")
-    assert count(robot) == 0 and moved(robot) == 0.0
+    assert count(robot) == 0
+    assert moved(robot) == 0.0
 
 
 def test_compare_by_tap_and_by_holding(robot: Robot) -> None:
     app = robot.app
     smile(robot)
     robot.key("C")
-    assert app.comparing and moved(robot) == 0.0
+    assert app.comparing
+    assert moved(robot) == 0.0
     robot.key("C")
-    assert not app.comparing and moved(robot) > 5.0
+    assert not app.comparing
+    assert moved(robot) > 5.0
     now = time.perf_counter()
     app.window.play_event(Key("press", "C", frozenset(), now))
     robot.frames()
@@ -162,10 +167,12 @@ def test_on_apply_waits(robot: Robot) -> None:
     app = robot.app
     robot.click_widget("mode:1")
     smile(robot)
-    assert app.session.pending and moved(robot) == 0.0
+    assert app.session.pending
+    assert moved(robot) == 0.0
     assert "apply" in app.hint().lower()
     robot.key("Enter")
-    assert not app.session.pending and moved(robot) > 5.0
+    assert not app.session.pending
+    assert moved(robot) > 5.0
 
 
 def test_prior_weight_by_its_slider(robot: Robot) -> None:
@@ -198,7 +205,8 @@ def test_views_orbit_and_zoom_do_not_edit(robot: Robot) -> None:
     right = app.viewport.camera.center
     robot.key("3")
     left = app.viewport.camera.center
-    assert left[0] * right[0] < 0 and abs(left[0]) > abs(left[2])
+    assert left[0] * right[0] < 0
+    assert abs(left[0]) > abs(left[2])
     robot.drag(begin, (begin[0] + 10, begin[1] + 10), button="middle", modifiers=frozenset({"shift"}))
     robot.key("F")
     assert not app.session.can_undo
@@ -241,9 +249,11 @@ def test_session_saved_and_opened_again(robot: Robot, tmp_path: Path) -> None:
     robot.drag(begin, (begin[0] + 40, begin[1]))
     view, pose = app.viewport.view, app.session.coefficients.copy()
     path = tmp_path / "smile.json"
-    assert app.session.dirty and app.window.title.startswith("Man (not saved)*")
+    assert app.session.dirty
+    assert app.window.title.startswith("Man (not saved)*")
     save_by_dialog(robot, "Ctrl+S", path)
-    assert not app.session.dirty and app.window.title == "smile.json - Face Poser"
+    assert not app.session.dirty
+    assert app.window.title == "smile.json - Face Poser"
     robot.key("R")
     app.window.play_event(Drop((str(path),)))
     answer(robot, 1)
@@ -257,15 +267,18 @@ def test_unsaved_changes_are_asked_about(robot: Robot, tmp_path: Path) -> None:
     robot.click_widget("subject")
     robot.click_widget("subject:woman")
     answer(robot, 2)
-    assert app.session.document.subject == "man" and count(robot) == 1
+    assert app.session.document.subject == "man"
+    assert count(robot) == 1
     app.window.play_event(CloseRequest())
     robot.frames(2)
-    assert app.dialogs.open and not app.closing
+    assert app.dialogs.open
+    assert not app.closing
     answer(robot, 0)
     robot.key("Ctrl+A")
     robot.type(str(tmp_path / "kept.json"))
     robot.click_widget("files:accept")
-    assert (tmp_path / "kept.json").is_file() and app.closing
+    assert (tmp_path / "kept.json").is_file()
+    assert app.closing
 
 
 def test_another_subject_opens(robot: Robot) -> None:
@@ -326,7 +339,8 @@ def test_losing_the_focus_ends_a_drag_where_it_is(robot: Robot) -> None:
     robot.move((x + 10, y - 10), 4)
     app.window.play_event(FocusLost())
     robot.frames(2)
-    assert not app.toolbox.active and count(robot) == 1
+    assert not app.toolbox.active
+    assert count(robot) == 1
     robot.move((x + 80, y + 80), 2)
     assert moved(robot) < 25.0
 
@@ -364,7 +378,8 @@ def test_points_panel_switches_and_removes(robot: Robot) -> None:
     app = robot.app
     smile(robot)
     robot.click_widget("point:0:on")
-    assert not app.session.document.constraints[0].enabled and moved(robot) < 0.1
+    assert not app.session.document.constraints[0].enabled
+    assert moved(robot) < 0.1
     robot.click_widget("point:0:on")
     assert moved(robot) > 5.0
     robot.click_widget("point:0:delete")
@@ -376,7 +391,8 @@ def test_a_session_opens_from_the_command_line(tmp_path: Path) -> None:
     write_document(path, Document("woman", prior_weight=2.0))
     app = App(str(path), hidden=True, threaded=False, settings=Settings(window_size=(640, 480)))
     try:
-        assert app.session.path == path and app.session.document.prior_weight == 2.0
+        assert app.session.path == path
+        assert app.session.document.prior_weight == 2.0
         Robot(app).frames(1)
     finally:
         app.close()
