@@ -15,14 +15,13 @@ from faceposer.resources import user_state_dir
 from faceposer.session.opening import open_session
 from faceposer.session.session import Mode, Session
 from faceposer.session.solver_worker import InlineWorker, SolverWorker, Worker
-from faceposer.tools.tool import Navigation
 from faceposer.tools.toolbox import Toolbox
 from faceposer.viewer.commands import build_actions
 from faceposer.viewer.file_dialogs import FileDialogs, FileRequest
 from faceposer.viewer.files import Files
 from faceposer.viewer.gui import Gui
 from faceposer.viewer.overlay import PinMark, pin_marks
-from faceposer.viewer.panels.dialogs import Dialogs, Question
+from faceposer.viewer.panels.dialogs import Dialogs
 from faceposer.viewer.panels.layout import draw_window
 from faceposer.viewer.panels.points import PointsPanel
 from faceposer.viewer.panels.pose import PosePanel
@@ -341,71 +340,6 @@ class App:
         if self.comparing:
             self.comparing = False
             self.scene.set_pose(self.session.coefficients)
-
-    def apply(self) -> None:
-        """Let the face follow the points."""
-        self.session.apply()
-
-    def delete_selected(self) -> None:
-        """Remove the selected points."""
-        self.toolbox.delete_selected()
-
-    def clear_points(self) -> None:
-        """Remove all points."""
-        count = len(self.session.document.constraints)
-        self.toolbox.cancel()
-        self.session.remove_constraints(set(range(count)), "Clear all points")
-
-    def reset(self) -> None:
-        """Return to the neutral face."""
-        self.toolbox.cancel()
-        self.comparing = False
-        if self.session.document.constraints or np.any(self.session.coefficients):
-            self.session.reset_pose()
-
-    def cancel(self) -> None:
-        """Take back the gesture, or deselect."""
-        self.toolbox.cancel()
-
-    def compare(self) -> None:
-        """Show the neutral face, or the pose again."""
-        if not self.toolbox.active:
-            self.comparing = not self.comparing
-
-    def look(self, name: str) -> None:
-        """Turn the view."""
-        if not self.toolbox.active:
-            self.viewport.look(name)
-
-    def navigate(self, preset: Navigation) -> None:
-        """Let the mouse buttons move the view as in another program."""
-        self.viewport.navigation = self.settings.navigation = preset
-
-    def toggle_wireframe(self) -> None:
-        """Draw the edges of the mesh, or not."""
-        self.wireframe = not self.wireframe
-
-    def toggle_clay(self) -> None:
-        """Draw without textures, or with them."""
-        self.shading = "full" if self.shading == "clay" else "clay"
-
-    def toggle_points(self) -> None:
-        """Draw the pins, or not."""
-        self.points_shown = not self.points_shown
-
-    def toggle_panel(self) -> None:
-        """Show the side panel, or not."""
-        self.panel_shown = not self.panel_shown
-
-    def toggle_keys(self) -> None:
-        """Show the sheet of keys."""
-        self.dialogs.keys_shown = True
-
-    def about(self) -> None:
-        """Show who made what."""
-        subject = self.session.model.subject
-        text = f"Pose 3D faces by dragging: the whole face follows as a real face would.\n\n{subject.credits}"
-        self.dialogs.ask(Question("Face Poser", text))
 
     def dialogs_ask(self, request: FileRequest) -> None:
         """Ask for a file."""

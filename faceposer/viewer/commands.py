@@ -1,8 +1,12 @@
-"""The table of what the window can do."""
+"""What the window can do, and the table of it."""
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from faceposer.tools.tool import Navigation
 from faceposer.viewer.actions import Action, Actions
+from faceposer.viewer.panels.dialogs import Question
 
 if TYPE_CHECKING:
     from faceposer.viewer.app import App
@@ -19,8 +23,82 @@ _VIEWS = (
 )
 
 
+class Commands:
+    """What menus and keys do, files aside."""
+
+    def __init__(self, app: "App") -> None:
+        """Serve ``app``."""
+        self._app = app
+
+    def apply(self) -> None:
+        """Let the face follow the points."""
+        self._app.session.apply()
+
+    def delete_selected(self) -> None:
+        """Remove the selected points."""
+        self._app.toolbox.delete_selected()
+
+    def clear_points(self) -> None:
+        """Remove all points."""
+        count = len(self._app.session.document.constraints)
+        self._app.toolbox.cancel()
+        self._app.session.remove_constraints(set(range(count)), "Clear all points")
+
+    def reset(self) -> None:
+        """Return to the neutral face."""
+        self._app.toolbox.cancel()
+        self._app.comparing = False
+        if self._app.session.document.constraints or np.any(self._app.session.coefficients):
+            self._app.session.reset_pose()
+
+    def cancel(self) -> None:
+        """Take back the gesture, or deselect."""
+        self._app.toolbox.cancel()
+
+    def compare(self) -> None:
+        """Show the neutral face, or the pose again."""
+        if not self._app.toolbox.active:
+            self._app.comparing = not self._app.comparing
+
+    def look(self, name: str) -> None:
+        """Turn the view."""
+        if not self._app.toolbox.active:
+            self._app.viewport.look(name)
+
+    def navigate(self, preset: Navigation) -> None:
+        """Let the mouse buttons move the view as in another program."""
+        self._app.viewport.navigation = self._app.settings.navigation = preset
+
+    def toggle_wireframe(self) -> None:
+        """Draw the edges of the mesh, or not."""
+        self._app.wireframe = not self._app.wireframe
+
+    def toggle_clay(self) -> None:
+        """Draw without textures, or with them."""
+        self._app.shading = "full" if self._app.shading == "clay" else "clay"
+
+    def toggle_points(self) -> None:
+        """Draw the pins, or not."""
+        self._app.points_shown = not self._app.points_shown
+
+    def toggle_panel(self) -> None:
+        """Show the side panel, or not."""
+        self._app.panel_shown = not self._app.panel_shown
+
+    def toggle_keys(self) -> None:
+        """Show the sheet of keys."""
+        self._app.dialogs.keys_shown = True
+
+    def about(self) -> None:
+        """Show who made what."""
+        subject = self._app.session.model.subject
+        text = f"Pose 3D faces by dragging: the whole face follows as a real face would.\n\n{subject.credits}"
+        self._app.dialogs.ask(Question("Face Poser", text))
+
+
 def build_actions(app: "App") -> Actions:
     """Return the actions of ``app``, in the order of its menus."""
+    do = Commands(app)
 
     def free() -> bool:
         return not app.busy
@@ -56,7 +134,7 @@ def build_actions(app: "App") -> Actions:
                 "apply",
                 "Apply",
                 "Edit",
-                app.apply,
+                do.apply,
                 ("Enter", "Space"),
                 applies,
                 separated=True,
@@ -66,7 +144,7 @@ def build_actions(app: "App") -> Actions:
                 "delete",
                 "Delete selected points",
                 "Edit",
-                app.delete_selected,
+                do.delete_selected,
                 ("Delete", "Backspace"),
                 lambda: free() and bool(app.toolbox.selection),
                 separated=True,
@@ -75,19 +153,19 @@ def build_actions(app: "App") -> Actions:
                 "clear",
                 "Clear all points",
                 "Edit",
-                app.clear_points,
+                do.clear_points,
                 (),
                 lambda: free() and bool(app.session.document.constraints),
                 help="Remove all points and return to the pose that they pulled the face away from",
             ),
             Action(
-                "reset", "Reset to neutral", "Edit", app.reset, ("R",), free, help="Back to the neutral face, no points"
+                "reset", "Reset to neutral", "Edit", do.reset, ("R",), free, help="Back to the neutral face, no points"
             ),
             Action(
-                "cancel", "Cancel or deselect", "Edit", app.cancel, ("Esc",), help="Take back the gesture, or deselect"
+                "cancel", "Cancel or deselect", "Edit", do.cancel, ("Esc",), help="Take back the gesture, or deselect"
             ),
             *(
-                Action(f"view-{name}", label, "View", lambda name=name: app.look(name), (key,))  # type: ignore[misc]
+                Action(f"view-{name}", label, "View", lambda name=name: do.look(name), (key,))  # type: ignore[misc]
                 for name, label, key in _VIEWS
             ),
             Action("frame", "Frame the face", "View", app.viewport.frame_face, ("F",), separated=True),
@@ -95,7 +173,7 @@ def build_actions(app: "App") -> Actions:
                 "compare",
                 "Compare with neutral",
                 "View",
-                app.compare,
+                do.compare,
                 ("C",),
                 checked=lambda: app.comparing,
                 separated=True,
@@ -105,7 +183,7 @@ def build_actions(app: "App") -> Actions:
                 "wireframe",
                 "Wireframe",
                 "View",
-                app.toggle_wireframe,
+                do.toggle_wireframe,
                 ("W",),
                 checked=lambda: app.wireframe,
                 help="Draw the edges of the mesh",
@@ -114,7 +192,7 @@ def build_actions(app: "App") -> Actions:
                 "clay",
                 "Clay",
                 "View",
-                app.toggle_clay,
+                do.toggle_clay,
                 ("T",),
                 checked=lambda: app.shading == "clay",
                 help="Draw without textures",
@@ -123,7 +201,7 @@ def build_actions(app: "App") -> Actions:
                 "points",
                 "Show points",
                 "View",
-                app.toggle_points,
+                do.toggle_points,
                 ("P",),
                 checked=lambda: app.points_shown,
                 help="Draw the pins over the face",
@@ -132,7 +210,7 @@ def build_actions(app: "App") -> Actions:
                 "panel",
                 "Side panel",
                 "View",
-                app.toggle_panel,
+                do.toggle_panel,
                 ("N",),
                 checked=lambda: app.panel_shown,
                 help="Show the panel at the right",
@@ -141,7 +219,7 @@ def build_actions(app: "App") -> Actions:
                 "blender",
                 "Navigate as in Blender",
                 "View",
-                lambda: app.navigate("blender"),
+                lambda: do.navigate("blender"),
                 checked=lambda: app.viewport.navigation == "blender",
                 separated=True,
             ),
@@ -149,10 +227,10 @@ def build_actions(app: "App") -> Actions:
                 "maya",
                 "Navigate as in Maya",
                 "View",
-                lambda: app.navigate("maya"),
+                lambda: do.navigate("maya"),
                 checked=lambda: app.viewport.navigation == "maya",
             ),
-            Action("keys", "Keys and mouse", "Help", app.toggle_keys, ("F1",)),
-            Action("about", "About Face Poser", "Help", app.about),
+            Action("keys", "Keys and mouse", "Help", do.toggle_keys, ("F1",)),
+            Action("about", "About Face Poser", "Help", do.about),
         ]
     )
