@@ -89,8 +89,7 @@ def test_pose_and_save_by_pointer_and_keys(display: str, tmp_path: Path) -> None
             person.do("key", key, "sleep", 0.5, "key", "ctrl+a", "type", "--delay", 20, str(path))
             person.do("sleep", 0.3, "key", "Return")
             until(path.is_file, path.name)
-        person.do("key", "ctrl+q")
-        until(lambda: program.poll() is not None, "the program to end")
+        until(lambda: person.do("key", "ctrl+q", "sleep", 0.5) or program.poll() is not None, "the program to end")
     finally:
         program.kill()
         program.wait()

@@ -20,13 +20,15 @@ class MeshBuffers:
     def __init__(self, ctx: moderngl.Context, subject: Subject) -> None:
         """Upload the topology of ``subject``; ``update`` must follow before anything is drawn."""
         self.subject = subject
-        corners = np.stack([subject.triangles.ravel(), subject.triangle_uvs.ravel()], axis=1)
-        pairs, inverse = np.unique(corners, axis=0, return_inverse=True)
-        self.source: NDArray[np.intp] = pairs[:, 0].astype(np.intp)
-        indices = inverse.reshape(-1).astype(np.int32)
+        # A pair of numbers in one is sorted several times faster than a row of two.
+        corners = subject.triangles.ravel() * np.int64(len(subject.uv)) + subject.triangle_uvs.ravel()
+        pairs, inverse = np.unique(corners, return_inverse=True)
+        source, uv = np.divmod(pairs, len(subject.uv))
+        self.source: NDArray[np.intp] = source.astype(np.intp)
+        indices = inverse.astype(np.int32)
         self._staging = np.empty((len(pairs), 6), dtype=np.float32)
         self.points = ctx.buffer(reserve=self._staging.nbytes, dynamic=True)
-        self.uvs = ctx.buffer(np.ascontiguousarray(subject.uv[pairs[:, 1]], dtype=np.float32))
+        self.uvs = ctx.buffer(np.ascontiguousarray(subject.uv[uv], dtype=np.float32))
         self.triangles = ctx.buffer(indices)
         first_use = np.full(len(subject.vertices), -1, dtype=np.int32)
         first_use[self.source[::-1]] = np.arange(len(pairs), dtype=np.int32)[::-1]
@@ -57,10 +59,10 @@ def _edges(subject: Subject) -> NDArray[np.int32]:
     following = np.roll(polygons, -1, axis=1)
     is_triangle = polygons[:, 3] < 0
     following[is_triangle, 2] = polygons[is_triangle, 0]
-    pairs = np.stack([polygons, following], axis=-1).reshape(-1, 2)
-    pairs = np.sort(pairs[(pairs >= 0).all(axis=1)], axis=1)
-    unique: NDArray[np.int32] = np.unique(pairs, axis=0).astype(np.int32)
-    return unique
+    lower, upper = np.minimum(polygons, following), np.maximum(polygons, following)
+    count = np.int64(len(subject.vertices))
+    pairs = np.unique((lower * count + upper)[lower >= 0])
+    return np.stack(np.divmod(pairs, count), axis=1).astype(np.int32)
 
 
 def _texture(ctx: moderngl.Context, data: bytes) -> moderngl.Texture:

@@ -19,11 +19,18 @@ class Robot:
         self.position: Position = (0.0, 0.0)
         self.pressed: Button | None = None
         self._after_frame = after_frame
+        self._frames = 0
+        app.window.clock = self.time
         self.frames(2)
+
+    def time(self) -> float:
+        """Return the seconds that its user has spent: 60 frames are one, however long they took to draw."""
+        return self._frames / 60.0
 
     def frames(self, count: int = 1) -> None:
         """Let ``count`` frames pass."""
         for _ in range(count):
+            self._frames += 1
             self.app.window.wait(0.0)
             self.app.step(force=True)
             if self._after_frame is not None:

@@ -125,6 +125,8 @@ class Window:
         self._position = (0.0, 0.0)
         self._callbacks: list[Any] = []
         self.title = "Face Poser"
+        # What stamps events; who plays them may bring a clock of its own.
+        self.clock: Callable[[], float] = time.perf_counter
         self._handle = _open(size, hidden)
         self.address = int(ctypes.cast(self._handle, ctypes.c_void_p).value or 0)
         glfw.make_context_current(self._handle)
@@ -243,7 +245,7 @@ class Window:
         self._events.append(event)
 
     def _pointer(self, kind: PointerKind, button: Button | None = None, wheel: float = 0.0) -> None:
-        self._add(Pointer(kind, self._position, button, self._modifiers, time.perf_counter(), wheel))
+        self._add(Pointer(kind, self._position, button, self._modifiers, self.clock(), wheel))
 
     def _on_move(self, x: float, y: float) -> None:
         self._position = (x, y)
@@ -278,7 +280,7 @@ class Window:
             return
         kind: dict[int, Literal["press", "repeat", "release"]]
         kind = {glfw.PRESS: "press", glfw.REPEAT: "repeat", glfw.RELEASE: "release"}
-        self._add(Key(kind[action], name, self._modifiers, time.perf_counter()))
+        self._add(Key(kind[action], name, self._modifiers, self.clock()))
 
     def _set_modifiers(self, bits: int) -> None:
         control = glfw.MOD_CONTROL | (glfw.MOD_SUPER if sys.platform == "darwin" else 0)

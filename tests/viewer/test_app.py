@@ -1,6 +1,5 @@
 """The window, driven by pointer and key events alone: a hidden one, on GLFW's null platform."""
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from faceposer.session.document import Document, write_document
 from faceposer.viewer.app import App
 from faceposer.viewer.robot import Robot
 from faceposer.viewer.settings import Settings
-from faceposer.viewer.window import CloseRequest, Drop, FocusLost, Key
+from faceposer.viewer.window import CloseRequest, Drop, FocusLost
 
 LEFT_CORNER, RIGHT_CORNER = "8.3", "8.4"
 
@@ -151,12 +150,10 @@ def test_compare_by_tap_and_by_holding(robot: Robot) -> None:
     robot.key("C")
     assert not app.comparing
     assert moved(robot) > 5.0
-    now = time.perf_counter()
-    app.window.play_event(Key("press", "C", frozenset(), now))
-    robot.frames()
+    robot.key_down("C")
+    robot.frames(30)
     assert app.comparing
-    app.window.play_event(Key("release", "C", frozenset(), now + 1.0))
-    robot.frames()
+    robot.key_up("C")
     assert not app.comparing
     robot.key("C")
     robot.click(robot.at(LEFT_CORNER))
