@@ -21,7 +21,6 @@ from faceposer.session.history import History
 from faceposer.session.solver_worker import InlineWorker, Job, Worker
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import Solution
-from faceposer.solve.problem import PoseProblem
 
 Mode = Literal["live", "apply"]
 
@@ -47,7 +46,7 @@ class Session:
         Raises:
             FacePoserError: If the document does not fit the face.
         """
-        document.check_against(model)
+        document = document.resolved(model)
         self.model = model
         self.worker: Worker = InlineWorker() if worker is None else worker
         self.path = path
@@ -82,8 +81,9 @@ class Session:
     def residuals_px(self) -> tuple[float, ...]:
         """How far each constraint is from being met by the current pose, in pixels of its own camera."""
         if self._residuals is None or self._residuals[0] != self.revision:
-            problem = PoseProblem(self.model, self._document.constraints, prior_weight=0.0)
-            self._residuals = (self.revision, problem.residuals_px(self.coefficients))
+            pose = self.coefficients
+            residuals = tuple(c.residual_px(self.model, pose) for c in self._document.constraints)
+            self._residuals = (self.revision, residuals)
         return self._residuals[1]
 
     @property

@@ -18,7 +18,7 @@ PIN_RADIUS = 11.0
 def pin_pixels(context: ToolContext) -> np.ndarray:
     """Return where the view shows the anchor of each constraint on the current face, shape (n, 2)."""
     session = context.session
-    anchors = [c.surface_points(session.model.triangles)[0] for c in session.document.constraints]
+    anchors = [c.points[0] for c in session.document.constraints]
     if not anchors:
         return np.zeros((0, 2))
     vertices = session.model.instance(session.coefficients)

@@ -317,7 +317,7 @@ class App:
     def point_name(self, index: int) -> str:
         """Return what people call the place of constraint ``index``."""
         constraint = self.session.document.constraints[index]
-        return self._names.name(constraint.surface_points(self.session.model.triangles)[0])
+        return self._names.of(constraint)
 
     def hint(self) -> str:
         """Return what the mouse will do now."""

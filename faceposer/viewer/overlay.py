@@ -55,7 +55,7 @@ def pin_marks(viewport: Viewport, scene: Scene, moving: bool) -> list[PinMark]:
     if not constraints:
         return []
     camera = viewport.camera
-    anchors = [constraint.surface_points(scene.triangles)[0] for constraint in constraints]
+    anchors = [point for c in constraints for point in (c.points[0],) if isinstance(point, SurfacePoint)]
     positions = surface_positions(scene.vertices, scene.triangles, anchors)
     faces = camera.project(positions)
     if moving:
