@@ -120,8 +120,10 @@ class Session:
         self._follow()
 
     @contextmanager
-    def edit(self, label: str) -> Iterator[None]:
+    def edit(self, label: str, merges: bool = False) -> Iterator[None]:
         """Make everything inside one step of the history, called ``label``; an exception takes it all back.
+
+        With ``merges`` it joins the step before, if that has the same label.
 
         Raises:
             RuntimeError: If an edit is open already.
@@ -138,7 +140,7 @@ class Session:
             raise
         self._editing = False
         if not self._document.same_input(before) or self._document.coefficients is not before.coefficients:
-            self._history.commit(label, self._document)
+            self._history.commit(label, self._document, merges)
 
     def replace(self, document: Document) -> None:
         """Make ``document`` the current one, inside an edit, and let the face follow.
@@ -182,6 +184,34 @@ class Session:
             return
         with self.edit("Change the prior weight"):
             self.replace(document)
+
+    def change_constraint(self, index: int, constraint: Constraint, label: str) -> None:
+        """Exchange constraint ``index`` inside an open edit (a slider being dragged), or else as one step."""
+        document = self._document.with_constraint(index, constraint)
+        if self._editing:
+            self.replace(document)
+            return
+        with self.edit(label):
+            self.replace(document)
+
+    def set_start(self, start: NDArray[np.float64]) -> None:
+        """Change the pose that the face starts from, shape (r,), inside an open edit, as the slider of a shape does."""
+        document = self._document.starting_from(start)
+        if document.constraints:
+            self.replace(document)
+            return
+        # Nothing pulls: the pose is the start, and nothing is left to solve.
+        self._document = document.posed(start)
+        self.epoch += 1
+        self.revision += 1
+
+    def accept_pose(self) -> None:
+        """Make the current face the one that editing starts from, without constraints, as one step."""
+        with self.edit("Accept the pose"):
+            self.epoch += 1
+            document = replace(self._document, constraints=()).starting_from(self.coefficients)
+            self._document = document.posed(self.coefficients)
+            self.revision += 1
 
     def reset_pose(self) -> None:
         """Return to the neutral face without constraints, as one step."""

@@ -17,16 +17,19 @@ from faceposer.session.session import Mode, Session
 from faceposer.session.solver_worker import InlineWorker, SolverWorker, Worker
 from faceposer.tools.toolbox import Toolbox
 from faceposer.viewer.commands import build_actions
+from faceposer.viewer.drawn_constraints import DrawnConstraints
 from faceposer.viewer.file_dialogs import FileDialogs, FileRequest
 from faceposer.viewer.files import Files
 from faceposer.viewer.gui import Gui
-from faceposer.viewer.overlay import PinMark, pin_marks
+from faceposer.viewer.overlay import PinMark
+from faceposer.viewer.overlay_marks import ShapeMarks
+from faceposer.viewer.panels.constraints import ConstraintsPanel
 from faceposer.viewer.panels.dialogs import Dialogs
 from faceposer.viewer.panels.layout import draw_window
-from faceposer.viewer.panels.points import PointsPanel
 from faceposer.viewer.panels.pose import PosePanel
+from faceposer.viewer.panels.shapes import ShapesPanel
+from faceposer.viewer.panels.slider_edit import SliderEdit
 from faceposer.viewer.panels.widgets import Marks
-from faceposer.viewer.point_names import PointNames
 from faceposer.viewer.renderer import Shading
 from faceposer.viewer.router import Router
 from faceposer.viewer.scene import Scene
@@ -89,7 +92,8 @@ class App:
         self.toolbox = Toolbox(self.viewport)
         self.actions = build_actions(self)
         self.router = Router(self)
-        self.pose_panel, self.points_panel = PosePanel(), PointsPanel()
+        self.pose_panel, self.constraints_panel, self.shapes_panel = PosePanel(), ConstraintsPanel(), ShapesPanel()
+        self.slider_edit = SliderEdit()
         self.comparing = self.wireframe = False
         self.points_shown = self.panel_shown = True
         self.shading: Shading = "full"
@@ -106,9 +110,7 @@ class App:
         # Where nobody watches, pictures are for keeping.
         self._may_coarsen = self.window.software and not hidden
         self._coarseness = 1
-        self._marks_key: object = None
-        self._pin_marks: list[PinMark] = []
-        self._names = PointNames(session.model.subject)
+        self.drawn_constraints = DrawnConstraints(self)
         self._mode: Mode = "live"
         self.set_session(session)
 
@@ -167,7 +169,7 @@ class App:
     def _follow_session(self) -> None:
         """Bring the picture's face up to date with the session."""
         session = self.session
-        if self.toolbox.dragging_pin and session.mode == "live":
+        if self.toolbox.posing and session.mode == "live":
             session.worker.wait_idle(_SOLVE_PATIENCE)
         if session.poll():
             self.redraw()
@@ -273,9 +275,8 @@ class App:
         self.session = self.viewport.session = session
         session.mode = self._mode
         self.scene.set_model(session.model)
-        self.toolbox = Toolbox(self.viewport)
-        self._names = PointNames(session.model.subject)
-        self._marks_key = None
+        self.toolbox = Toolbox(self.viewport, self.toolbox.bench)
+        self.drawn_constraints = DrawnConstraints(self)
         self.comparing = False
         camera = session.document.camera
         if camera is None:
@@ -307,17 +308,21 @@ class App:
     @property
     def pins(self) -> list[PinMark]:
         """How the pins appear in the view."""
-        moving = self.toolbox.active
-        key = (self.session, self.session.revision, self.viewport.view, self.viewport.size, moving)
-        if key != self._marks_key:
-            self._pin_marks = pin_marks(self.viewport, self.scene, moving)
-            self._marks_key = key
-        return self._pin_marks
+        return self.drawn_constraints.pins
+
+    @property
+    def shapes(self) -> ShapeMarks:
+        """How all other constraints appear in the view."""
+        return self.drawn_constraints.shapes
+
+    @property
+    def conflicts(self) -> dict[int, str]:
+        """Why constraints are not met, by their index."""
+        return self.drawn_constraints.conflicts
 
     def point_name(self, index: int) -> str:
         """Return what people call the place of constraint ``index``."""
-        constraint = self.session.document.constraints[index]
-        return self._names.of(constraint)
+        return self.drawn_constraints.names.of(self.session.document.constraints[index])
 
     def hint(self) -> str:
         """Return what the mouse will do now."""

@@ -139,7 +139,7 @@ class Files:
         """Ask what to do with changes that are not saved, then go on; without any, go on at once."""
         app = self._app
         app.toolbox.finish()
-        app.pose_panel.let_go()
+        app.slider_edit.let_go()
         if not app.session.dirty:
             go_on()
             return

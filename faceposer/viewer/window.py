@@ -55,6 +55,12 @@ _KEY_NAMES: dict[int, str] = {
     glfw.KEY_DELETE: "Delete",
     glfw.KEY_BACKSPACE: "Backspace",
     glfw.KEY_TAB: "Tab",
+    glfw.KEY_LEFT: "Left",
+    glfw.KEY_RIGHT: "Right",
+    glfw.KEY_UP: "Up",
+    glfw.KEY_DOWN: "Down",
+    glfw.KEY_LEFT_BRACKET: "[",
+    glfw.KEY_RIGHT_BRACKET: "]",
 }
 _KEY_CODES = {name: code for code, name in reversed(_KEY_NAMES.items())}
 

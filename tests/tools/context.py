@@ -1,7 +1,10 @@
 """A window's stand-in for tools: a view, a size and picking by brute force."""
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from faceposer.geometry.camera import Camera, OrbitView
-from faceposer.geometry.picking import SurfacePoint, pick, surface_positions
+from faceposer.geometry.picking import SurfacePoint, SurfacePoints, pick, surface_positions
 from faceposer.model.face_model import FaceModel
 from faceposer.session.document import Document
 from faceposer.session.session import Session
@@ -31,6 +34,18 @@ class HeadlessContext:
         session = self.session
         vertices = session.model.instance(session.coefficients)
         return pick(vertices, session.model.triangles, self.camera, pixel)
+
+    def pick_many(self, pixels: ArrayLike) -> tuple[SurfacePoints, NDArray[np.bool_]]:
+        return self.session.model.pick(self.session.coefficients, self.camera, pixels)
+
+    def hidden(self, points: SurfacePoints) -> NDArray[np.bool_]:
+        model, pose = self.session.model, self.session.coefficients
+        positions = model.positions_at(points, pose)
+        found, met = self.pick_many(self.camera.project(positions))
+        depths = self.camera.to_camera(positions)[:, 2]
+        hidden = np.zeros(len(points), dtype=bool)
+        hidden[met] = self.camera.to_camera(model.positions_at(found, pose))[:, 2] < depths[met] - 0.4
+        return hidden
 
     def send(
         self, kind: str, position: Pixel, button: str | None = "left", *modifiers: str, wheel: float = 0.0

@@ -347,7 +347,7 @@ def test_an_error_inside_a_frame_is_told_and_the_window_goes_on(
 ) -> None:
     app = robot.app
     smile(robot)
-    monkeypatch.setattr(app.points_panel, "draw", lambda app: 1 / 0)
+    monkeypatch.setattr(app.constraints_panel, "draw", lambda app: 1 / 0)
     robot.frames(2)
     monkeypatch.undo()
     assert "ZeroDivisionError" in app.dialogs.waiting[0].text

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -51,6 +51,13 @@ class DistanceConstraint(Switches):
         first, second = self.pixels(model, p)
         return float(np.hypot(*(first - second)))
 
+    def reach(self, model: FaceModel) -> tuple[float, float]:
+        """Return the least and the greatest distance that the face can do, in pixels of ``camera``.
+
+        What it can do is taken to be any shape of its rig, and any two together, at full strength.
+        """
+        return _reach(model, self.points, self.camera)
+
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return by how many pixels the distance is missed on the face ``p``, shape (r,)."""
         return abs(self.measured(model, p) - self.target)
@@ -94,6 +101,17 @@ class DistanceConstraint(Switches):
             codec.camera_from_json(data["camera"], f"{where}.camera"),
             **switches_from_json(data, where),
         )
+
+
+@lru_cache(maxsize=64)
+def _reach(model: FaceModel, points: SurfacePoints, camera: Camera) -> tuple[float, float]:
+    rows, neutral = model.rows_at(points)
+    # At most 100 shapes or so: all pairs are a few thousand faces of two points each.
+    alone = np.concatenate([np.zeros((1, 2, 3)), np.moveaxis(rows @ model.subspace.projection, -1, 0)])
+    pairs = neutral + alone[:, None] + alone[None]
+    pixels = camera.project(pairs.reshape(-1, 3)).reshape(-1, 2, 2)
+    distances = np.hypot(*(pixels[:, 0] - pixels[:, 1]).T)
+    return float(distances.min()), float(distances.max())
 
 
 class DistanceTerm(ResidualTerm):
