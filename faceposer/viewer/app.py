@@ -38,7 +38,7 @@ from faceposer.viewer.viewport import Viewport
 from faceposer.viewer.window import Window
 
 # Seconds that a frame waits for the solve of a drag, so that the face is where the pointer is in the same frame.
-_SOLVE_PATIENCE = 0.012
+_SOLVE_PATIENCE = 0.005
 # Frames drawn after anything happens: Dear ImGui spreads fast clicks over several.
 _FRAMES_AFTER_EVENT = 3
 # Seconds for which frames go on after the pointer came to rest on a panel, where tooltips and highlights follow late.
