@@ -169,10 +169,10 @@ def smile(artist: Artist) -> list[Image.Image]:
         x, y = artist.at(cheek)
         way = [(x - 20 * side, y + 12), (x, y + 5), (x + 20 * side, y - 6)]
         artist.drag(*[(round(a), round(b)) for a, b in way])
-        artist.drag(*[(round(a + 4 * side), round(b - 14)) for a, b in way])
+        artist.drag(*[(round(a + 9 * side), round(b - 12)) for a, b in way])
     artist.key("Q")
     for corner, side in (("8.3", 1.0), ("8.4", -1.0)):
-        artist.drag(artist.at(corner), artist.at(corner, (13.0 * side, -17.0)))
+        artist.drag(artist.at(corner), artist.at(corner, (18.0 * side, -22.0)))
     shown = artist.picture()
     artist.key("Enter")
     print("  ", artist.report())
