@@ -36,6 +36,15 @@ class Toolbox:
         """Whether the gesture under way poses the face."""
         return self._active is self.point_tool
 
+    @property
+    def cursor(self) -> str:
+        """Name of the pointer's shape for what the mouse does, or would do now; the window knows how it looks."""
+        if self._gesture is not None:
+            return "orbit" if self._active is self.camera_tool else "grab"
+        if self.hover is not None and self.hover.pin is not None:
+            return "grab"
+        return "press" if self.hover is not None and self.hover.surface else "arrow"
+
     def select(self, index: int, extend: bool = False) -> None:
         """Select the constraint ``index``, or with ``extend`` change only whether it is selected."""
         if extend:

@@ -22,7 +22,9 @@ from faceposer.viewer.files import Files
 from faceposer.viewer.gui import Gui
 from faceposer.viewer.overlay import PinMark, pin_marks
 from faceposer.viewer.panels.dialogs import Dialogs
+from faceposer.viewer.panels.guide import GuideCard
 from faceposer.viewer.panels.layout import draw_window
+from faceposer.viewer.panels.palette import Palette
 from faceposer.viewer.panels.points import PointsPanel
 from faceposer.viewer.panels.pose import PosePanel
 from faceposer.viewer.panels.widgets import Marks
@@ -87,6 +89,7 @@ class App:
         self.file_dialogs = FileDialogs(self.gui.fonts, self.marks, use_native=False if hidden else None)
         self.files = Files(self)
         self.toolbox = Toolbox(self.viewport)
+        self.palette, self.guide = Palette(), GuideCard(self.settings)
         self.actions = build_actions(self)
         self.router = Router(self)
         self.pose_panel, self.points_panel = PosePanel(), PointsPanel()
@@ -172,6 +175,7 @@ class App:
         if session.poll():
             self.redraw()
         self.scene.set_pose(session.model.neutral() if self.comparing else session.coefficients)
+        self.guide.follow(self)
         self.router.follow()
 
     def redraw(self) -> None:
@@ -183,6 +187,7 @@ class App:
         self.gui.set_scale(self.window.ui_scale)
         self.window.set_title(self.files.title)
         failure = self.gui.frame(lambda: draw_window(self))
+        self.gui.cursors.follow(self.toolbox)
         ctx, (width, height) = self.window.ctx, self.window.pixels
         ctx.screen.use()
         ctx.viewport = (0, 0, width, height)
@@ -302,7 +307,7 @@ class App:
     @property
     def covered(self) -> bool:
         """Whether a menu or a dialog keeps the pointer from the view."""
-        return self.gui.popup_open or self.dialogs.open or self.file_dialogs.browsing
+        return self.gui.popup_open or self.palette.open or self.dialogs.open or self.file_dialogs.browsing
 
     @property
     def pins(self) -> list[PinMark]:

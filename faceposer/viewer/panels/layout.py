@@ -44,6 +44,8 @@ def draw_window(app: "App") -> None:
     draw_status_bar(app)
     imgui.end()
     imgui.pop_style_color()
+    app.guide.draw(app)
+    app.palette.draw(app)
     app.dialogs.draw(app.actions, app.viewport.navigation)
     if not app.dialogs.open:
         app.file_dialogs.draw()
@@ -109,5 +111,3 @@ def _draw_pins(app: "App", draw: imgui.ImDrawList) -> None:
     draw_overlay(draw, app.viewport, app.toolbox, pins)
     if pointed is not None and pointed < len(pins) and not app.toolbox.active:
         draw_label(draw, app.viewport, pins[pointed], app.point_name(pointed))
-        if hover is not None:
-            imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
