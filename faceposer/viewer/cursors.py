@@ -58,7 +58,7 @@ class Cursors:
     def follow(self, toolbox: Toolbox) -> None:
         """Show what ``toolbox`` names while the pointer is in the view or a gesture goes on, else what widgets want."""
         in_view = toolbox.active or toolbox.hover is not None
-        name = toolbox.cursor if in_view else imgui.MouseCursor_(imgui.get_mouse_cursor()).name
+        name: str = toolbox.cursor if in_view else str(imgui.MouseCursor_(imgui.get_mouse_cursor()).name)
         if name == self.shown:
             return
         self.shown = name

@@ -1,4 +1,4 @@
-"""The guided pose: five steps to a first smile, each done when the user has really done it, in whatever way or order."""
+"""The guided pose: five steps to a first smile, each done when the user has really done it, by whatever way."""
 
 import math
 from collections.abc import Mapping
@@ -33,8 +33,8 @@ class Step:
 
     Attributes:
         name: By which the program knows it.
-        title: A few words.
-        text: A sentence or two; ``{undo}`` stands for the key of the action "undo", and so on.
+        title: What to do; ``{undo}`` stands for the key of the action "undo", and so on.
+        text: More about it, likewise.
         place: Feature point to press on, or "".
         pull: Where to drag from there: x to the character's left, y up.
     """
@@ -49,32 +49,32 @@ class Step:
 STEPS = (
     Step(
         "smile",
-        "Pull up a corner of the mouth",
-        "Press on it and drag up. The rest of the face follows.",
+        "Drag a corner of the mouth up",
+        "Press on it and pull. The rest of the face follows.",
         "8.3",
         (0.45, 0.9),
     ),
     Step(
         "brow",
         "Raise a brow",
-        "Drag it up as well. The smile stays: its point holds it.",
+        "Drag it up as well. The smile stays, for its point holds it.",
         "4.3",
         (0.0, 1.0),
     ),
     Step(
         "orbit",
-        "Look from the side",
-        "Drag beside the face. {view-front} looks from the front again.",
+        "Drag beside the face to orbit",
+        "{view-front} looks from the front again, {compare} compares with the neutral face.",
     ),
     Step(
         "undo",
-        "Take the last drag back",
-        "Press {undo}; {redo} brings it back.",
+        "Undo with {undo}",
+        "It takes back one drag at a time; {redo} does it again.",
     ),
     Step(
         "save",
-        "Save the mesh",
-        "Press {export}: the posed face as OBJ, for any 3D program.",
+        "Save the mesh with {export}",
+        "The posed face as OBJ, which any 3D program opens.",
     ),
 )
 LAST_WORDS = "That is all. {keys} shows the keys, {palette} everything else."

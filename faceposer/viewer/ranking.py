@@ -54,7 +54,7 @@ def _match(words: list[str], action: Action) -> Match | None:
 
 
 def _find(word: str, action: Action) -> tuple[float, Sequence[int]]:
-    """Return what ``word`` is worth at its best place, 0 if it has none, and the letters of the label that it covers."""
+    """Return what ``word`` is worth at its best place, or 0, and the letters of the label that it covers."""
     label = action.label.lower()
     starts = [i for i in range(len(label)) if i == 0 or not label[i - 1].isalnum()]
     at = next((i for i in starts if label.startswith(word, i)), -1)

@@ -150,7 +150,7 @@ class GuideCard:
         guide, viewport = self._guide, app.viewport
         assert guide is not None
         step = guide.current
-        text = _with_keys(LAST_WORDS, app.actions) if step is None else step.title
+        text = _with_keys(LAST_WORDS, app.actions) if step is None else _with_keys(step.title, app.actions)
         count = "" if step is None else f"{STEPS.index(step) + 1}/{len(STEPS)}"
         margin = em(0.5)
         room = viewport.size[0] - 2.0 * margin
@@ -212,20 +212,20 @@ def _is_free(head: np.ndarray, rectangle: Rectangle, margin: float) -> bool:
 
 
 def _draw_step(app: "App", number: int, step: Step, done: bool, current: bool) -> None:
-    left = imgui.get_cursor_pos_x()
+    left, title = imgui.get_cursor_pos_x(), _with_keys(step.title, app.actions)
     if done:
         imgui.text_colored(ACCENT, Icon.CHECK)
     else:
         imgui.text_colored(ACCENT if current else FAINT, str(number))
     imgui.same_line(left + em(1.5))
     if current:
-        imgui.text_unformatted(step.title)
+        imgui.text_unformatted(title)
         imgui.set_cursor_pos(ImVec2(left + em(1.5), imgui.get_cursor_pos_y() - em(0.2)))
         imgui.begin_group()
         caption(_with_keys(step.text, app.actions))
         imgui.end_group()
     else:
-        imgui.text_colored(FAINT, step.title)
+        imgui.text_colored(FAINT, title)
 
 
 def _with_keys(text: str, actions: Actions) -> str:

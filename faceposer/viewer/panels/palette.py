@@ -2,19 +2,21 @@
 
 from typing import TYPE_CHECKING
 
-from imgui_bundle import ImVec2, ImVec4, imgui
+from imgui_bundle import ImVec2, imgui
 
 from faceposer.viewer.actions import Action, Actions, shown_key
 from faceposer.viewer.panels.widgets import Marks
 from faceposer.viewer.ranking import Match, ranked
-from faceposer.viewer.theme import ACCENT, FAINT, INK, Colour, Icon, em, u32
+from faceposer.viewer.theme import ACCENT, FAINT, INK, Colour, em, u32
 
 if TYPE_CHECKING:
     from faceposer.viewer.app import App
 
 _NAME = "##palette"
-_WIDTH, _ROW, _MOST_ROWS = 38.0, 1.85, 14
+_WIDTH, _ROW, _MOST_ROWS, _ABOVE = 38.0, 1.85, 14, 1.5
 _DIM = 0.40
+# Typed letters in a label, to be told from the others on the chosen row, too.
+_FOUND: Colour = (0.52, 0.82, 1.0, 1.0)
 
 
 class Palette:
@@ -66,8 +68,10 @@ class Palette:
         self._draw_foot(app.actions)
         if not fresh and imgui.is_key_chord_pressed(imgui.Key.mod_ctrl.value | imgui.Key.p.value):
             self.open = False
-        if not fresh and (imgui.is_key_pressed(imgui.Key.enter, False) or _pressed(imgui.Key.keypad_enter)):
+        if not fresh and (_pressed(imgui.Key.enter) or _pressed(imgui.Key.keypad_enter)):
             taken = self._matches[self.chosen].action if self._matches else None
+            # Enter ends the typing, which goes on if nothing comes of it.
+            self._focus = True
         if taken is not None and taken.enabled():
             self.open = False
         else:
@@ -82,7 +86,7 @@ class Palette:
     def _begin(self) -> bool:
         view = imgui.get_main_viewport()
         width = min(em(_WIDTH), view.size.x - em(2))
-        top = view.work_pos.y + min(em(2.5), 0.06 * view.size.y)
+        top = view.work_pos.y + em(_ABOVE)
         imgui.set_next_window_pos(ImVec2(view.pos.x + 0.5 * view.size.x, top), imgui.Cond_.always, ImVec2(0.5, 0.0))
         imgui.set_next_window_size(ImVec2(width, 0.0))
         flags = imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_resize | imgui.WindowFlags_.no_saved_settings
@@ -92,7 +96,7 @@ class Palette:
         return shown
 
     def _steps(self) -> int:
-        """Return how many rows the keys move down, and keep Home and End from the search field."""
+        """Return how many rows the keys move down."""
         page, all_rows = max(self._shown_rows() - 1, 1), len(self._matches)
         keys = (
             (imgui.Key.up_arrow, -1),
@@ -102,11 +106,7 @@ class Palette:
             (imgui.Key.home, -all_rows),
             (imgui.Key.end, all_rows),
         )
-        step = sum(rows for key, rows in keys if _pressed(key, repeat=True))
-        owner = imgui.get_id("##keys")
-        for key in (imgui.Key.home, imgui.Key.end):
-            imgui.internal.set_key_owner(key, owner, imgui.internal.InputFlagsPrivate_.lock_this_frame.value)
-        return step
+        return sum(rows for key, rows in keys if _pressed(key, repeat=True))
 
     def _move(self, step: int) -> None:
         last = max(len(self._matches) - 1, 0)
@@ -123,7 +123,8 @@ class Palette:
             self._focus = False
         imgui.set_next_item_width(-1.0)
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(em(0.6), em(0.5)))
-        _, query = imgui.input_text_with_hint("##query", "Type to find a command", self.query)
+        flags = imgui.InputTextFlags_.callback_always.value
+        _, query = imgui.input_text_with_hint("##query", "Type to find a command", self.query, flags, _stay_at_end)
         imgui.pop_style_var()
         marks.note("palette:query")
         if query != self.query:
@@ -132,16 +133,20 @@ class Palette:
     def _shown_rows(self) -> int:
         """Return for how many rows there is room."""
         view = imgui.get_main_viewport()
-        used = em(0.06) + min(em(2.5), 0.06 * view.size.y) + em(2.0 + 1.4 + 2.0) + 4 * imgui.get_style().item_spacing.y
-        room = (view.work_size.y - used) / em(_ROW)
+        others = em(_ABOVE + 5.6) + 4.0 * imgui.get_style().item_spacing.y
+        room = (view.work_size.y - others) / em(_ROW)
         return max(min(len(self._matches), _MOST_ROWS, int(room)), 1)
 
     def _draw_rows(self, marks: Marks) -> Action | None:
         """Draw the list and return the action that was clicked."""
         taken = None
         row = round(em(_ROW))
+        height = self._shown_rows() * row
         imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(0.0, 0.0))
-        imgui.begin_child("##rows", ImVec2(0.0, self._shown_rows() * row))
+        imgui.begin_child("##rows", ImVec2(0.0, height))
+        if self._reveal:
+            low = self.chosen * row
+            imgui.set_scroll_y(min(max(imgui.get_scroll_y(), low + row - height), low))
         if not self._matches:
             imgui.set_cursor_pos(ImVec2(em(0.6), (row - imgui.get_font_size()) / 2.0))
             imgui.text_disabled("Nothing is called that.")
@@ -156,9 +161,7 @@ class Palette:
                 self.chosen = i
             if pressed:
                 taken, self.chosen, self._focus = match.action, i, True
-            if i == self.chosen and self._reveal:
-                imgui.set_scroll_here_y(0.5 if i else 0.0)
-            _draw_row(match, corner, width, row)
+            _draw_row(match, corner, width, row, i == self.chosen)
             imgui.pop_id()
         self._reveal = False
         imgui.end_child()
@@ -183,7 +186,7 @@ class Palette:
         imgui.dummy(ImVec2(0.0, em(1.3)))
 
 
-def _draw_row(match: Match, corner: ImVec2, width: float, height: float) -> None:
+def _draw_row(match: Match, corner: ImVec2, width: float, height: float, chosen: bool) -> None:
     """Draw a row: whether a switch is on, the label with what was typed in it, the menu, and the keys at the right."""
     action = match.action
     alpha = 1.0 if action.enabled() else _DIM
@@ -198,11 +201,13 @@ def _draw_row(match: Match, corner: ImVec2, width: float, height: float) -> None
     keys = ", ".join(shown_key(key) for key in action.keys)
     right = corner.x + width - em(0.6)
     keys_left = right - imgui.calc_text_size(keys).x
-    draw.add_text(ImVec2(keys_left, y), u32(INK, 0.8 * alpha), keys)
+    draw.add_text(ImVec2(keys_left, y), u32(INK, 0.85 * alpha), keys)
     menu_left = corner.x + max(0.56 * width, em(13.5))
     menu_right = menu_left + imgui.calc_text_size(action.menu).x
     if x + em(0.5) < menu_left and menu_right + em(0.5) < (keys_left if keys else right):
-        draw.add_text(ImVec2(menu_left, y), u32(FAINT, alpha), action.menu)
+        draw.add_text(
+            ImVec2(menu_left, y), u32(INK if chosen else FAINT, alpha * (0.75 if chosen else 1.0)), action.menu
+        )
 
 
 def _draw_switch(draw: imgui.ImDrawList, corner: tuple[float, float], on: bool, alpha: float) -> None:
@@ -219,12 +224,19 @@ def _runs(match: Match) -> list[tuple[str, Colour]]:
     """Return the label in pieces of one colour each."""
     runs: list[tuple[str, Colour]] = []
     for i, letter in enumerate(match.action.label):
-        colour = ACCENT if i in match.letters else INK
+        colour = _FOUND if i in match.letters else INK
         if runs and runs[-1][1] == colour:
             runs[-1] = (runs[-1][0] + letter, colour)
         else:
             runs.append((letter, colour))
     return runs
+
+
+def _stay_at_end(data: imgui.InputTextCallbackData) -> int:
+    """Undo what Home and End do to the cursor of the field: they are the list's."""
+    if _pressed(imgui.Key.home) or _pressed(imgui.Key.end):
+        data.cursor_pos = data.selection_start = data.selection_end = data.buf_text_len
+    return 0
 
 
 def _pressed(key: imgui.Key, repeat: bool = False) -> bool:
