@@ -115,7 +115,7 @@ class Artist:
         """Return how far the constraints are from being met, and what fights."""
         session = self._app.session
         residuals = ", ".join(f"{residual:.1f}" for residual in session.residuals_px)
-        return f"residuals {residuals} px; {self._app.conflicts or 'nothing fights'}"
+        return f"residuals {residuals} px; {self._app.drawn_constraints.conflicts or 'nothing fights'}"
 
     # What one sees
 

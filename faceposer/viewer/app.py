@@ -21,11 +21,11 @@ from faceposer.viewer.drawn_constraints import DrawnConstraints
 from faceposer.viewer.file_dialogs import FileDialogs, FileRequest
 from faceposer.viewer.files import Files
 from faceposer.viewer.gui import Gui
-from faceposer.viewer.overlay import PinMark
-from faceposer.viewer.overlay_marks import ShapeMarks
 from faceposer.viewer.panels.constraints import ConstraintsPanel
 from faceposer.viewer.panels.dialogs import Dialogs
+from faceposer.viewer.panels.guide import GuideCard
 from faceposer.viewer.panels.layout import draw_window
+from faceposer.viewer.panels.palette import Palette
 from faceposer.viewer.panels.pose import PosePanel
 from faceposer.viewer.panels.shapes import ShapesPanel
 from faceposer.viewer.panels.slider_edit import SliderEdit
@@ -90,6 +90,7 @@ class App:
         self.file_dialogs = FileDialogs(self.gui.fonts, self.marks, use_native=False if hidden else None)
         self.files = Files(self)
         self.toolbox = Toolbox(self.viewport)
+        self.palette, self.guide = Palette(), GuideCard(self.settings)
         self.actions = build_actions(self)
         self.router = Router(self)
         self.pose_panel, self.constraints_panel, self.shapes_panel = PosePanel(), ConstraintsPanel(), ShapesPanel()
@@ -174,6 +175,7 @@ class App:
         if session.poll():
             self.redraw()
         self.scene.set_pose(session.model.neutral() if self.comparing else session.coefficients)
+        self.guide.follow(self)
         self.router.follow()
 
     def redraw(self) -> None:
@@ -185,6 +187,7 @@ class App:
         self.gui.set_scale(self.window.ui_scale)
         self.window.set_title(self.files.title)
         failure = self.gui.frame(lambda: draw_window(self))
+        self.gui.cursors.follow(self.toolbox)
         ctx, (width, height) = self.window.ctx, self.window.pixels
         ctx.screen.use()
         ctx.viewport = (0, 0, width, height)
@@ -303,22 +306,7 @@ class App:
     @property
     def covered(self) -> bool:
         """Whether a menu or a dialog keeps the pointer from the view."""
-        return self.gui.popup_open or self.dialogs.open or self.file_dialogs.browsing
-
-    @property
-    def pins(self) -> list[PinMark]:
-        """How the pins appear in the view."""
-        return self.drawn_constraints.pins
-
-    @property
-    def shapes(self) -> ShapeMarks:
-        """How all other constraints appear in the view."""
-        return self.drawn_constraints.shapes
-
-    @property
-    def conflicts(self) -> dict[int, str]:
-        """Why constraints are not met, by their index."""
-        return self.drawn_constraints.conflicts
+        return self.gui.popup_open or self.palette.open or self.dialogs.open or self.file_dialogs.browsing
 
     def point_name(self, index: int) -> str:
         """Return what people call the place of constraint ``index``."""

@@ -96,8 +96,9 @@ class Commands:
             self._app.session.reset_pose()
 
     def cancel(self) -> None:
-        """Take back the gesture, or deselect."""
-        self._app.toolbox.cancel()
+        """Take back the gesture, or deselect, or put the guided pose away."""
+        if not self._app.toolbox.cancel():
+            self._app.guide.dismiss()
 
     def compare(self) -> None:
         """Show the neutral face, or the pose again."""
@@ -335,6 +336,22 @@ def build_actions(app: "App") -> Actions:
                 "View",
                 lambda: do.navigate("maya"),
                 checked=lambda: app.viewport.navigation == "maya",
+            ),
+            Action(
+                "palette",
+                "Find a command...",
+                "Help",
+                app.palette.show,
+                ("Ctrl+P",),
+                free,
+                help="The command palette: everything there is, by a few letters of its name",
+            ),
+            Action(
+                "guide",
+                "Guided pose",
+                "Help",
+                app.guide.show,
+                help="A first smile in five steps, with the view showing where to press",
             ),
             Action("keys", "Keys and mouse", "Help", do.toggle_keys, ("F1",)),
             Action("about", "About Face Poser", "Help", do.about),

@@ -22,6 +22,7 @@ class Files:
         """Serve ``app``."""
         self._app = app
         self.export_path: Path | None = None
+        self.meshes_saved = 0
 
     @property
     def title(self) -> str:
@@ -125,6 +126,7 @@ class Files:
         except FacePoserError as error:
             app.dialogs.report("The mesh is not saved", str(error))
             return
+        self.meshes_saved += 1
         self.export_path = path.resolve()
         app.settings.export_path = str(self.export_path)
         app.notify(f"Saved {path.name}")

@@ -22,14 +22,14 @@ class Settings:
         window_size: Width and height in the window system's units.
         export_path: Where the last OBJ went, or "".
         folder: Where the last session was opened or saved, or "".
-        welcome_done: Whether the user has dragged a point once; until then a hint floats over the face.
+        welcome_done: Whether the guided pose has been shown; it is on the first start, where nothing is remembered yet.
     """
 
     navigation: Navigation = "blender"
     window_size: tuple[int, int] = (1360, 860)
     export_path: str = ""
     folder: str = ""
-    welcome_done: bool = False
+    welcome_done: bool = True
 
 
 def load_settings() -> Settings:
@@ -39,7 +39,8 @@ def load_settings() -> Settings:
         data = json.loads(path.read_text(encoding="utf-8")) if path.stat().st_size < _MAX_BYTES else {}
     except (OSError, ValueError, RecursionError):
         data = {}
-    settings = Settings()
+    # Where nothing is remembered, somebody is new here.
+    settings = Settings(welcome_done=bool(data))
     if isinstance(data, dict):
         for field in fields(Settings):
             value = _checked(field.name, data.get(field.name))

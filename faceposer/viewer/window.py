@@ -184,6 +184,10 @@ class Window:
         """Resize the window."""
         glfw.set_window_size(self._handle, *size)
 
+    def set_cursor(self, cursor: Any) -> None:
+        """Show the pointer as ``cursor`` of GLFW, None for the arrow."""
+        glfw.set_cursor(self._handle, cursor)
+
     def show(self) -> None:
         """Make the window visible."""
         glfw.show_window(self._handle)

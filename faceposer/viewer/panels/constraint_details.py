@@ -22,7 +22,7 @@ LARGEST_WEIGHT, LARGEST_HOLD = 100.0, 1000.0
 def draw_details(app: "App", index: int) -> None:
     """Draw what can be set on constraint ``index``."""
     constraint = app.session.document.constraints[index]
-    conflict = app.conflicts.get(index)
+    conflict = app.drawn_constraints.conflicts.get(index)
     if conflict is not None:
         imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*WARNING))
         imgui.text_wrapped(conflict)

@@ -71,7 +71,7 @@ class ConstraintsPanel:
             app.highlighted = index
         if pressed and free:
             app.toolbox.select(index, extend=imgui.get_io().key_shift)
-        conflict = app.conflicts.get(index)
+        conflict = app.drawn_constraints.conflicts.get(index)
         if conflict is not None:
             tooltip(conflict)
         self._draw_text(app, index, constraint, residual, (corner.x, corner.y, width, height))
@@ -114,7 +114,7 @@ class ConstraintsPanel:
         tint = INK if constraint.enabled else FAINT
         draw.add_text(ImVec2(left + height + em(0.1), baseline), u32(tint, 0.75), _ICONS[constraint.kind])
         name_left = left + height + em(1.5)
-        fights = index in app.conflicts
+        fights = index in app.drawn_constraints.conflicts
         if fights:
             figure_left -= em(1.0)
         draw.push_clip_rect(ImVec2(name_left, top), ImVec2(figure_left - em(0.3), top + height), True)
