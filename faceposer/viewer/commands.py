@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from faceposer.tools.tool import Navigation
-from faceposer.viewer.actions import Action, Actions
+from faceposer.viewer.actions import Action, Actions, Submenu
 from faceposer.viewer.panels.dialogs import Question
 
 if TYPE_CHECKING:
@@ -206,6 +206,7 @@ def build_actions(app: "App") -> Actions:
     return Actions(
         [
             Action("open", "Open...", "File", app.files.open_dialog, ("Ctrl+O",), help="Open a session or a subject"),
+            Submenu("open-recent", "Open recent", "File", app.files.recent.entries, lambda: bool(app.settings.recent)),
             Action("save", "Save", "File", app.files.save, ("Ctrl+S",), separated=True, help="Save the session"),
             Action("save-as", "Save as...", "File", app.files.save_as, ("Ctrl+Shift+S",)),
             Action("export", "Save OBJ", "File", app.files.export, ("Ctrl+E",), help="Save the posed face as OBJ"),
