@@ -104,7 +104,8 @@ class Router:
         if app.dialogs.open or app.file_dialogs.browsing:
             return
         if app.gui.popup_open or app.palette.open:
-            if key.key == "Esc":
+            again = app.palette.open and app.actions.for_key(key.key, key.modifiers) is app.actions["palette"]
+            if key.key == "Esc" or (again and key.kind == "press"):
                 app.palette.close()
                 app.gui.close_popups()
             return

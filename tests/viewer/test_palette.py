@@ -188,7 +188,10 @@ def test_what_cannot_be_done_now_is_not_run(robot: Robot) -> None:
     assert app.palette.open
     robot.click_widget("palette:undo")
     assert app.palette.open
-    robot.key("Ctrl+A")
+    robot.type(" again")
+    assert app.palette.query == "undo again"
+    robot.key("Esc")
+    robot.key("Ctrl+P")
     robot.type("clay")
     assert names(robot) == ["clay"]
     robot.key("Enter")

@@ -66,8 +66,6 @@ class Palette:
         self._move(step)
         taken = self._draw_rows(app.marks)
         self._draw_foot(app.actions)
-        if not fresh and imgui.is_key_chord_pressed(imgui.Key.mod_ctrl.value | imgui.Key.p.value):
-            self.open = False
         if not fresh and (_pressed(imgui.Key.enter) or _pressed(imgui.Key.keypad_enter)):
             taken = self._matches[self.chosen].action if self._matches else None
             # Enter ends the typing, which goes on if nothing comes of it.
