@@ -93,7 +93,7 @@ class DistanceTool(PosingTool):
             distances = np.hypot(*(mark.ends - position).T)
             end = int(np.argmin(distances))
             if distances[end] <= best:
-                if mark.goal is None and context.hidden(constraint.points.subset([end]))[0]:
+                if mark.goal is None and context.hidden(constraint.points.subset(np.array([end])))[0]:
                     continue
                 best, found = float(distances[end]), (mark.index, end)
         return found
