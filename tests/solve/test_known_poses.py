@@ -85,6 +85,14 @@ def test_a_target_far_away_pulls_the_source_to_it(model: FaceModel, camera: Came
     assert shift @ (40.0, -90.0) / np.hypot(40.0, 90.0) > 8.0
 
 
+def test_the_image_of_a_source_that_a_line_search_throws_far_away_stays_small(model: FaceModel, camera: Camera) -> None:
+    way = as_pixels([feature(model, name, model.neutral(), camera) for name in ("4.1", "4.3", "4.5")])
+    stroke = StrokeConstraint(way, way, 5.0, camera, energy="image").resolved(model, model.neutral())
+    energy, gradient = PoseProblem(model, [stroke]).energy_and_gradient(np.full(model.n_coefficients, 1e6))
+    assert np.isfinite(energy)
+    assert np.isfinite(gradient).all()
+
+
 def test_a_stroke_drawn_where_it_is_changes_nothing(model: FaceModel, camera: Camera) -> None:
     way = as_pixels([feature(model, name, model.neutral(), camera) for name in ("4.1", "4.3", "4.5")])
     stroke = StrokeConstraint(way, way, 6.0, camera).resolved(model, model.neutral())

@@ -16,6 +16,8 @@ _REVERSE = 0.5
 _CENTRE = 0.5
 # sigma of the paper's eq. (12): a stroke of 150 pixels that is off by one pixel then counts like its points would.
 _SIGMA_IMAGE = 10.0
+# Pixels beyond the target within which the image of a source is kept: a line search may try faces that lie anywhere.
+_IMAGE_MARGIN = 600
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,8 @@ class StrokeImageTerm:
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
         """Return the energy and the estimate of its gradient by the coefficients, shape (r,)."""
         pixels = state.pixels[self._points]
-        cells = np.floor(pixels).astype(np.intp)
+        first, last = self._target.min(axis=0) - _IMAGE_MARGIN, self._target.max(axis=0) + _IMAGE_MARGIN
+        cells = np.clip(np.floor(pixels), first, last).astype(np.intp)
         low = np.minimum(cells.min(axis=0), self._target.min(axis=0)) - 2
         size = np.maximum(cells.max(axis=0), self._target.max(axis=0)) - low + 3
         source_image, target_image = np.zeros(size[::-1]), np.zeros(size[::-1])
