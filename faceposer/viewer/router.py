@@ -7,7 +7,7 @@ dialog is open; whoever has the press has the pointer until the last button is u
 from typing import TYPE_CHECKING, Literal
 
 from faceposer.tools.tool import Button, EventKind, PointerEvent
-from faceposer.viewer.window import CloseRequest, Drop, Event, FocusLost, Key, Pointer
+from faceposer.viewer.events import CloseRequest, Drop, Event, FocusLost, Key, Pointer
 
 if TYPE_CHECKING:
     from faceposer.viewer.app import App

@@ -72,8 +72,8 @@ class ConstraintsPanel:
         if pressed and free:
             app.toolbox.select(index, extend=imgui.get_io().key_shift)
         conflict = app.drawn_constraints.conflicts.get(index)
-        if conflict is not None:
-            tooltip(conflict)
+        name = app.point_name(index)
+        tooltip(f"{name[:1].upper()}{name[1:]}" if conflict is None else f"{name[:1].upper()}{name[1:]}. {conflict}")
         self._draw_text(app, index, constraint, residual, (corner.x, corner.y, width, height))
 
         self._switch(app, index, constraint, begin, height, free)
