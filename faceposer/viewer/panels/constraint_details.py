@@ -60,7 +60,7 @@ def _distance(app: "App", index: int, constraint: DistanceConstraint) -> None:
 def _stroke(app: "App", index: int, constraint: StrokeConstraint) -> None:
     if imgui.button("Redraw the target", (-1.0, 0.0)) and not app.busy:
         app.toolbox.choose("stroke")
-        app.toolbox.stroke_tool.redraw(index)
+        app.toolbox.stroke_tool.redraw(constraint)
     app.marks.note("redraw")
     tooltip("The next stroke becomes its target; the source stays")
     tips = ("Distances both ways between the strokes.", "The difference of two images, as in the paper of 2009.")
