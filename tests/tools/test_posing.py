@@ -310,8 +310,8 @@ def act_at_random(context: HeadlessContext, action: int, rng: np.random.Generato
         toolbox.delete_selected()
     elif action == 13 and not session.editing and share < 0.3:
         session.mode = "apply" if session.mode == "live" else "live"
-    elif action == 14 and share < 0.2:
-        toolbox.choose(str(rng.choice(list(toolbox.tools))))
+    elif action == 14:
+        toolbox.step_back()
     elif action == 15:
         toolbox.nudge(*rng.uniform(-9, 9, 2).tolist())
     elif action == 16 and not toolbox.active:
@@ -327,7 +327,10 @@ def test_thousands_of_random_events_leave_a_sound_document(context: HeadlessCont
     session, toolbox = context.session, context.toolbox
     buttons, modifiers = ["left"] * 6 + ["middle", "right"], [(), (), (), ("shift",), ("alt",), ("ctrl",)]
     kinds: set[str] = set()
-    for _ in range(3000):
+    for step in range(3000):
+        if step % 250 == 0:
+            toolbox.finish()
+            toolbox.choose(list(toolbox.tools)[step // 250 % len(toolbox.tools)])
         action = rng.integers(18)
         position = tuple(rng.uniform(250, 550, 2).tolist()) if rng.random() < 0.9 else BACKGROUND
         button = buttons[rng.integers(len(buttons))]
