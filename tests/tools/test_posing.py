@@ -303,14 +303,14 @@ def act_at_random(context: HeadlessContext, action: int, rng: np.random.Generato
     session, toolbox = context.session, context.toolbox
     options, share = toolbox.bench.options, rng.random()
     if action == 10:
-        (toolbox.cancel if share < 0.4 else toolbox.accept)()
+        (toolbox.cancel if share < 0.15 else toolbox.accept)()
     elif action == 11:
         (context.undo if share < 0.6 else context.redo)()
     elif action == 12 and share < 0.3:
         toolbox.delete_selected()
     elif action == 13 and not session.editing and share < 0.3:
         session.mode = "apply" if session.mode == "live" else "live"
-    elif action == 14:
+    elif action == 14 and share < 0.1:
         toolbox.step_back()
     elif action == 15:
         toolbox.nudge(*rng.uniform(-9, 9, 2).tolist())
@@ -325,11 +325,13 @@ def act_at_random(context: HeadlessContext, action: int, rng: np.random.Generato
 def test_thousands_of_random_events_leave_a_sound_document(context: HeadlessContext) -> None:
     rng = np.random.default_rng(0)
     session, toolbox = context.session, context.toolbox
-    buttons, modifiers = ["left"] * 6 + ["middle", "right"], [(), (), (), ("shift",), ("alt",), ("ctrl",)]
+    front = context.view
+    buttons, modifiers = ["left"] * 14 + ["middle", "right"], [(), (), (), (), (), (), ("shift",), ("alt",), ("ctrl",)]
     kinds: set[str] = set()
     for step in range(3000):
         if step % 250 == 0:
             toolbox.finish()
+            context.view = front
             toolbox.choose(list(toolbox.tools)[step // 250 % len(toolbox.tools)])
         action = rng.integers(18)
         position = tuple(rng.uniform(250, 550, 2).tolist()) if rng.random() < 0.9 else BACKGROUND

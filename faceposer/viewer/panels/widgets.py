@@ -1,6 +1,6 @@
 """Small pieces that panels are made of."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from imgui_bundle import ImVec4, imgui
 
@@ -30,6 +30,9 @@ class Marks:
 
     def __contains__(self, name: str) -> bool:
         return name in self._rectangles
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._rectangles)
 
     def __getitem__(self, name: str) -> Rectangle:
         return self._rectangles[name]

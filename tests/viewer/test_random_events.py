@@ -1,0 +1,169 @@
+"""Whatever a user does in whatever order, the window goes on, and its document and history stay sound."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faceposer.session.document import Document
+from faceposer.tools.tool import Button
+from faceposer.viewer.actions import parsed_key
+from faceposer.viewer.app import App
+from faceposer.viewer.robot import Position
+from faceposer.viewer.settings import Settings
+
+EVENTS = 2500
+# Widgets that edit the session or its tools; others open files, menus or dialogs.
+_WIDGETS = (
+    *("tool-", "symmetry", "point:", "detail:", "hold", "measure:", "shape", "weight", "mode:", "tab:", "fix"),
+    *("brush", "energy:", "curve:", "redraw", "stroke-energy:", "delete", "clear", "its-view"),
+)
+_MODIFIERS: tuple[frozenset[str], ...] = (
+    *(frozenset() for _ in range(9)),
+    frozenset({"shift"}),
+    frozenset({"ctrl"}),
+    frozenset({"alt"}),
+)
+_BUTTONS: tuple[Button, ...] = ("left", "left", "left", "left", "left", "middle", "right")
+
+
+@pytest.fixture
+def app(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[App]:
+    app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(700, 520), folder=str(tmp_path)))
+    # The picture itself does not matter here, and it is most of the time of a frame without a GPU.
+    monkeypatch.setattr(
+        app, "picture", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
+    )
+    yield app
+    app.close()
+
+
+class Monkey:
+    """A user without a plan, but with a seed."""
+
+    def __init__(self, app: App, seed: int) -> None:
+        self.app = app
+        self.rng = np.random.default_rng(seed)
+        self.held: Button | None = None
+        self.time = 0.0
+        self.seen: set[str] = set()
+        app.window.clock = self.clock
+        # Menus, dialogs and files are left alone.
+        left_out = {"keys", "about", "quit"}
+        self.keys = [
+            key
+            for action in app.actions
+            if action.menu not in {"File", "Help"} and action.name not in left_out
+            for key in action.keys
+        ]
+
+    def clock(self) -> float:
+        return self.time
+
+    def step(self) -> None:
+        self.time += 1.0 / 60.0
+        self.app.window.wait(0.0)
+        self.app.step()
+        self.seen |= {constraint.kind for constraint in self.app.session.document.constraints}
+
+    def place(self) -> Position:
+        """Return a place to go to: mostly on the face, sometimes anywhere in the view, or on a widget."""
+        app, rng = self.app, self.rng
+        share = rng.random()
+        left, top, right, bottom = app.marks["view"]
+        if share < 0.6:
+            return (float(rng.normal((left + right) / 2, 45)), float(rng.normal((top + bottom) / 2 + 15, 50)))
+        if share < 0.7:
+            return (float(rng.uniform(left, right)), float(rng.uniform(top, bottom)))
+        names = sorted(name for name in app.marks if name.startswith(_WIDGETS))
+        if not names:
+            return ((left + right) / 2, (top + bottom) / 2)
+        name = names[int(rng.integers(len(names)))]
+        left, top, right, bottom = app.marks[name]
+        # What is scrolled away lies under other things, which may be left alone for good reasons.
+        if bottom > app.marks["save"][1] - 4:
+            return self.place()
+        return (float(rng.uniform(left, right)), float(rng.uniform(top, bottom)))
+
+    def act(self) -> None:
+        """Do one thing."""
+        app, rng = self.app, self.rng
+        share = rng.random()
+        modifiers = _MODIFIERS[int(rng.integers(len(_MODIFIERS)))]
+        if self.held is not None and share < 0.3:
+            app.window.play_button(self.held, False, modifiers)
+            self.held = None
+        elif self.held is None and share < 0.4:
+            app.window.play_move(*self.place())
+            self.step()
+            self.held = _BUTTONS[int(rng.integers(len(_BUTTONS)))]
+            app.window.play_button(self.held, True, modifiers)
+        elif share < 0.8:
+            app.window.play_move(*self.place())
+        elif share < 0.84:
+            app.window.play_wheel(float(rng.integers(-2, 3)))
+        else:
+            held, name = parsed_key(self.keys[int(rng.integers(len(self.keys)))])
+            for kind in ("press", "release"):
+                app.window.play_key(name, kind, held)
+        self.step()
+
+    def take_up(self, tool: str) -> None:
+        """Choose ``tool`` and look at the face from the front again."""
+        self.rest()
+        self.app.actions["view-front"].run()
+        self.app.actions["frame"].run()
+        if not self.app.panel_shown:
+            self.app.actions["panel"].run()
+        self.app.actions[f"tool-{tool}"].run()
+        self.step()
+
+    def rest(self) -> None:
+        """Let go of everything."""
+        if self.held is not None:
+            self.app.window.play_button(self.held, False, frozenset())
+            self.held = None
+        for _ in range(4):
+            self.step()
+
+
+def test_random_events_leave_everything_sound(app: App, capsys: pytest.CaptureFixture[str]) -> None:
+    monkey = Monkey(app, seed=1)
+    for _ in range(4):
+        monkey.step()
+    for i in range(EVENTS):
+        if i % 50 == 0:
+            monkey.take_up(list(app.toolbox.tools)[i // 50 % len(app.toolbox.tools)])
+        monkey.act()
+        assert not app.dialogs.waiting, app.dialogs.waiting[0].text
+        assert np.isfinite(app.session.coefficients).all()
+    monkey.rest()
+    app.toolbox.cancel()
+    app.session.wait()
+    assert not app.busy
+    assert not app.closing
+    assert capsys.readouterr().err == ""
+    assert len(monkey.seen) >= 5, "most kinds of constraints were made"
+
+    session = app.session
+    end = session.document
+    end.resolved(session.model)
+    again = Document.from_json(json.loads(json.dumps(end.to_json()))).resolved(session.model)
+    assert again.constraints == end.constraints
+    assert again.prior_weight == end.prior_weight
+    np.testing.assert_array_equal(again.coefficients, end.coefficients)
+
+    session.mode = "apply"
+    steps = 0
+    while session.can_undo:
+        session.undo()
+        steps += 1
+    assert steps > 50
+    assert session.document.constraints == ()
+    np.testing.assert_allclose(session.coefficients, session.model.neutral(), atol=1e-12)
+    for _ in range(steps):
+        session.redo()
+    assert session.document.same_input(end)
+    np.testing.assert_allclose(session.coefficients, end.coefficients, atol=1e-9)
