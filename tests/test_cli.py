@@ -79,6 +79,8 @@ def test_render_draws_subjects_sessions_and_meshes(smile: Path, tmp_path: Path) 
                 pictures.append(np.asarray(image).astype(int))
     assert np.abs(pictures[0] - pictures[1]).max() > 50
     assert np.abs(pictures[0] - pictures[4]).max() > 50
+    # A session is drawn solved, although its file holds no pose.
+    assert np.abs(pictures[0] - pictures[2]).max() > 50
 
 
 @pytest.mark.parametrize(

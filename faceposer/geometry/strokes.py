@@ -4,7 +4,6 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import gaussian_filter1d
 
 Array = NDArray[np.float64]
 StrokeShape = Literal["line", "closed", "filled"]
@@ -34,6 +33,9 @@ def smoothed(points: ArrayLike, closed: bool = False, step: float = _STEP, reach
     A Gaussian runs along the stroke with a standard deviation of ``reach`` pixels. It works on the offsets from the
     straight line between the ends, continued by point reflection, so that the ends stay where they were.
     """
+    # The window's start does not wait for image filters.
+    from scipy.ndimage import gaussian_filter1d
+
     line = np.asarray(points, dtype=np.float64).reshape(-1, 2)
     if closed and len(line) > 2:
         return gaussian_filter1d(resampled(np.concatenate([line, line[:1]]), step)[:-1], reach / step, 0, mode="wrap")

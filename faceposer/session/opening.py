@@ -30,15 +30,7 @@ def open_session(what: str, worker: Worker | None = None) -> Session:
     """
     path = Path(what)
     if path.suffix.lower() == ".json":
-        document = read_document(path)
-        subject = document.subject
-        if subject.lower().endswith(".npz") and not Path(subject).is_absolute():
-            # A session names its subject as seen from where the session lies.
-            subject = str(path.parent / subject)
-        try:
-            return Session(load_model(subject), document, worker, path)
-        except FacePoserError as error:
-            raise FacePoserError(f"The session '{path}': {error}") from error
+        return session_of(read_document(path), path, worker)
     if path.suffix.lower() != ".npz":
         names = [name for name, _ in available_subjects()]
         if what not in names:
@@ -46,3 +38,25 @@ def open_session(what: str, worker: Worker | None = None) -> Session:
             guess = f" Did you mean '{close[0]}'?" if close else ""
             raise FacePoserError(f"'{what}' is no subject ({', '.join(names)}) and no session file (.json).{guess}")
     return Session(load_model(what), Document(what), worker)
+
+
+def session_of(document: Document, path: Path | None, worker: Worker | None = None) -> Session:
+    """Return a session for ``document`` with the subject that it names.
+
+    Args:
+        document: What to edit.
+        path: The session file that it belongs to, if any; it names its subject as seen from where that lies.
+        worker: Solves.
+
+    Raises:
+        FacePoserError: If the subject cannot be found or read, or does not fit.
+    """
+    subject = document.subject
+    if path is not None and subject.lower().endswith(".npz") and not Path(subject).is_absolute():
+        subject = str(path.parent / subject)
+    try:
+        return Session(load_model(subject), document, worker, path)
+    except FacePoserError as error:
+        if path is None:
+            raise
+        raise FacePoserError(f"The session '{path}': {error}") from error

@@ -56,7 +56,7 @@ class Session:
         self._mode: Mode = "live"
         self._document = document
         self._history = History(document)
-        self._saved = document
+        self._saved: Document | None = document
         self._editing = False
         self._before_edit = document
         self._residuals: tuple[int, tuple[float, ...]] | None = None
@@ -89,7 +89,13 @@ class Session:
     @property
     def dirty(self) -> bool:
         """Whether there is something that a save would keep and the file does not have."""
-        return not self._document.same_input(self._saved)
+        return self._saved is None or not self._document.same_input(self._saved)
+
+    @property
+    def unsaved(self) -> Document | None:
+        """The document of the last finished step if a save would keep something of it, or None."""
+        head = self._history.head
+        return head if self.dirty and (self._saved is None or not head.same_input(self._saved)) else None
 
     @property
     def editing(self) -> bool:
@@ -321,6 +327,11 @@ class Session:
         write_document(path, self._document if camera is None else replace(self._document, camera=camera))
         self.path = path
         self._saved = self._document
+        self.revision += 1
+
+    def mark_unsaved(self) -> None:
+        """Let the document count as not saved until it is: it is not what its file holds."""
+        self._saved = None
         self.revision += 1
 
     def close(self) -> None:

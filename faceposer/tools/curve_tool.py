@@ -32,6 +32,7 @@ class CurveTool(PosingTool):
         """Share ``bench``."""
         super().__init__(bench)
         self.points: list[SurfacePoint] = []
+        self._steps: list[list[SurfacePoint]] = []
 
     def pixels(self, context: ToolContext) -> NDArray[np.float64]:
         """Return where the view shows the control points of the source that is not accepted yet, shape (n, 2)."""
@@ -126,6 +127,8 @@ class CurveTool(PosingTool):
         except GeneratorExit:
             self.points = before
             raise
+        if self.points != before:
+            self._steps.append(before)
 
     def _add(self, position: Pixel, context: ToolContext) -> int | None:
         """Set a control point on the face, into the curve where it passes near, else at its end."""
@@ -193,7 +196,7 @@ class CurveTool(PosingTool):
             curve = curve.resolved(session.model, session.coefficients)
         except ValueError:
             return True
-        self.points = []
+        self.drop()
         with session.edit("Draw a curve"):
             document, index = session.document, len(session.document.constraints)
             document = replace(document, constraints=(*document.constraints, curve))
@@ -205,6 +208,7 @@ class CurveTool(PosingTool):
         """Remove the control point within reach of ``position``, or its curve if only two are left."""
         own = self._own_at(position, context)
         if own is not None:
+            self._steps.append(list(self.points))
             del self.points[own]
             return True
         handle = self.handle_at(position, context)
@@ -219,8 +223,7 @@ class CurveTool(PosingTool):
             if not len(shorter.points):
                 raise ValueError("nothing of the curve is left")
         except ValueError:
-            self._bench.selection.set()
-            session.remove_constraints(self._bench.symmetry.with_partners(session, {index}), "Remove a curve")
+            self._remove(index, "Remove a curve", context)
             return True
         with session.edit("Remove a point of a curve"):
             document = session.document.with_constraint(index, shorter)
@@ -228,13 +231,16 @@ class CurveTool(PosingTool):
         return True
 
     def step_back(self) -> bool:
-        """Take back the newest control point; return whether there was one."""
-        return bool(self.points) and self.points.pop() is not None
+        """Take back what was done to the source last; return whether there was anything."""
+        if not self._steps:
+            return False
+        self.points = self._steps.pop()
+        return True
 
     def drop(self) -> bool:
         """Forget the source that is not accepted; return whether there was one."""
         had = bool(self.points)
-        self.points = []
+        self.points, self._steps = [], []
         return had
 
     def hint(self, context: ToolContext) -> str:

@@ -81,14 +81,20 @@ class DistanceTool(PosingTool):
         self.pointer: Pixel | None = None
 
     def handle_at(self, position: Pixel, context: ToolContext) -> tuple[int, int] | None:
-        """Return the constraint and the end of it within reach of ``position``, or None."""
+        """Return the constraint and the end of it within reach of ``position``, or None.
+
+        An end that the face hides from this view is out of reach, unless it was joined in this view.
+        """
         best, found = _REACH * context.ui_scale, None
         for mark in pair_marks(context):
-            if context.session.document.constraints[mark.index].locked:
+            constraint = context.session.document.constraints[mark.index]
+            if constraint.locked:
                 continue
             distances = np.hypot(*(mark.ends - position).T)
             end = int(np.argmin(distances))
             if distances[end] <= best:
+                if mark.goal is None and context.hidden(constraint.points.subset(np.array([end])))[0]:
+                    continue
                 best, found = float(distances[end]), (mark.index, end)
         return found
 
@@ -176,9 +182,7 @@ class DistanceTool(PosingTool):
         handle = self.handle_at(position, context)
         if handle is None:
             return False
-        self._bench.selection.set()
-        session = context.session
-        session.remove_constraints(self._bench.symmetry.with_partners(session, {handle[0]}), "Remove a distance")
+        self._remove(handle[0], "Remove a distance", context)
         return True
 
     def step_back(self) -> bool:

@@ -85,8 +85,17 @@ class GazeTool(PosingTool):
         return (u, v)
 
     def _reached(self, position: Pixel, context: ToolContext) -> bool:
+        """Whether ``position`` is on the handle, and the face does not hide it there."""
         handle = self.handle(context)
-        return handle is not None and math.dist(position, handle) <= _REACH * context.ui_scale
+        if handle is None or math.dist(position, handle) > _REACH * context.ui_scale:
+            return False
+        session, camera = context.session, context.camera
+        found, met = context.pick_many([handle])
+        place = handle_position(session.model.subject, self.direction(context))
+        if place is None or not met[0]:
+            return True
+        surface = session.model.positions_at(found, session.coefficients)
+        return bool(camera.to_camera(place[None])[0, 2] < camera.to_camera(surface)[0, 2])
 
     def grips(self, event: PointerEvent, context: ToolContext) -> bool:
         """Whether the press ``event`` takes hold of the handle of a gaze constraint."""
@@ -137,8 +146,7 @@ class GazeTool(PosingTool):
         found = self.constraint(context)
         if found is None or found[1].locked or not self._reached(position, context):
             return False
-        self._bench.selection.set()
-        context.session.remove_constraints({found[0]}, "Let the eyes go")
+        self._remove(found[0], "Let the eyes go", context)
         return True
 
     def hint(self, context: ToolContext) -> str:

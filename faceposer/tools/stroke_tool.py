@@ -31,7 +31,7 @@ class StrokeTool(PosingTool):
 
     Attributes:
         source: What the next stroke is the target of, or None.
-        redrawn: Index of the constraint that gets another target by the next stroke, or None.
+        redrawn: Source of the constraint that gets another target by the next stroke, or None.
         drawing: The pixels of the stroke under way, with its width.
     """
 
@@ -42,7 +42,7 @@ class StrokeTool(PosingTool):
         """Share ``bench``."""
         super().__init__(bench)
         self.source: SourceStroke | None = None
-        self.redrawn: int | None = None
+        self.redrawn: SurfacePoints | None = None
         self.drawing: tuple[list[Pixel], float] | None = None
 
     @property
@@ -50,9 +50,9 @@ class StrokeTool(PosingTool):
         """Whether the next stroke is a target."""
         return self.source is not None or self.redrawn is not None
 
-    def redraw(self, index: int) -> None:
-        """Let the next stroke be another target of constraint ``index``."""
-        self.source, self.redrawn = None, index
+    def redraw(self, stroke: StrokeConstraint) -> None:
+        """Let the next stroke be another target of ``stroke``, wherever it is in the list by then."""
+        self.source, self.redrawn = None, stroke.placed
 
     def _target_at(self, position: Pixel, context: ToolContext) -> int | None:
         """Return the stroke of this view whose target passes within reach of ``position``, or None."""
@@ -114,14 +114,19 @@ class StrokeTool(PosingTool):
         redrawn, source = self.redrawn, self.source
         self.redrawn = self.source = None
         if redrawn is not None:
-            old = document.constraints[redrawn] if redrawn < len(document.constraints) else None
-            if not isinstance(old, StrokeConstraint) or old.locked:
+            found = [
+                (i, c)
+                for i, c in enumerate(document.constraints)
+                if isinstance(c, StrokeConstraint) and not c.locked and c.placed == redrawn
+            ]
+            if not found:
                 return
+            index, old = found[0]
             stroke = replace(old, target=target, width=width, camera=context.camera, shape=options.shape)
             with session.edit("Redraw a target"):
-                document = document.with_constraint(redrawn, stroke)
-                session.replace(Mirroring(self._bench.symmetry, session).applied(document, [redrawn]))
-            self._bench.selection.set(redrawn)
+                document = document.with_constraint(index, stroke)
+                session.replace(Mirroring(self._bench.symmetry, session).applied(document, [index]))
+            self._bench.selection.set(index)
         elif source is not None:
             stroke = StrokeConstraint(source.points, target, width, context.camera, options.shape, options.energy)
             index = len(document.constraints)
@@ -161,9 +166,7 @@ class StrokeTool(PosingTool):
         index = self._target_at(position, context)
         if index is None:
             return False
-        self._bench.selection.set()
-        session = context.session
-        session.remove_constraints(self._bench.symmetry.with_partners(session, {index}), "Remove a stroke")
+        self._remove(index, "Remove a stroke", context)
         return True
 
     def step_back(self) -> bool:

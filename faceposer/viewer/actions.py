@@ -51,18 +51,42 @@ class Action:
         return f"{text}  ({self.shortcut})" if self.keys else text
 
 
+@dataclass(frozen=True)
+class Submenu:
+    """A menu inside a menu whose entries change while the program runs.
+
+    Attributes:
+        name: By which panels refer to it.
+        label: As menus show it.
+        menu: Title of the menu that it is in.
+        entries: Gives what it holds now.
+        enabled: Whether it can be opened now.
+        separated: Whether menus draw a line above it.
+    """
+
+    name: str
+    label: str
+    menu: str
+    entries: Callable[[], list[Action]]
+    enabled: Callable[[], bool] = _always
+    separated: bool = False
+
+
 class Actions:
     """The table, by name, menu and key."""
 
-    def __init__(self, actions: Iterable[Action]) -> None:
-        """Take over ``actions`` in the order of the menus.
+    def __init__(self, items: Iterable[Action | Submenu]) -> None:
+        """Take over ``items`` in the order of the menus.
 
         Raises:
-            ValueError: If two have the same name or the same key.
+            ValueError: If two actions have the same name or the same key.
         """
+        self._items = tuple(items)
         self._by_name: dict[str, Action] = {}
         self._by_key: dict[tuple[frozenset[str], str], Action] = {}
-        for action in actions:
+        for action in self._items:
+            if isinstance(action, Submenu):
+                continue
             if action.name in self._by_name:
                 raise ValueError(f"two actions are called {action.name}")
             self._by_name[action.name] = action
@@ -81,7 +105,11 @@ class Actions:
     @property
     def menus(self) -> list[str]:
         """The titles of the menus, in order."""
-        return list(dict.fromkeys(action.menu for action in self._by_name.values()))
+        return list(dict.fromkeys(item.menu for item in self._items))
+
+    def items(self, menu: str) -> list[Action | Submenu]:
+        """Return all that ``menu`` shows, in order."""
+        return [item for item in self._items if item.menu == menu and (isinstance(item, Submenu) or item.listed)]
 
     def in_menu(self, menu: str) -> list[Action]:
         """Return the actions that ``menu`` shows, in order."""

@@ -4,32 +4,32 @@ import os
 import sys
 import time
 import traceback
-from pathlib import Path
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.resources import user_state_dir
 from faceposer.session.opening import open_session
 from faceposer.session.session import Mode, Session
 from faceposer.session.solver_worker import InlineWorker, SolverWorker, Worker
 from faceposer.tools.toolbox import Toolbox
 from faceposer.viewer.commands import build_actions
 from faceposer.viewer.drawn_constraints import DrawnConstraints
+from faceposer.viewer.ending import interrupted_by_signals
 from faceposer.viewer.file_dialogs import FileDialogs, FileRequest
 from faceposer.viewer.files import Files
 from faceposer.viewer.gui import Gui
-from faceposer.viewer.overlay import PinMark
-from faceposer.viewer.overlay_marks import ShapeMarks
 from faceposer.viewer.panels.constraints import ConstraintsPanel
 from faceposer.viewer.panels.dialogs import Dialogs
+from faceposer.viewer.panels.guide import GuideCard
 from faceposer.viewer.panels.layout import draw_window
+from faceposer.viewer.panels.palette import Palette
 from faceposer.viewer.panels.pose import PosePanel
 from faceposer.viewer.panels.shapes import ShapesPanel
 from faceposer.viewer.panels.slider_edit import SliderEdit
 from faceposer.viewer.panels.widgets import Marks
+from faceposer.viewer.recovery import Recovery
 from faceposer.viewer.renderer import Shading
 from faceposer.viewer.router import Router
 from faceposer.viewer.scene import Scene
@@ -38,7 +38,7 @@ from faceposer.viewer.viewport import Viewport
 from faceposer.viewer.window import Window
 
 # Seconds that a frame waits for the solve of a drag, so that the face is where the pointer is in the same frame.
-_SOLVE_PATIENCE = 0.012
+_SOLVE_PATIENCE = 0.005
 # Frames drawn after anything happens: Dear ImGui spreads fast clicks over several.
 _FRAMES_AFTER_EVENT = 3
 # Seconds for which frames go on after the pointer came to rest on a panel, where tooltips and highlights follow late.
@@ -57,11 +57,18 @@ class App:
         session: What the user edits.
         comparing: Whether the neutral face is shown in place of the pose.
         highlighted: Index of the pin that a panel points at, or None.
+        remembers: Whether settings are written, for the next run.
+        interrupted: The signal that asked the program to end, or 0.
         busy: Whether a gesture or a slider holds the document, so that nothing else may change it.
     """
 
     def __init__(
-        self, what: str = "man", hidden: bool = False, threaded: bool = True, settings: Settings | None = None
+        self,
+        what: str = "man",
+        hidden: bool = False,
+        threaded: bool = True,
+        settings: Settings | None = None,
+        journal: bool | None = None,
     ) -> None:
         """Open ``what``, a subject or a session, in a window.
 
@@ -70,13 +77,15 @@ class App:
             hidden: Open the window where nobody sees it and no display is needed.
             threaded: Solve beside the frames; else at once, so that what happens does not depend on time.
             settings: Remembered choices, which are then not written back; those of the last run if None.
+            journal: Keep on the disk what is not saved, and offer what an earlier run left there; if None, where the
+                settings are remembered too.
 
         Raises:
             FacePoserError: If that cannot be opened, or no window can.
         """
         self._threaded = threaded
         self._window: Window | None = None
-        self._remember = settings is None
+        self.remembers = settings is None
         self.settings = load_settings() if settings is None else settings
         session = open_session(what, self.new_worker())
         self.window = self._window = Window(self.settings.window_size, hidden)
@@ -89,7 +98,9 @@ class App:
         self.dialogs = Dialogs(self.gui.fonts, self.marks)
         self.file_dialogs = FileDialogs(self.gui.fonts, self.marks, use_native=False if hidden else None)
         self.files = Files(self)
+        self.recovery = Recovery(self, self.remembers if journal is None else journal)
         self.toolbox = Toolbox(self.viewport)
+        self.palette, self.guide = Palette(), GuideCard(self.settings)
         self.actions = build_actions(self)
         self.router = Router(self)
         self.pose_panel, self.constraints_panel, self.shapes_panel = PosePanel(), ConstraintsPanel(), ShapesPanel()
@@ -102,6 +113,7 @@ class App:
         self.frame_seconds = 0.0
         self.frames_drawn = 0
         self.closing = False
+        self.interrupted = 0
         self.notice = ""
         self._notice_until = 0.0
         self._frames_due = _FRAMES_AFTER_EVENT
@@ -117,20 +129,21 @@ class App:
     # The loop
 
     def run(self) -> None:
-        """Show the window until the user closes it."""
+        """Show the window until the user closes it, or a signal asks for the end."""
         self.window.show()
-        while not self.closing:
-            self.window.wait(self._patience())
-            self.step()
+        with interrupted_by_signals(self):
+            while not (self.closing or self.interrupted):
+                self.window.wait(self._patience())
+                self.step()
 
     def _patience(self) -> float:
         """Return for how many seconds there is nothing to do unless something happens."""
         if self._frames_due:
             return 0.0
         now = time.perf_counter()
-        patience = 0.5
+        patience = min(0.5, self.recovery.patience)
         if self.router.over_widget and now - self._last_event < _LINGER:
-            patience = 0.05
+            patience = min(patience, 0.05)
         if self.file_dialogs.polling or self.gui.io.want_text_input:
             patience = min(patience, 0.1)
         if self.notice:
@@ -141,13 +154,13 @@ class App:
         """Handle what has happened and draw a frame if anything has changed, or with ``force`` in any case.
 
         Raises:
-            FacePoserError: If frame after frame fails; the work is then in a file that the message names.
+            FacePoserError: If frame after frame fails; the work is then kept for the next start.
         """
-        try:
-            self._take_events()
-            self._follow_session()
-        except Exception as error:  # the window goes on, whatever it was
-            self._report(error)
+        for part in (self._take_events, self._follow_session, self.recovery.follow):
+            try:
+                part()
+            except Exception as error:  # the window goes on, whatever it was
+                self._report(error)
         linger = self.router.over_widget and time.perf_counter() - self._last_event < _LINGER
         if not (self._frames_due or force or linger or self.gui.io.want_text_input):
             return
@@ -174,6 +187,7 @@ class App:
         if session.poll():
             self.redraw()
         self.scene.set_pose(session.model.neutral() if self.comparing else session.coefficients)
+        self.guide.follow(self)
         self.router.follow()
 
     def redraw(self) -> None:
@@ -185,6 +199,7 @@ class App:
         self.gui.set_scale(self.window.ui_scale)
         self.window.set_title(self.files.title)
         failure = self.gui.frame(lambda: draw_window(self))
+        self.gui.cursors.follow(self.toolbox)
         ctx, (width, height) = self.window.ctx, self.window.pixels
         ctx.screen.use()
         ctx.viewport = (0, 0, width, height)
@@ -200,7 +215,7 @@ class App:
         self._failures += 1
         self._report(failure)
         if self._failures >= _MOST_FAILURES:
-            raise FacePoserError(f"The window cannot be drawn ({failure}); {self._rescue()}") from failure
+            raise FacePoserError(f"The window cannot be drawn ({failure}); {self.recovery.rescue()}") from failure
 
     def picture(self, size: tuple[int, int]) -> moderngl.Texture:
         """Return the picture of the face for the view, of ``size`` pixels or, while it moves without a GPU, coarser."""
@@ -244,18 +259,6 @@ class App:
         sys.stderr.write(details)
         text = f"{type(error).__name__}: {error}. Your work is still here; it would be wise to save it."
         self.dialogs.report("Something went wrong inside the program", text, details)
-
-    def _rescue(self) -> str:
-        """Save the session beside the settings, and say where."""
-        if not self.session.dirty:
-            return "nothing is lost."
-        path: Path = user_state_dir() / "rescued.json"
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self.session.save(path)
-        except (FacePoserError, OSError) as error:
-            return f"your work could not be saved either: {error}"
-        return f"your work is in '{path}'."
 
     # The session
 
@@ -303,22 +306,7 @@ class App:
     @property
     def covered(self) -> bool:
         """Whether a menu or a dialog keeps the pointer from the view."""
-        return self.gui.popup_open or self.dialogs.open or self.file_dialogs.browsing
-
-    @property
-    def pins(self) -> list[PinMark]:
-        """How the pins appear in the view."""
-        return self.drawn_constraints.pins
-
-    @property
-    def shapes(self) -> ShapeMarks:
-        """How all other constraints appear in the view."""
-        return self.drawn_constraints.shapes
-
-    @property
-    def conflicts(self) -> dict[int, str]:
-        """Why constraints are not met, by their index."""
-        return self.drawn_constraints.conflicts
+        return self.gui.popup_open or self.palette.open or self.dialogs.open or self.file_dialogs.browsing
 
     def point_name(self, index: int) -> str:
         """Return what people call the place of constraint ``index``."""
@@ -356,8 +344,9 @@ class App:
         self.closing = True
 
     def close(self) -> None:
-        """Remember the settings and free everything."""
-        if self._remember:
+        """Remember the settings and free everything; unless the user asked for the end, what is not saved is kept."""
+        self.recovery.close(keep=not self.closing)
+        if self.remembers:
             scale = max(self.window.ui_scale, 0.1)
             width, height = self.window.size
             if min(width, height) > 0:
@@ -393,4 +382,4 @@ def run(what: str, exit_after_first_frame: bool = False) -> int:
             app.run()
     finally:
         app.close()
-    return 0
+    return 128 + app.interrupted if app.interrupted else 0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from faceposer.tools.tool import Navigation
-from faceposer.viewer.actions import Action, Actions
+from faceposer.viewer.actions import Action, Actions, Submenu
 from faceposer.viewer.panels.dialogs import Question
 
 if TYPE_CHECKING:
@@ -96,8 +96,9 @@ class Commands:
             self._app.session.reset_pose()
 
     def cancel(self) -> None:
-        """Take back the gesture, or deselect."""
-        self._app.toolbox.cancel()
+        """Take back the gesture, or deselect, or put the guided pose away."""
+        if not self._app.toolbox.cancel():
+            self._app.guide.dismiss()
 
     def compare(self) -> None:
         """Show the neutral face, or the pose again."""
@@ -205,6 +206,7 @@ def build_actions(app: "App") -> Actions:
     return Actions(
         [
             Action("open", "Open...", "File", app.files.open_dialog, ("Ctrl+O",), help="Open a session or a subject"),
+            Submenu("open-recent", "Open recent", "File", app.files.recent.entries, lambda: bool(app.settings.recent)),
             Action("save", "Save", "File", app.files.save, ("Ctrl+S",), separated=True, help="Save the session"),
             Action("save-as", "Save as...", "File", app.files.save_as, ("Ctrl+Shift+S",)),
             Action("export", "Save OBJ", "File", app.files.export, ("Ctrl+E",), help="Save the posed face as OBJ"),
@@ -335,6 +337,22 @@ def build_actions(app: "App") -> Actions:
                 "View",
                 lambda: do.navigate("maya"),
                 checked=lambda: app.viewport.navigation == "maya",
+            ),
+            Action(
+                "palette",
+                "Find a command...",
+                "Help",
+                app.palette.show,
+                ("Ctrl+P",),
+                free,
+                help="The command palette: everything there is, by a few letters of its name",
+            ),
+            Action(
+                "guide",
+                "Guided pose",
+                "Help",
+                app.guide.show,
+                help="A first smile in five steps, with the view showing where to press",
             ),
             Action("keys", "Keys and mouse", "Help", do.toggle_keys, ("F1",)),
             Action("about", "About Face Poser", "Help", do.about),

@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING
 from faceposer.errors import FacePoserError
 from faceposer.session.export import write_posed_obj
 from faceposer.session.opening import open_session
+from faceposer.session.session import Session
+from faceposer.session.solver_worker import Worker
 from faceposer.viewer.file_dialogs import FileRequest
 from faceposer.viewer.panels.dialogs import Choice, Question
+from faceposer.viewer.recent import RecentFiles
 from faceposer.viewer.settings import last_folder
 
 if TYPE_CHECKING:
@@ -22,6 +25,8 @@ class Files:
         """Serve ``app``."""
         self._app = app
         self.export_path: Path | None = None
+        self.meshes_saved = 0
+        self.recent = RecentFiles(app)
 
     @property
     def title(self) -> str:
@@ -50,14 +55,32 @@ class Files:
         self.guard(lambda: self._open(what))
 
     def _open(self, what: str) -> None:
+        if self.show(lambda worker: open_session(what, worker), "This cannot be opened"):
+            session = self._app.session
+            if session.path is not None:
+                self.recent.add(session.path)
+            elif what.lower().endswith(".npz"):
+                self.recent.add(Path(what))
+
+    def show(self, opening: Callable[[Worker], Session], failure: str, comfort: str = "") -> bool:
+        """Edit the session that ``opening`` gives; the caller has asked about changes that are not saved.
+
+        Args:
+            opening: Is given what solves for the session; a FacePoserError of it is told, and nothing changes.
+            failure: Title of what is told then.
+            comfort: Is added to the error.
+
+        Returns:
+            Whether there was one.
+        """
         app = self._app
         worker = app.new_worker()
         try:
-            session = open_session(what, worker)
+            session = opening(worker)
         except FacePoserError as error:
             worker.close()
-            app.dialogs.report("This cannot be opened", str(error))
-            return
+            app.dialogs.report(failure, f"{error}{comfort}")
+            return False
         except Exception:
             worker.close()
             raise
@@ -65,6 +88,7 @@ class Files:
             app.settings.folder = str(session.path.parent.resolve())
         self.export_path = None
         app.set_session(session)
+        return True
 
     # Saving
 
@@ -94,6 +118,7 @@ class Files:
             app.dialogs.report("The session is not saved", str(error))
             return
         app.settings.folder = str(path.parent.resolve())
+        self.recent.add(path)
         app.notify(f"Saved {path.name}")
         if then is not None:
             then()
@@ -125,6 +150,7 @@ class Files:
         except FacePoserError as error:
             app.dialogs.report("The mesh is not saved", str(error))
             return
+        self.meshes_saved += 1
         self.export_path = path.resolve()
         app.settings.export_path = str(self.export_path)
         app.notify(f"Saved {path.name}")

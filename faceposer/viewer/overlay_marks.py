@@ -98,6 +98,10 @@ def shape_marks(viewport: Viewport, scene: Scene, gaze: GazeTool, offers_gaze: b
         moving: Whether the face or the view moves: then what the face hides is told only by where it faces away.
     """
     camera = viewport.camera
+
+    def hidden(points: SurfacePoints) -> NDArray[np.bool_]:
+        return scene.facing_away(camera, points) if moving else viewport.hidden(points)
+
     marks = ShapeMarks(pair_marks(viewport))
     for i, constraint in enumerate(viewport.session.document.constraints):
         if isinstance(constraint, StrokeConstraint):
@@ -107,17 +111,16 @@ def shape_marks(viewport: Viewport, scene: Scene, gaze: GazeTool, offers_gaze: b
             places = source.positions(scene.vertices, scene.triangles)
             target, own = _shown(constraint.target, constraint.camera, camera, places)
             scale = camera.focal / constraint.camera.focal if own else 1.0
-            marks.strokes.append(
-                StrokeMark(i, camera.project(places), target, constraint.width * scale, constraint.shape, own)
-            )
+            seen = camera.project(places[~hidden(source)])
+            marks.strokes.append(StrokeMark(i, seen, target, constraint.width * scale, constraint.shape, own))
         elif isinstance(constraint, CurveConstraint):
             places = constraint.points.positions(scene.vertices, scene.triangles)
             handles, own = _shown(constraint.target, constraint.camera, camera, places)
-            marks.curves.append(CurveMark(i, camera.project(places), curve_line(handles), handles, own))
+            seen = camera.project(places[~hidden(constraint.points)])
+            marks.curves.append(CurveMark(i, seen, curve_line(handles), handles, own))
         elif isinstance(constraint, FixedConstraint):
             points = constraint.points
-            hidden = scene.facing_away(camera, points) if moving else viewport.hidden(points)
-            marks.areas.append(AreaMark(i, camera.project(_places(points.subset(~hidden), scene))))
+            marks.areas.append(AreaMark(i, camera.project(_places(points.subset(~hidden(points)), scene))))
     eyes, found, handle = eyes_of(viewport.session.model.subject), gaze.constraint(viewport), gaze.handle(viewport)
     if eyes is None or handle is None or (found is None and not offers_gaze):
         return marks

@@ -2,7 +2,7 @@
 
 import json
 import os
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, get_args
 
@@ -11,6 +11,7 @@ from faceposer.tools.tool import Navigation
 
 _FILE = "window.json"
 _MAX_BYTES = 1 << 20
+MAX_RECENT = 8
 
 
 @dataclass
@@ -22,14 +23,16 @@ class Settings:
         window_size: Width and height in the window system's units.
         export_path: Where the last OBJ went, or "".
         folder: Where the last session was opened or saved, or "".
-        welcome_done: Whether the user has dragged a point once; until then a hint floats over the face.
+        welcome_done: Whether the guided pose has been shown; it is on the first start, where nothing is remembered yet.
+        recent: Whole paths of the files that were opened or saved last, newest first, at most ``MAX_RECENT``.
     """
 
     navigation: Navigation = "blender"
     window_size: tuple[int, int] = (1360, 860)
     export_path: str = ""
     folder: str = ""
-    welcome_done: bool = False
+    welcome_done: bool = True
+    recent: list[str] = field(default_factory=list)
 
 
 def load_settings() -> Settings:
@@ -39,12 +42,13 @@ def load_settings() -> Settings:
         data = json.loads(path.read_text(encoding="utf-8")) if path.stat().st_size < _MAX_BYTES else {}
     except (OSError, ValueError, RecursionError):
         data = {}
-    settings = Settings()
+    # Where nothing is remembered, somebody is new here.
+    settings = Settings(welcome_done=bool(data))
     if isinstance(data, dict):
-        for field in fields(Settings):
-            value = _checked(field.name, data.get(field.name))
+        for setting in fields(Settings):
+            value = _checked(setting.name, data.get(setting.name))
             if value is not None:
-                setattr(settings, field.name, value)
+                setattr(settings, setting.name, value)
     return settings
 
 
@@ -75,4 +79,11 @@ def _checked(name: str, value: Any) -> Any:
         return (min(max(value[0], 480), 16384), min(max(value[1], 360), 16384)) if sound else None
     if name == "welcome_done":
         return value if isinstance(value, bool) else None
+    if name == "recent":
+        listed = value if isinstance(value, list) else []
+        return [path for path in listed if _is_whole_path(path)][:MAX_RECENT]
     return value if isinstance(value, str) else None
+
+
+def _is_whole_path(value: Any) -> bool:
+    return isinstance(value, str) and "\0" not in value and Path(value).is_absolute()

@@ -9,9 +9,9 @@ import pytest
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.session.document import Document, write_document
 from faceposer.viewer.app import App
+from faceposer.viewer.events import CloseRequest, Drop, FocusLost
 from faceposer.viewer.robot import Robot
 from faceposer.viewer.settings import Settings
-from faceposer.viewer.window import CloseRequest, Drop, FocusLost
 
 LEFT_CORNER, RIGHT_CORNER = "8.3", "8.4"
 

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import sobel
 
 from faceposer.solve.constraints.point import SIGMA_PX
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm
@@ -120,6 +119,9 @@ class StrokeImageTerm:
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
         """Return the energy and the estimate of its gradient by the coefficients, shape (r,)."""
+        # The window's start does not wait for image filters.
+        from scipy.ndimage import sobel
+
         pixels = state.pixels[self._points]
         first, last = self._target.min(axis=0) - _IMAGE_MARGIN, self._target.max(axis=0) + _IMAGE_MARGIN
         cells = np.clip(np.floor(pixels), first, last).astype(np.intp)

@@ -22,7 +22,7 @@ LARGEST_WEIGHT, LARGEST_HOLD = 100.0, 1000.0
 def draw_details(app: "App", index: int) -> None:
     """Draw what can be set on constraint ``index``."""
     constraint = app.session.document.constraints[index]
-    conflict = app.conflicts.get(index)
+    conflict = app.drawn_constraints.conflicts.get(index)
     if conflict is not None:
         imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*WARNING))
         imgui.text_wrapped(conflict)
@@ -60,7 +60,7 @@ def _distance(app: "App", index: int, constraint: DistanceConstraint) -> None:
 def _stroke(app: "App", index: int, constraint: StrokeConstraint) -> None:
     if imgui.button("Redraw the target", (-1.0, 0.0)) and not app.busy:
         app.toolbox.choose("stroke")
-        app.toolbox.stroke_tool.redraw(index)
+        app.toolbox.stroke_tool.redraw(constraint)
     app.marks.note("redraw")
     tooltip("The next stroke becomes its target; the source stays")
     tips = ("Distances both ways between the strokes.", "The difference of two images, as in the paper of 2009.")

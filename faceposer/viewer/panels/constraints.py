@@ -71,9 +71,9 @@ class ConstraintsPanel:
             app.highlighted = index
         if pressed and free:
             app.toolbox.select(index, extend=imgui.get_io().key_shift)
-        conflict = app.conflicts.get(index)
-        if conflict is not None:
-            tooltip(conflict)
+        conflict = app.drawn_constraints.conflicts.get(index)
+        name = app.point_name(index)
+        tooltip(f"{name[:1].upper()}{name[1:]}" if conflict is None else f"{name[:1].upper()}{name[1:]}. {conflict}")
         self._draw_text(app, index, constraint, residual, (corner.x, corner.y, width, height))
 
         self._switch(app, index, constraint, begin, height, free)
@@ -114,7 +114,7 @@ class ConstraintsPanel:
         tint = INK if constraint.enabled else FAINT
         draw.add_text(ImVec2(left + height + em(0.1), baseline), u32(tint, 0.75), _ICONS[constraint.kind])
         name_left = left + height + em(1.5)
-        fights = index in app.conflicts
+        fights = index in app.drawn_constraints.conflicts
         if fights:
             figure_left -= em(1.0)
         draw.push_clip_rect(ImVec2(name_left, top), ImVec2(figure_left - em(0.3), top + height), True)

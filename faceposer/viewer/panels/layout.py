@@ -10,6 +10,7 @@ from faceposer.viewer.panels.menu_bar import draw_menu_bar
 from faceposer.viewer.panels.status_bar import draw_status_bar, status_height
 from faceposer.viewer.panels.tool_bar import STRIP_WIDTH, draw_tool_options, draw_tool_strip
 from faceposer.viewer.panels.view import draw_output_panel, draw_view_panel
+from faceposer.viewer.panels.widgets import tooltip
 from faceposer.viewer.theme import BAR, GROUND, em
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ def draw_window(app: "App") -> None:
     draw_status_bar(app)
     imgui.end()
     imgui.pop_style_color()
+    app.guide.draw(app)
+    app.palette.draw(app)
     app.dialogs.draw(app.actions, app.viewport.navigation)
     if not app.dialogs.open:
         app.file_dialogs.draw()
@@ -67,9 +70,14 @@ def _draw_panel(app: "App", position: tuple[float, float], size: tuple[float, fl
     imgui.spacing()
     footer = 1.6 * imgui.get_frame_height_with_spacing()
     if imgui.begin_tab_bar("##tabs"):
-        for title, draw in (("Pose", _draw_pose_tab), ("Shapes", app.shapes_panel.draw), ("View", draw_view_panel)):
+        for title, draw, text in (
+            ("Pose", _draw_pose_tab, "How the face follows, and what pulls at it"),
+            ("Shapes", app.shapes_panel.draw, "The shapes of the rig, as sliders"),
+            ("View", draw_view_panel, "Where one looks from, and how the face is drawn"),
+        ):
             chosen, _ = imgui.begin_tab_item(title)
             app.marks.note(f"tab:{title}")
+            tooltip(text)
             if chosen:
                 imgui.begin_child(f"##{title}", ImVec2(0.0, -footer))
                 draw(app)
@@ -138,10 +146,10 @@ def _draw_constraints(app: "App", draw: imgui.ImDrawList) -> None:
     pointed = app.highlighted if hover is None else hover.pin
     shown = app.points_shown or pointed is not None or toolbox.posing
     painter = ShapePainter(draw, app.viewport, toolbox, pointed)
-    shapes = app.shapes
+    shapes = app.drawn_constraints.shapes
     if shown:
         painter.paint(shapes, [constraint.enabled for constraint in app.session.document.constraints])
-    pins = app.pins if shown else []
+    pins = app.drawn_constraints.pins if shown else []
     draw_overlay(draw, app.viewport, toolbox, pins, pointed)
     painter.paint_begun()
     if pointed is not None and not toolbox.active:

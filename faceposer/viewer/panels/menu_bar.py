@@ -1,8 +1,10 @@
 """The menus, drawn from the table of actions."""
 
+from collections.abc import Sequence
+
 from imgui_bundle import imgui
 
-from faceposer.viewer.actions import Actions
+from faceposer.viewer.actions import Action, Actions, Submenu
 from faceposer.viewer.panels.widgets import Marks
 from faceposer.viewer.theme import em
 
@@ -20,14 +22,27 @@ def draw_menu_bar(actions: Actions, marks: Marks) -> float:
         if not opened:
             marks.note(f"menu:{menu}")
             continue
-        for action in actions.in_menu(menu):
-            if action.separated:
-                imgui.separator()
-            on = action.checked is not None and action.checked()
-            pressed, _ = imgui.menu_item(action.label, action.shortcut, on, action.enabled())
-            marks.note(f"menu:{action.name}")
-            if pressed:
-                action.run()
+        _draw_items(actions.items(menu), marks)
         imgui.end_menu()
     imgui.end_main_menu_bar()
     return float(height)
+
+
+def _draw_items(items: Sequence[Action | Submenu], marks: Marks) -> None:
+    for item in items:
+        if item.separated:
+            imgui.separator()
+        # Two entries may have the same label.
+        imgui.push_id(item.name)
+        if isinstance(item, Action):
+            on = item.checked is not None and item.checked()
+            pressed, _ = imgui.menu_item(item.label, item.shortcut, on, item.enabled())
+            marks.note(f"menu:{item.name}")
+            if pressed:
+                item.run()
+        elif imgui.begin_menu(item.label, item.enabled()):
+            _draw_items(item.entries(), marks)
+            imgui.end_menu()
+        else:
+            marks.note(f"menu:{item.name}")
+        imgui.pop_id()

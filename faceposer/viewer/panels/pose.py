@@ -29,7 +29,7 @@ class PosePanel:
         """Draw the part."""
         tips = (
             "The face follows while you drag.",
-            "The points wait until you press Apply: Enter or Space.",
+            f"The points wait until you press Apply  ({app.actions['apply'].shortcut})",
         )
         session = app.session
         mode = _MODES.index(session.mode)
@@ -56,6 +56,7 @@ class PosePanel:
         opened = imgui.begin_combo("##subject", subject.title)
         app.marks.note("subject")
         if not opened:
+            tooltip(f"Whose face to pose; {app.actions['open'].shortcut} opens others from files")
             return
         if self._subjects is None:
             self._subjects = available_subjects()

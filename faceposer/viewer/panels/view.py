@@ -21,7 +21,8 @@ def draw_view_panel(app: "App") -> None:
             label = {"three-quarter": "3/4", "frame": "Frame"}.get(name, name.capitalize())
             action_button(app.marks, app.actions[name if name == "frame" else f"view-{name}"], width, label)
     heading(app.gui.fonts, "Drawing")
-    tips = ("Skin, eyes and teeth as they are.", "Plain clay, to judge the shape.")
+    key = app.actions["clay"].shortcut
+    tips = (f"Skin, eyes and teeth as they are  ({key})", f"Plain clay, to judge the shape  ({key})")
     chosen = choice(app.marks, "shading", ("Full", "Clay"), int(app.shading == "clay"), tips)
     app.shading = "clay" if chosen else "full"
     _, app.wireframe = imgui.checkbox("Wireframe", app.wireframe)
