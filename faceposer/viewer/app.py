@@ -131,6 +131,8 @@ class App:
     def run(self) -> None:
         """Show the window until the user closes it, or a signal asks for the end."""
         self.window.show()
+        self.step(force=True)
+        self.session.worker.prepare()
         with interrupted_by_signals(self):
             while not (self.closing or self.interrupted):
                 self.window.wait(self._patience())
