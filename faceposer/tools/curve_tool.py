@@ -226,8 +226,11 @@ class CurveTool(PosingTool):
             self._remove(index, "Remove a curve", context)
             return True
         with session.edit("Remove a point of a curve"):
+            mirroring = Mirroring(self._bench.symmetry, session)
+            # What lies across is found while both have all their points.
+            mirroring.find(session.document, index)
             document = session.document.with_constraint(index, shorter)
-            session.replace(document)
+            session.replace(mirroring.applied(document, [index]))
         return True
 
     def step_back(self) -> bool:

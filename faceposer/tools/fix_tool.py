@@ -9,7 +9,7 @@ from faceposer.geometry.picking import SurfacePoints
 from faceposer.geometry.strokes import enclosed
 from faceposer.session.document import Document
 from faceposer.solve.constraints.fixed import FixedConstraint
-from faceposer.tools.symmetry import Mirroring
+from faceposer.tools.symmetry import Mirroring, mirror_of
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, Workbench
 
 Pixel = tuple[float, float]
@@ -47,6 +47,8 @@ class FixTool(PosingTool):
             with session.edit("Let vertices go" if erase else "Fix vertices"):
                 mirroring = Mirroring(self._bench.symmetry, session)
                 begun, index = self._opened(session.document, erase)
+                if index is not None:
+                    mirroring.find(begun, index)
                 touched: Vertices = np.zeros(0, dtype=np.int64)
                 while event.kind != "release":
                     if encircle:
@@ -101,6 +103,9 @@ class FixTool(PosingTool):
     ) -> None:
         session = context.session
         if erase:
+            if self._bench.symmetry.on:
+                across = mirror_of(session.model).vertices[vertices]
+                vertices = np.union1d(vertices, across[across >= 0])
             session.replace(_without(begun, vertices))
             return
         if not len(vertices):

@@ -69,6 +69,15 @@ class Mirroring:
         self._pose: NDArray[np.float64] = session.coefficients
         self._partners: dict[int, int | None] = {}
 
+    def find(self, document: Document, index: int) -> int | None:
+        """Return what lies across from constraint ``index`` of ``document``, looked up once for the whole gesture.
+
+        A gesture that changes which points a constraint speaks of asks before it does.
+        """
+        if self._symmetry.on and index not in self._partners:
+            self._partners[index] = self._symmetry.partner(document, index, self._model)
+        return self._partners.get(index)
+
     def applied(self, document: Document, indices: list[int]) -> Document:
         """Return ``document`` with the images of its constraints ``indices`` brought up to date, or added."""
         if not self._symmetry.on:
@@ -77,9 +86,7 @@ class Mirroring:
             constraint = document.constraints[index]
             if _across(constraint, self._model) is None:
                 continue
-            if index not in self._partners:
-                self._partners[index] = self._symmetry.partner(document, index, self._model)
-            partner = self._partners[index]
+            partner = self.find(document, index)
             if partner in indices:
                 continue
             image = constraint.mirrored(mirror_of(self._model), self._model, self._pose)

@@ -331,7 +331,8 @@ class App:
     # Actions
 
     def before_press(self) -> None:
-        """Prepare for a press on the view: one poses what one sees."""
+        """Prepare for a press on the view: a value being typed is done, and one poses what one sees."""
+        self.slider_edit.let_go()
         if self.comparing:
             self.comparing = False
             self.scene.set_pose(self.session.coefficients)

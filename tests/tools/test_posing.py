@@ -7,8 +7,9 @@ import pytest
 
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints.point import PointConstraint
+from faceposer.solve.constraints.registry import CONSTRAINTS
 from faceposer.tools.point_tool import handle_pixels
-from tests.tools.context import HeadlessContext
+from tests.tools.context import HeadlessContext, shifted
 
 NOSE, CORNER = "9.3", "8.3"
 BACKGROUND = (5.0, 5.0)
@@ -21,10 +22,6 @@ def context(model: FaceModel) -> HeadlessContext:
 
 def vertices(context: HeadlessContext) -> np.ndarray:
     return context.session.model.instance(context.session.coefficients)
-
-
-def shifted(pixel: tuple[float, float], dx: float, dy: float) -> tuple[float, float]:
-    return (pixel[0] + dx, pixel[1] + dy)
 
 
 def test_a_drag_pulls_the_face_under_the_pointer(context: HeadlessContext) -> None:
@@ -301,12 +298,40 @@ def test_hints_tell_what_the_mouse_will_do(context: HeadlessContext) -> None:
     assert len(set(seen)) == len(seen)
 
 
+def act_at_random(context: HeadlessContext, action: int, rng: np.random.Generator) -> None:
+    """Do what keys and panels do: one thing for each ``action`` from 10 to 17."""
+    session, toolbox = context.session, context.toolbox
+    options, share = toolbox.bench.options, rng.random()
+    if action == 10:
+        (toolbox.cancel if share < 0.4 else toolbox.accept)()
+    elif action == 11:
+        (context.undo if share < 0.6 else context.redo)()
+    elif action == 12 and share < 0.3:
+        toolbox.delete_selected()
+    elif action == 13 and not session.editing and share < 0.3:
+        session.mode = "apply" if session.mode == "live" else "live"
+    elif action == 14:
+        toolbox.step_back()
+    elif action == 15:
+        toolbox.nudge(*rng.uniform(-9, 9, 2).tolist())
+    elif action == 16 and not toolbox.active:
+        toolbox.bench.symmetry.on = bool(rng.integers(2))
+        options.fix_mode = "lasso" if rng.integers(2) else "brush"
+        options.shape = "region" if rng.integers(2) else "line"
+    elif action == 17 and share < 0.1 and not session.editing:
+        session.accept_pose()
+
+
 def test_thousands_of_random_events_leave_a_sound_document(context: HeadlessContext) -> None:
     rng = np.random.default_rng(0)
     session, toolbox = context.session, context.toolbox
     buttons, modifiers = ["left"] * 6 + ["middle", "right"], [(), (), (), ("shift",), ("alt",), ("ctrl",)]
-    for _ in range(3000):
-        action = rng.integers(14)
+    kinds: set[str] = set()
+    for step in range(3000):
+        if step % 250 == 0:
+            toolbox.finish()
+            toolbox.choose(list(toolbox.tools)[step // 250 % len(toolbox.tools)])
+        action = rng.integers(18)
         position = tuple(rng.uniform(250, 550, 2).tolist()) if rng.random() < 0.9 else BACKGROUND
         button = buttons[rng.integers(len(buttons))]
         if action < 3:
@@ -317,18 +342,14 @@ def test_thousands_of_random_events_leave_a_sound_document(context: HeadlessCont
             context.send("release", position, button)
         elif action == 9:
             context.send("wheel", position, None, wheel=float(rng.integers(-2, 3)))
-        elif action == 10:
-            toolbox.cancel()
-        elif action == 11:
-            (session.undo if rng.random() < 0.6 else session.redo)()
-        elif action == 12 and rng.random() < 0.5:
-            toolbox.delete_selected()
-        elif action == 13 and not session.editing and rng.random() < 0.3:
-            session.mode = "apply" if session.mode == "live" else "live"
+        else:
+            act_at_random(context, int(action), rng)
         session.poll()
-        assert session.editing == toolbox.posing
+        kinds |= {constraint.kind for constraint in session.document.constraints}
+        assert toolbox.posing or not session.editing
         assert all(i < len(session.document.constraints) for i in toolbox.selection)
         assert np.isfinite(session.coefficients).all()
+    assert kinds >= set(CONSTRAINTS) - {"gaze"}
     toolbox.cancel()
     session.document.resolved(session.model)
     while session.can_undo:
