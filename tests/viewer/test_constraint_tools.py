@@ -9,10 +9,10 @@ import pytest
 
 from faceposer.solve.constraints.gaze import gaze_direction
 from faceposer.viewer.app import App
+from faceposer.viewer.events import Drop, FocusLost
 from faceposer.viewer.panels.tool_bar import TOOL_ICONS
 from faceposer.viewer.robot import Position, Robot
 from faceposer.viewer.settings import Settings
-from faceposer.viewer.events import Drop, FocusLost
 
 LEFT, RIGHT, NOSE = "8.3", "8.4", "9.3"
 KEYS = {"point": "Q", "distance": "D", "stroke": "S", "curve": "K", "fix": "H", "gaze": "G"}
