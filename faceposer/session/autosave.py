@@ -1,8 +1,8 @@
 """Keeps what is not saved yet in a journal on the disk, and finds the journals of programs that were killed.
 
 Each running program has a journal of its own (docs/autosave.md) and holds a lock beside it. The system releases the
-lock when the program ends in whatever way. A journal whose lock is free is an orphan: only a program that did not end by
-itself leaves one behind.
+lock when the program ends in whatever way. A journal whose lock is free is an orphan: only a program that did not end
+by itself leaves one behind.
 """
 
 import json

@@ -122,6 +122,7 @@ class App:
         self._names = PointNames(session.model.subject)
         self._mode: Mode = "live"
         self.set_session(session)
+        self.files.remember(what)
 
     # The loop
 
