@@ -66,6 +66,7 @@ def pin(session: Session, vertex: int = 77) -> None:
     # The target is where the view shows the point, so that nothing pulls.
     u, v = CAMERA.project(session.model.subject.vertices[[vertex]])[0].tolist()
     session.add_constraint(PointConstraint(vertex, (u, v), CAMERA), "Place a point")
+    session.wait()
 
 
 def files(folder: Path) -> list[str]:
@@ -200,8 +201,9 @@ def test_a_clean_end_removes_it_and_another_end_keeps_it(
 def orphaned(folder: Path, session: Session, now: Callable[[], datetime] = lambda: NOON) -> Path:
     journal = Journal(folder, now=now)
     journal.flush(session, CAMERA)
+    path = journal.path
+    assert path is not None
     journal.close(keep=True)
-    (path,) = [p for p in folder.glob("*.json") if json.loads(p.read_text())["saved_at"] == now().isoformat()]
     return path
 
 
@@ -265,7 +267,7 @@ def test_subjects_are_found_from_wherever_they_were_named(
     for orphan in (first, second):
         assert len(orphan.open().document.constraints) == 1
     (work / "hero.npz").unlink()
-    monkeypatch.setattr("faceposer.session.opening.load_model", lambda subject: load_subject(subject))
+    monkeypatch.setattr("faceposer.session.opening.load_model", load_subject)
     for orphan in (first, second):
         with pytest.raises(FacePoserError, match=r"hero\.npz"):
             orphan.open()
