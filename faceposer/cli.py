@@ -180,6 +180,7 @@ def _render(options: argparse.Namespace) -> int:
         picture = render_mesh(mesh.vertices, mesh.triangles(), camera(mesh.vertices))
     else:
         session = open_session(options.what)
+        session.wait()
         subject = session.model.subject
         vertices = session.model.instance(session.coefficients)
         picture = render_subject(subject, vertices, camera(subject.vertices))

@@ -4,7 +4,13 @@
     python scripts/benchmark.py --json benchmark.json
 
 Rows are medians and 99th percentiles in milliseconds. `drag/N` is the way from a mouse move, one of N points being
-dragged, to new vertices and normals; `solve/...` is a warm solve alone; `start` is from the command to the first frame.
+dragged, to new vertices and normals; `solve/points-4/...` is a warm solve alone. The other rows `solve/...` and
+`scaling/...` are live drags, the building of the problem included: four distances, one being set by a slider; a stroke
+of so many pixels, its target being dragged; a curve with five control points, one being dragged; five points being
+dragged while so many vertices are fixed (the paper's figure 14). `pick/...` is from the pixels of a stroke to points of
+the face; `start` is from the command to the first frame.
+
+With FACEPOSER_CAPTURES set, `scaling/examples-...` compares priors learned from so many frames, which takes minutes.
 """
 
 import os
@@ -21,12 +27,16 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import approx_fprime
+
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))
 
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.mesh import VertexNormals
@@ -37,11 +47,12 @@ from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
 from faceposer.solve.term import PoseState
+from scripts.benchmarking.constraint_rows import circle, constraint_rows, example_rows, pick_rows, scaling_rows
+from scripts.benchmarking.timing import Row, milliseconds, row
 
 SIZE = (1280, 800)
 # Mouth corners, chin, brows, cheeks, upper lip, left lower lid.
 FEATURES = ("8.3", "8.4", "2.1", "4.1", "4.2", "5.3", "8.1", "3.3")
-Row = dict[str, object]
 
 
 class FiniteDifferences(PoseProblem):
@@ -56,27 +67,6 @@ class FiniteDifferences(PoseProblem):
         return sum(term.value_and_gradient(state)[0] for term in self.terms)
 
 
-def milliseconds(action: Callable[[], object], repeats: int) -> list[float]:
-    """Return the time of each of ``repeats`` calls."""
-    action()
-    times = []
-    for _ in range(repeats):
-        began = time.perf_counter()
-        action()
-        times.append((time.perf_counter() - began) * 1e3)
-    return times
-
-
-def row(name: str, times: list[float]) -> Row:
-    """Return one row of the result."""
-    return {
-        "name": name,
-        "count": len(times),
-        "median_ms": round(float(np.median(times)), 4),
-        "p99_ms": round(float(np.percentile(times, 99)), 4),
-    }
-
-
 def pins(model: FaceModel, camera: Camera, count: int) -> list[PointConstraint]:
     """Return ``count`` points that lie where they are on the neutral face."""
     features = model.subject.feature_points
@@ -88,11 +78,8 @@ def pins(model: FaceModel, camera: Camera, count: int) -> list[PointConstraint]:
 def mouse_path(constraints: list[PointConstraint], moves: int) -> Iterator[list[PointConstraint]]:
     """Yield the constraints at each move of a drag that circles out and back, the first point under the pointer."""
     u, v = constraints[0].target
-    for step in range(moves):
-        angle = 2 * np.pi * step / 120
-        radius = 22 * abs(np.sin(np.pi * step / moves))
-        moved = replace(constraints[0], target=(u + radius * np.cos(angle), v + radius * np.sin(angle)))
-        yield [moved, *constraints[1:]]
+    for du, dv in circle(moves):
+        yield [replace(constraints[0], target=(u + du, v + dv)), *constraints[1:]]
 
 
 def drag_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
@@ -182,22 +169,30 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the rows to this file")
     parser.add_argument("--subject", default="man", help="subject to measure on (default: man)")
     parser.add_argument("--moves", type=int, default=400, help="mouse moves per drag (default: 400)")
+    parser.add_argument("--no-examples", action="store_true", help="leave out 'scaling/examples-...', which learns")
     parser.add_argument("--no-start", action="store_true", help="leave out the row 'start', which opens windows")
     options = parser.parse_args()
 
+    # First, so that a missing display does not cost the minutes of all the rest.
+    start = [] if options.no_start else [start_row(5)]
     model = build_face_model(load_subject(options.subject))
     vertices = model.subject.vertices
     camera = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0)).camera(SIZE)
     rows = drag_rows(model, camera, options.moves)
     rows += solve_rows(model, camera, options.moves)
+    rows += constraint_rows(model, camera, options.moves)
+    rows += scaling_rows(model, camera, options.moves)
+    if not options.no_examples:
+        rows += example_rows(model, camera, options.moves)
+    rows += pick_rows(model, camera, max(options.moves // 8, 1))
     rows += mesh_rows(model, options.moves)
-    if not options.no_start:
-        rows.append(start_row(5))
+    rows += start
 
     print(f"{len(vertices)} vertices, {model.n_coefficients} coefficients, {THREADS} thread")
-    print(f"{'':34}{'count':>6}{'median ms':>12}{'99 % ms':>12}")
+    print(f"{'':34}{'count':>6}{'median ms':>12}{'99 % ms':>12}{'evaluations':>13}")
     for entry in rows:
-        print(f"{entry['name']:34}{entry['count']:6}{entry['median_ms']:12.3f}{entry['p99_ms']:12.3f}")
+        times = f"{entry['median_ms']:12.3f}{entry['p99_ms']:12.3f}"
+        print(f"{entry['name']:34}{entry['count']:6}{times}{entry.get('evaluations', ''):>13}")
     if options.json:
         options.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=2) + "\n")
 

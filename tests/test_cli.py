@@ -79,6 +79,8 @@ def test_render_draws_subjects_sessions_and_meshes(smile: Path, tmp_path: Path) 
                 pictures.append(np.asarray(image).astype(int))
     assert np.abs(pictures[0] - pictures[1]).max() > 50
     assert np.abs(pictures[0] - pictures[4]).max() > 50
+    # A session is drawn solved, although its file holds no pose.
+    assert np.abs(pictures[0] - pictures[2]).max() > 50
 
 
 @pytest.mark.parametrize(
@@ -114,7 +116,7 @@ def test_a_session_that_does_not_fit_its_face_is_refused(smile: Path, tmp_path: 
     data["constraints"][1]["anchor"] = {"vertex": 123456}
     smile.write_text(json.dumps(data))
     assert run("solve", smile, "-o", tmp_path / "a.obj") == 2
-    assert "constraints[1].anchor: vertex 123456 belongs to no triangle" in capsys.readouterr().err
+    assert "constraints[1]: vertex 123456 belongs to no triangle" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("arguments", [("--help",), ("solve", "--help"), ("render", "--help"), ("demo", "--help")])

@@ -3,8 +3,9 @@
 import subprocess
 import sys
 
-# Each of these takes a large part of a second to import, and only training or reading foreign meshes needs them.
-SLOW = ("scipy.stats", "sklearn", "trimesh")
+# Each of these takes a good part of a second to import. The first three are for training and for foreign meshes, the
+# last for strokes.
+SLOW = ("scipy.stats", "sklearn", "trimesh", "scipy.ndimage")
 
 FIRST_FRAME = """
 from faceposer.viewer.app import App

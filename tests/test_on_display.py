@@ -86,8 +86,8 @@ def test_pose_and_save_by_pointer_and_keys(display: str, tmp_path: Path) -> None
         person.do("key", "ctrl+z", "sleep", 0.2, "key", "ctrl+shift+z", "sleep", 0.2)
         saved = {"ctrl+e": tmp_path / "pose.obj", "ctrl+s": tmp_path / "pose.json"}
         for key, path in saved.items():
-            person.do("key", key, "sleep", 0.5, "key", "ctrl+a", "type", "--delay", 20, str(path))
-            person.do("sleep", 0.3, "key", "Return")
+            person.do("key", key, "sleep", 1.5, "key", "ctrl+a", "type", "--delay", 20, str(path))
+            person.do("sleep", 1.0, "key", "Return")
             until(path.is_file, path.name)
         until(lambda: person.do("key", "ctrl+q", "sleep", 0.5) or program.poll() is not None, "the program to end")
     finally:

@@ -1,10 +1,12 @@
 """From pixels to points on a surface."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import Floats, Ints
@@ -38,13 +40,110 @@ class SurfacePoint:
         return cls(int(rows[0]), (a, b, c))
 
 
-def surface_positions(vertices: Floats, triangles: Ints, points: Sequence[SurfacePoint]) -> NDArray[np.float64]:
+@dataclass(frozen=True, eq=False)
+class SurfacePoints:
+    """Many points fixed to a surface, each to a triangle or to a vertex (paper, eq. (11)).
+
+    Attributes:
+        faces: Index of each point's triangle, or -1 - v where the point is the vertex v, shape (n,).
+        barycentric: Weights of the triangle's three vertices, shape (n, 3); (1, 0, 0) where the point is a vertex.
+    """
+
+    faces: NDArray[np.int64]
+    barycentric: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        faces = np.array(self.faces, dtype=np.int64).reshape(-1)
+        barycentric = np.array(self.barycentric, dtype=np.float64).reshape(-1, 3)
+        if len(faces) != len(barycentric):
+            raise ValueError(f"{len(faces)} faces do not go with {len(barycentric)} barycentric weights")
+        for name, value in (("faces", faces), ("barycentric", barycentric)):
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def of(cls, anchors: Sequence["SurfacePoint | int"]) -> "SurfacePoints":
+        """Return the points of ``anchors``, surface points or indices of vertices."""
+        faces = [-1 - anchor if isinstance(anchor, int) else anchor.face for anchor in anchors]
+        weights = [(1.0, 0.0, 0.0) if isinstance(anchor, int) else anchor.barycentric for anchor in anchors]
+        return cls(np.array(faces, dtype=np.int64), np.array(weights, dtype=np.float64))
+
+    @classmethod
+    def at_vertices(cls, vertices: ArrayLike) -> "SurfacePoints":
+        """Return the points at the ``vertices``, indices of shape (n,)."""
+        faces = -1 - np.asarray(vertices, dtype=np.int64)
+        return cls(faces, np.tile([1.0, 0.0, 0.0], (len(faces), 1)))
+
+    @cached_property
+    def _key(self) -> tuple[bytes, bytes]:
+        return self.faces.tobytes(), self.barycentric.tobytes()
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (isinstance(other, SurfacePoints) and self._key == other._key)
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash(self._key)
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __len__(self) -> int:
+        return len(self.faces)
+
+    def __iter__(self) -> "Iterator[SurfacePoint | int]":
+        return (self[i] for i in range(len(self)))
+
+    def __getitem__(self, index: int) -> "SurfacePoint | int":
+        face = int(self.faces[index])
+        if face < 0:
+            return -1 - face
+        a, b, c = self.barycentric[index].tolist()
+        return SurfacePoint(face, (a, b, c))
+
+    def subset(self, indices: NDArray[np.integer] | NDArray[np.bool_]) -> "SurfacePoints":
+        """Return the points ``indices``, or those where a mask of shape (n,) is true."""
+        return SurfacePoints(self.faces[indices], self.barycentric[indices])
+
+    def joined(self, other: "SurfacePoints") -> "SurfacePoints":
+        """Return these points followed by those of ``other``."""
+        return SurfacePoints(
+            np.concatenate([self.faces, other.faces]), np.concatenate([self.barycentric, other.barycentric])
+        )
+
+    def corners(self, triangles: Ints) -> NDArray[np.int64]:
+        """Return the vertices that each point is a mixture of, shape (n, 3)."""
+        on_face = self.faces >= 0
+        if on_face.all():
+            return np.asarray(triangles)[self.faces].astype(np.int64)
+        corners = np.repeat((-1 - self.faces)[:, None], 3, axis=1)
+        corners[on_face] = np.asarray(triangles)[self.faces[on_face]]
+        return corners
+
+    def check(self, triangles: Ints) -> None:
+        """Raise ``ValueError`` unless all points lie on a surface of these ``triangles``, shape (T, 3)."""
+        if not len(self):
+            return
+        face, vertex = int(self.faces.max()), int(-1 - self.faces.min())
+        if face >= len(triangles):
+            raise ValueError(f"triangle {face} does not exist; the subject has {len(triangles)}")
+        if vertex > int(np.max(triangles, initial=-1)):
+            raise ValueError(f"vertex {vertex} belongs to no triangle")
+
+    def positions(self, vertices: Floats, triangles: Ints) -> NDArray[np.float64]:
+        """Return where the points lie, shape (n, 3), for ``vertices`` of shape (N, 3)."""
+        corners = np.asarray(vertices)[self.corners(triangles)].astype(np.float64)
+        return np.einsum("nk,nkd->nd", self.barycentric, corners)
+
+
+def surface_positions(
+    vertices: Floats, triangles: Ints, points: Sequence[SurfacePoint | int] | SurfacePoints
+) -> NDArray[np.float64]:
     """Return where ``points`` lie on the surface, shape (n, 3), for ``vertices`` of shape (N, 3)."""
-    if not points:
+    if not len(points):
         return np.zeros((0, 3))
-    corners = np.asarray(vertices)[np.asarray(triangles)[[point.face for point in points]]].astype(np.float64)
-    weights = np.array([point.barycentric for point in points])
-    return np.einsum("nk,nkd->nd", weights, corners)
+    batch = points if isinstance(points, SurfacePoints) else SurfacePoints.of(points)
+    return batch.positions(vertices, triangles)
 
 
 def pick(vertices: Floats, triangles: Ints, camera: Camera, pixel: Sequence[float]) -> SurfacePoint | None:
@@ -69,19 +168,93 @@ def pick(vertices: Floats, triangles: Ints, camera: Camera, pixel: Sequence[floa
     return SurfacePoint(face, _barycentric(weight1[face], weight2[face]))
 
 
+def pick_pixels(
+    vertices: Floats, triangles: Ints, camera: Camera, pixels: ArrayLike
+) -> tuple[SurfacePoints, NDArray[np.bool_]]:
+    """Return the points that the rays through many ``pixels``, shape (n, 2), meet first, and which rays meet any, (n,).
+
+    Only the triangles near each pixel are tried, which a search tree over the pixels finds: it stands for the paper's
+    hierarchy of blocks (section 4.3). Triangles that face away are left out.
+    """
+    targets = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
+    positions = np.asarray(vertices, dtype=np.float64)
+    corners = camera.project(positions)[np.asarray(triangles)]
+    edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    # Pixels count downwards: what is counter-clockwise from outside has a negative area here.
+    front = edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0] < -_EPSILON
+    low, high = targets.min(axis=0, initial=np.inf), targets.max(axis=0, initial=-np.inf)
+    near = front & (corners.max(axis=1) >= low).all(axis=1) & (corners.min(axis=1) <= high).all(axis=1)
+    near &= (camera.to_camera(positions)[:, 2][np.asarray(triangles)] > 0).all(axis=1)
+    candidates = np.flatnonzero(near)
+    if not len(targets) or not len(candidates):
+        return SurfacePoints(np.zeros(0, dtype=np.int64), np.zeros((0, 3))), np.zeros(len(targets), dtype=bool)
+    centres = corners[candidates].mean(axis=1)
+    radii = np.linalg.norm(corners[candidates] - centres[:, None], axis=2).max(axis=1)
+    found = cKDTree(targets).query_ball_point(centres, radii + 1e-9)
+    face = np.repeat(candidates, [len(hits) for hits in found])
+    pixel = np.concatenate([np.asarray(hits, dtype=np.intp) for hits in found])
+    weights, distance = _along_rays(positions, np.asarray(triangles)[face], camera, targets[pixel])
+    hit = (weights >= -1e-9).all(axis=1) & (distance > 0)
+    face, pixel, weights, distance = face[hit], pixel[hit], weights[hit], distance[hit]
+    order = np.lexsort((distance, pixel))
+    first = order[np.unique(pixel[order], return_index=True)[1]]
+    met = np.zeros(len(targets), dtype=bool)
+    met[pixel[first]] = True
+    return SurfacePoints(face[first], _cleaned(weights[first])), met
+
+
+def points_on_triangles(
+    vertices: Floats, triangles: Ints, faces: ArrayLike, camera: Camera, pixels: ArrayLike
+) -> SurfacePoints:
+    """Return the point of each triangle of ``faces``, shape (n,), under each of ``pixels``, shape (n, 2).
+
+    A picture of triangle numbers gives the triangle at a pixel's centre; where the pixel lies beside it, the point is
+    moved to its nearest edge.
+    """
+    chosen = np.asarray(faces, dtype=np.int64)
+    weights, _ = _along_rays(
+        np.asarray(vertices, dtype=np.float64), np.asarray(triangles)[chosen], camera, np.asarray(pixels, dtype=float)
+    )
+    return SurfacePoints(chosen, _cleaned(weights))
+
+
 def barycentric_on_triangle(
     vertices: Floats, triangles: Ints, face: int, camera: Camera, pixel: Sequence[float]
 ) -> SurfacePoint:
-    """Return the point of triangle ``face`` under ``pixel``, moved to the triangle's nearest edge if it lies beside it.
+    """Return the point of triangle ``face`` under ``pixel``; see ``points_on_triangles``."""
+    point = points_on_triangles(vertices, triangles, [face], camera, [pixel])[0]
+    assert isinstance(point, SurfacePoint)
+    return point
 
-    A triangle-ID picture gives the triangle at a pixel's centre; the pointer may lie half a pixel off.
+
+def _along_rays(
+    vertices: NDArray[np.float64], corners: Ints, camera: Camera, pixels: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the barycentric weights (n, 3) at which the ray of each pixel meets its plane, and the distances (n,).
+
+    Weights are a third each where the ray runs along the plane.
     """
-    origin, direction = camera.ray(pixel)
-    a, edge1, edge2 = _corner_and_edges(vertices, np.asarray(triangles)[face : face + 1])
-    weight1, weight2, _, determinant = _intersect(origin, direction, a, edge1, edge2)
-    if abs(determinant[0]) <= _EPSILON:
-        return SurfacePoint(face, (1 / 3, 1 / 3, 1 / 3))
-    return SurfacePoint(face, _barycentric(weight1[0], weight2[0]))
+    offsets = (pixels - camera.principal_point) / camera.focal
+    directions = np.column_stack([offsets, np.ones(len(offsets))]) @ camera.rotation
+    a = vertices[corners[:, 0]]
+    edge1, edge2 = vertices[corners[:, 1]] - a, vertices[corners[:, 2]] - a
+    normal_to_plane = np.cross(directions, edge2)
+    determinant = np.einsum("ij,ij->i", edge1, normal_to_plane)
+    flat = np.abs(determinant) <= _EPSILON
+    inverse = 1.0 / np.where(flat, np.inf, determinant)
+    to_origin = camera.center - a
+    across = np.cross(to_origin, edge1)
+    weight1 = np.einsum("ij,ij->i", to_origin, normal_to_plane) * inverse
+    weight2 = np.einsum("ij,ij->i", across, directions) * inverse
+    weights = np.column_stack([1.0 - weight1 - weight2, weight1, weight2])
+    weights[flat] = 1.0 / 3.0
+    return weights, np.einsum("ij,ij->i", edge2, across) * inverse
+
+
+def _cleaned(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    clipped = np.clip(weights, 0.0, 1.0)
+    cleaned: NDArray[np.float64] = clipped / clipped.sum(axis=1, keepdims=True)
+    return cleaned
 
 
 def _corner_and_edges(vertices: Floats, triangles: Ints) -> tuple[NDArray[np.float64], ...]:

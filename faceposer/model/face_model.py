@@ -1,15 +1,16 @@
 """A subject with the subspace of its expressions and the density over it: all that a solve needs to know of a face."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.geometry.picking import SurfacePoint
+from faceposer.geometry.camera import Camera
+from faceposer.geometry.picking import SurfacePoints, pick_pixels
 from faceposer.model.expression_statistics import ExpressionStatistics, load_expression_statistics
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.pca import RigSubspace, rig_pca, smallest_reaching, unreached
@@ -69,15 +70,54 @@ class FaceModel:
         flat += self._flat_neutral
         return flat.reshape(-1, 3)
 
-    def rows_at(self, points: Sequence[SurfacePoint]) -> tuple[Array, Array]:
-        """Return how ``points`` depend on p: derivatives of shape (n, 3, r) and neutral positions of shape (n, 3)."""
-        if not points:
-            return np.zeros((0, 3, self.n_coefficients)), np.zeros((0, 3))
-        corners = self.triangles[[point.face for point in points]]
-        weights = np.array([point.barycentric for point in points])
+    def rows_at(self, points: SurfacePoints) -> tuple[Array, Array]:
+        """Return how ``points`` depend on p: derivatives of shape (n, 3, r) and neutral positions of shape (n, 3).
+
+        They are remembered: while a point is dragged, or a stroke redrawn, its place on the face stays.
+
+        Raises:
+            ValueError: If a point lies on no surface of the face.
+        """
+        return self._gathered(points)
+
+    def gram_at(self, points: SurfacePoints) -> Array:
+        """Return the inner products of the columns of ``rows_at(points)``, shape (r, r), remembered like them."""
+        return self._grams(points)
+
+    @cached_property
+    def _gathered(self) -> Callable[[SurfacePoints], tuple[Array, Array]]:
+        return lru_cache(maxsize=256)(self._gather)
+
+    @cached_property
+    def _grams(self) -> Callable[[SurfacePoints], Array]:
+        return lru_cache(maxsize=64)(self._gram)
+
+    def _gather(self, points: SurfacePoints) -> tuple[Array, Array]:
+        points.check(self.triangles)
+        corners = points.corners(self.triangles)
         fields = self.basis.reshape(self.n_coefficients, -1, 3)[:, corners]
-        rows = np.einsum("nk,rnkd->ndr", weights, fields, optimize=True)
-        return rows, np.einsum("nk,nkd->nd", weights, self.subject.vertices[corners].astype(np.float64))
+        rows = np.einsum("nk,rnkd->ndr", points.barycentric, fields, optimize=True)
+        return np.ascontiguousarray(rows), points.positions(self.subject.vertices, self.triangles)
+
+    def _gram(self, points: SurfacePoints) -> Array:
+        rows = self.rows_at(points)[0].reshape(-1, self.n_coefficients)
+        gram: Array = rows.T @ rows
+        return gram
+
+    def positions_at(self, points: SurfacePoints, p: ArrayLike) -> Array:
+        """Return where ``points`` lie, shape (n, 3), on the face with coefficients ``p`` of shape (r,)."""
+        rows, neutral = self.rows_at(points)
+        positions: Array = neutral + rows @ np.asarray(p, dtype=np.float64)
+        return positions
+
+    def pick(self, p: ArrayLike, camera: Camera, pixels: ArrayLike) -> tuple[SurfacePoints, NDArray[np.bool_]]:
+        """Return the points of the visible face ``p`` under ``pixels``, (n, 2), and which pixels meet it, (n,).
+
+        Lashes are looked through: a press on them means the lid behind.
+        """
+        solid = self.subject.solid_triangles
+        points, met = pick_pixels(self.instance(p), self.triangles[solid], camera, pixels)
+        return SurfacePoints(solid[points.faces], points.barycentric), met
 
     def weights_of(self, p: ArrayLike) -> Array:
         """Return the rig weights, shape (S,), whose shapes add up to the face ``p`` of shape (r,); may leave 0 to 1."""

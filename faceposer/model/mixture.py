@@ -85,6 +85,12 @@ class GaussianMixture:
             self.weights, self.means @ matrix.T, 0.5 * (covariances + covariances.transpose(0, 2, 1))
         )
 
+    def moved_by(self, offset: Array) -> "GaussianMixture":
+        """Return the density of p + ``offset``, shape (r,), without factoring the covariances again."""
+        moved = GaussianMixture(self.weights, self.means + offset, self.covariances)
+        moved.__dict__.update(whiteners=self.whiteners, precisions=self.precisions)
+        return moved
+
     def moments(self) -> tuple[Array, Array]:
         """Return the mean, shape (r,), and the covariance, shape (r, r), of the whole mixture."""
         mean = self.weights @ self.means

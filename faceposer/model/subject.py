@@ -150,6 +150,12 @@ class Subject:
         first = np.concatenate([[0], np.cumsum(1 + self._is_quad)])
         return int(first[part.polygons[0]]), int(first[part.polygons[1]])
 
+    @cached_property
+    def solid_triangles(self) -> NDArray[np.intp]:
+        """Indices of the triangles of all parts but the lashes, which pointers pass through."""
+        runs = [self.part_triangles(part) for part in self.parts if part.material != "lashes"]
+        return np.concatenate([np.arange(*run) for run in runs]) if runs else np.zeros(0, dtype=np.intp)
+
     @property
     def _is_quad(self) -> NDArray[np.bool_]:
         is_quad: NDArray[np.bool_] = self.polygons[:, 3] >= 0

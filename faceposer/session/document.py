@@ -31,8 +31,8 @@ class Document:
         constraints: In the order in which they were made.
         prior_weight: Weight of the prior, at least 0.
         coefficients: The pose, shape (r,), read-only; None for the neutral face.
-        start: The pose of the face before any constraint pulls at it, shape (r,); None for the neutral face. A file
-            does not hold it: there a pose without constraints is the pose to start from.
+        start: The pose of the face before any constraint pulls at it, shape (r,), read-only; None for the neutral
+            face. A file without constraints need not say it: there the pose is the pose to start from.
         solved: Whether the pose is what the constraints ask for, or they still wait to be solved.
         camera: The view under which the document was last seen, or None.
     """
@@ -51,6 +51,13 @@ class Document:
         pose.setflags(write=False)
         return replace(self, coefficients=pose, solved=True)
 
+    def starting_from(self, start: ArrayLike | None) -> "Document":
+        """Return the document with another pose to start from, shape (r,); None for the neutral face."""
+        pose = None if start is None else np.array(start, dtype=np.float64)
+        if pose is not None:
+            pose.setflags(write=False)
+        return replace(self, start=pose)
+
     def with_constraint(self, index: int, constraint: Constraint) -> "Document":
         """Return the document with constraint ``index`` exchanged."""
         return replace(self, constraints=(*self.constraints[:index], constraint, *self.constraints[index + 1 :]))
@@ -58,7 +65,7 @@ class Document:
     def same_input(self, other: "Document") -> bool:
         """Whether both ask for the same face: subject, constraints and prior weight agree."""
         ours = (self.subject, self.constraints, self.prior_weight)
-        return ours == (other.subject, other.constraints, other.prior_weight) and self.start is other.start
+        return ours == (other.subject, other.constraints, other.prior_weight) and _same(self.start, other.start)
 
     def to_json(self) -> dict[str, Any]:
         """Return the document as its file has it."""
@@ -71,6 +78,8 @@ class Document:
         }
         if self.coefficients is not None:
             data["coefficients"] = self.coefficients.tolist()
+        if self.start is not None and self.constraints:
+            data["start"] = self.start.tolist()
         if self.camera is not None:
             data["camera"] = codec.camera_to_json(self.camera)
         return data
@@ -90,7 +99,7 @@ class Document:
         codec.check_keys(
             data,
             {"format", "version", "subject", "constraints"},
-            {"prior_weight", "coefficients", "camera"},
+            {"prior_weight", "coefficients", "start", "camera"},
             "the session",
         )
         if not isinstance(data["subject"], str) or not data["subject"]:
@@ -104,27 +113,44 @@ class Document:
             codec.number_from_json(data.get("prior_weight", 1.0), "prior_weight", 0.0, _MAX_PRIOR_WEIGHT),
             camera=codec.camera_from_json(data["camera"], "camera") if "camera" in data else None,
         )
+        if "start" in data:
+            document = document.starting_from(_pose_from_json(data["start"], "start"))
         if "coefficients" in data:
-            values = data["coefficients"]
-            if not isinstance(values, list):
-                raise FacePoserError("coefficients must be a list of numbers.")
-            document = document.posed(codec.numbers_from_json(values, len(values), "coefficients"))
-            if not entries:
+            document = document.posed(_pose_from_json(data["coefficients"], "coefficients"))
+            if not entries and "start" not in data:
                 document = replace(document, start=document.coefficients)
         return document
 
-    def check_against(self, model: FaceModel) -> None:
-        """Raise ``FacePoserError`` unless the document's constraints and pose fit the face."""
+    def resolved(self, model: FaceModel) -> "Document":
+        """Return the document with all that its file leaves out looked up on the face that editing starts from.
+
+        Raises:
+            FacePoserError: If the constraints or the pose do not fit the face.
+        """
+        for name, pose in (("coefficients", self.coefficients), ("start", self.start)):
+            if pose is not None and len(pose) != model.n_coefficients:
+                raise FacePoserError(
+                    f"{name} has {len(pose)} numbers where the subject '{self.subject}' has "
+                    f"{model.n_coefficients}; remove the key to start from the neutral face."
+                )
+        start = model.neutral() if self.start is None else self.start
+        constraints = []
         for i, constraint in enumerate(self.constraints):
             try:
-                constraint.surface_points(model.triangles)
+                constraints.append(constraint.resolved(model, start))
             except ValueError as error:
-                raise FacePoserError(f"constraints[{i}].anchor: {error}.") from error
-        if self.coefficients is not None and len(self.coefficients) != model.n_coefficients:
-            raise FacePoserError(
-                f"coefficients has {len(self.coefficients)} numbers where the subject '{self.subject}' has "
-                f"{model.n_coefficients}; remove the key to start from the neutral face."
-            )
+                raise FacePoserError(f"constraints[{i}]: {error}.") from error
+        return replace(self, constraints=tuple(constraints))
+
+
+def _pose_from_json(values: Any, where: str) -> list[float]:
+    if not isinstance(values, list):
+        raise FacePoserError(f"{where} must be a list of numbers.")
+    return codec.numbers_from_json(values, len(values), where)
+
+
+def _same(one: NDArray[np.float64] | None, other: NDArray[np.float64] | None) -> bool:
+    return one is other or (one is not None and other is not None and np.array_equal(one, other))
 
 
 def read_document(path: Path) -> Document:

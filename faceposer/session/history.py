@@ -23,8 +23,14 @@ class History:
         self._entries = [Entry("", document)]
         self._head = 0
 
-    def commit(self, label: str, document: Document) -> None:
-        """Add ``document`` after the head and drop what was undone; ``label`` says what the user did."""
+    def commit(self, label: str, document: Document, merges: bool = False) -> None:
+        """Add ``document`` after the head and drop what was undone; ``label`` says what the user did.
+
+        With ``merges`` it takes the place of a head with the same label, if nothing was undone since.
+        """
+        if merges and 0 < self._head == len(self._entries) - 1 and self._entries[self._head].label == label:
+            self._entries[self._head] = Entry(label, document)
+            return
         self._entries = [*self._entries[: self._head + 1], Entry(label, document)][-_LIMIT:]
         self._head = len(self._entries) - 1
 

@@ -21,7 +21,6 @@ from faceposer.session.history import History
 from faceposer.session.solver_worker import InlineWorker, Job, Worker
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import Solution
-from faceposer.solve.problem import PoseProblem
 
 Mode = Literal["live", "apply"]
 
@@ -47,7 +46,7 @@ class Session:
         Raises:
             FacePoserError: If the document does not fit the face.
         """
-        document.check_against(model)
+        document = document.resolved(model)
         self.model = model
         self.worker: Worker = InlineWorker() if worker is None else worker
         self.path = path
@@ -82,8 +81,9 @@ class Session:
     def residuals_px(self) -> tuple[float, ...]:
         """How far each constraint is from being met by the current pose, in pixels of its own camera."""
         if self._residuals is None or self._residuals[0] != self.revision:
-            problem = PoseProblem(self.model, self._document.constraints, prior_weight=0.0)
-            self._residuals = (self.revision, problem.residuals_px(self.coefficients))
+            pose = self.coefficients
+            residuals = tuple(c.residual_px(self.model, pose) for c in self._document.constraints)
+            self._residuals = (self.revision, residuals)
         return self._residuals[1]
 
     @property
@@ -126,8 +126,10 @@ class Session:
         self._follow()
 
     @contextmanager
-    def edit(self, label: str) -> Iterator[None]:
+    def edit(self, label: str, merges: bool = False) -> Iterator[None]:
         """Make everything inside one step of the history, called ``label``; an exception takes it all back.
+
+        With ``merges`` it joins the step before, if that has the same label.
 
         Raises:
             RuntimeError: If an edit is open already.
@@ -144,7 +146,7 @@ class Session:
             raise
         self._editing = False
         if not self._document.same_input(before) or self._document.coefficients is not before.coefficients:
-            self._history.commit(label, self._document)
+            self._history.commit(label, self._document, merges)
 
     def replace(self, document: Document) -> None:
         """Make ``document`` the current one, inside an edit, and let the face follow.
@@ -188,6 +190,34 @@ class Session:
             return
         with self.edit("Change the prior weight"):
             self.replace(document)
+
+    def change_constraint(self, index: int, constraint: Constraint, label: str) -> None:
+        """Exchange constraint ``index`` inside an open edit (a slider being dragged), or else as one step."""
+        document = self._document.with_constraint(index, constraint)
+        if self._editing:
+            self.replace(document)
+            return
+        with self.edit(label):
+            self.replace(document)
+
+    def set_start(self, start: NDArray[np.float64]) -> None:
+        """Change the pose that the face starts from, shape (r,), inside an open edit, as the slider of a shape does."""
+        document = self._document.starting_from(start)
+        if document.constraints:
+            self.replace(document)
+            return
+        # Nothing pulls: the pose is the start, and nothing is left to solve.
+        self._document = document.posed(start)
+        self.epoch += 1
+        self.revision += 1
+
+    def accept_pose(self) -> None:
+        """Make the current face the one that editing starts from, without constraints, as one step."""
+        with self.edit("Accept the pose"):
+            self.epoch += 1
+            document = replace(self._document, constraints=()).starting_from(self.coefficients)
+            self._document = document.posed(self.coefficients)
+            self.revision += 1
 
     def reset_pose(self) -> None:
         """Return to the neutral face without constraints, as one step."""

@@ -10,7 +10,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.mixture import GaussianMixture
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
 from faceposer.solve.priors import MixturePrior, WeightBounds, centred_at
-from faceposer.solve.term import AnchoredPoints, Array, PoseState, Term
+from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, Term
 
 # Keeps the problem bounded where neither a constraint nor the prior says anything, far below what either says.
 _RIDGE = 1e-6
@@ -62,28 +62,27 @@ class PoseProblem:
         Raises:
             ValueError: If a constraint names a place that the face does not have.
         """
-        self.start = model.neutral() if start is None else np.asarray(start, dtype=np.float64)
+        begin = np.array(model.neutral() if start is None else start, dtype=np.float64)
+        self.start = begin
+        self.model = model
         self.prior_weight = prior_weight
         self.constraints = tuple(constraints)
-        self.mixture = centred_at(model, self.start) if mixture is None else mixture
-        points = [constraint.surface_points(model.triangles) for constraint in self.constraints]
-        ends = np.cumsum([0, *map(len, points)])
-        self._slots = [np.arange(ends[i], ends[i + 1]) for i in range(len(points))]
-        rows, neutral = model.rows_at([point for group in points for point in group])
-        views: dict[Camera, list[np.ndarray]] = {}
-        for constraint, slots in zip(self.constraints, self._slots, strict=True):
-            views.setdefault(constraint.camera, []).append(slots)
-        self._anchored = AnchoredPoints(
-            np.ascontiguousarray(rows.reshape(3 * len(neutral), model.n_coefficients)),
-            neutral,
-            tuple((camera, np.concatenate(slots)) for camera, slots in views.items()),
-        )
+        for constraint in self.constraints:
+            if constraint.enabled:
+                self.start = constraint.moved_start(model, self.start)
+        if mixture is None:
+            # What moves the start keeps the prior as it was seen from before: only its place moves along.
+            centred = centred_at(model, begin)
+            self.mixture = centred if self.start is begin else centred.moved_by(self.start - begin)
+        else:
+            self.mixture = mixture
+        self._anchored, slots = gather(model, self.constraints)
         self.terms: list[Term] = [Ridge(self.start, _RIDGE / model.subspace.variances.clip(1e-9))]
         for kind in CONSTRAINTS.values():
             chosen = [i for i, c in enumerate(self.constraints) if isinstance(c, kind) and c.enabled and c.weight > 0]
             if chosen:
                 group = [self.constraints[i] for i in chosen]
-                self.terms.append(kind.term(group, [self._slots[i] for i in chosen]))
+                self.terms += kind.terms(group, [slots[i] for i in chosen], model)
         # Nothing pulls: seen from the start, the start is the least of all energies.
         self.at_rest = mixture is None and len(self.terms) == 1
         if prior_weight > 0:
@@ -126,5 +125,28 @@ class PoseProblem:
 
     def residuals_px(self, p: Array) -> tuple[float, ...]:
         """Return how far each constraint, enabled or not, is from being met at ``p``, in pixels."""
-        pixels = self.state(p).pixels if self.constraints else np.zeros((0, 2))
-        return tuple(c.residual_px(pixels[slots]) for c, slots in zip(self.constraints, self._slots, strict=True))
+        return tuple(constraint.residual_px(self.model, p) for constraint in self.constraints)
+
+
+def gather(model: FaceModel, constraints: Sequence[Constraint]) -> tuple[AnchoredPoints, list[Indices]]:
+    """Return the points of all ``constraints`` that lie in pictures, and the indices of each one's among them."""
+    rows: list[Array] = []
+    neutral: list[Array] = []
+    slots: list[Indices] = []
+    views: dict[Camera, list[Indices]] = {}
+    end = 0
+    for constraint in constraints:
+        begin = end
+        if constraint.camera is not None:
+            constraint_rows, constraint_neutral = model.rows_at(constraint.points)
+            rows.append(constraint_rows.reshape(-1, model.n_coefficients))
+            neutral.append(constraint_neutral)
+            end += len(constraint_neutral)
+            views.setdefault(constraint.camera, []).append(np.arange(begin, end))
+        slots.append(np.arange(begin, end))
+    anchored = AnchoredPoints(
+        np.concatenate(rows) if rows else np.zeros((0, model.n_coefficients)),
+        np.concatenate(neutral) if neutral else np.zeros((0, 3)),
+        tuple((camera, np.concatenate(indices)) for camera, indices in views.items()),
+    )
+    return anchored, slots

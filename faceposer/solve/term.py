@@ -71,10 +71,11 @@ class PoseState:
     def pull_back(self, indices: Indices, by_pixel: Array) -> Array:
         """Return the gradient by the coefficients, (r,), of a cost with gradients ``by_pixel``, (k, 2), by pixels.
 
-        The chain rule from the right: no derivative of the pixels by the coefficients is ever formed.
+        The chain rule from the right: no derivative of the pixels by the coefficients is ever formed. No index may
+        occur twice.
         """
         by_point = np.zeros((len(self._anchored.neutral), 3))
-        np.add.at(by_point, indices, np.einsum("ni,nij->nj", by_pixel, self._projection[1][indices]))
+        by_point[indices] = np.einsum("ni,nij->nj", by_pixel, self._projection[1][indices])
         gradient: Array = by_point.ravel() @ self._anchored.rows
         return gradient
 

@@ -3,87 +3,114 @@
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from faceposer.geometry.picking import surface_positions
+from faceposer.geometry.picking import SurfacePoints
 from faceposer.session.document import Document
 from faceposer.solve.constraints.point import PointConstraint
-from faceposer.tools.tool import Gesture, PointerEvent, Selection, ToolContext
+from faceposer.tools.symmetry import Mirroring
+from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, Workbench
 
 # In pixels of a display at normal density; a pen trembles more than a mouse.
 CLICK_THRESHOLD = 3.0
 PEN_THRESHOLD = 10.0
 PIN_RADIUS = 11.0
+Pixel = tuple[float, float]
 
 
-def pin_pixels(context: ToolContext) -> np.ndarray:
-    """Return where the view shows the anchor of each constraint on the current face, shape (n, 2)."""
-    session = context.session
-    anchors = [c.surface_points(session.model.triangles)[0] for c in session.document.constraints]
-    if not anchors:
-        return np.zeros((0, 2))
-    vertices = session.model.instance(session.coefficients)
-    return context.camera.project(surface_positions(vertices, session.model.triangles, anchors))
+def pins(context: ToolContext) -> dict[int, PointConstraint]:
+    """Return the point constraints of the session by their index."""
+    constraints = context.session.document.constraints
+    return {i: c for i, c in enumerate(constraints) if isinstance(c, PointConstraint)}
 
 
-def handle_pixels(context: ToolContext) -> np.ndarray:
-    """Return where each pin is drawn and grabbed, shape (n, 2).
+def handle_pixels(context: ToolContext) -> dict[int, Pixel]:
+    """Return where each pin is drawn and grabbed, by the index of its constraint.
 
     In the view that it was made in, a pin is its target; from elsewhere the target's pixel means nothing, and the pin
     sits on the face.
     """
-    pixels = pin_pixels(context)
-    for i, constraint in enumerate(context.session.document.constraints):
-        if isinstance(constraint, PointConstraint):
-            target = constraint.camera.transferred(constraint.target, context.camera)
-            pixels[i] = pixels[i] if target is None else target
-    return pixels
+    session, camera = context.session, context.camera
+    handles: dict[int, Pixel] = {}
+    for i, constraint in pins(context).items():
+        target = constraint.camera.transferred(constraint.target, camera)
+        if target is None:
+            position = session.model.positions_at(constraint.points, session.coefficients)
+            u, v = camera.project(position)[0].tolist()
+            target = (u, v)
+        handles[i] = target
+    return handles
 
 
-class PointTool:
+class PointTool(PosingTool):
     """Places pins on the face and drags them."""
 
-    def __init__(self, selection: Selection, threshold: float = CLICK_THRESHOLD) -> None:
-        """Share ``selection``; a gesture of less than ``threshold`` pixels is a click."""
-        self._selection = selection
+    name = "point"
+    cursor = "press"
+
+    def __init__(self, bench: Workbench, threshold: float = CLICK_THRESHOLD) -> None:
+        """Share ``bench``; a gesture of less than ``threshold`` pixels is a click."""
+        super().__init__(bench)
         self.threshold = threshold
 
-    def pin_at(self, position: tuple[float, float], context: ToolContext) -> int | None:
-        """Return the index of the pin within reach of ``position``, the nearest and then the newest, or None."""
-        pixels = handle_pixels(context)
-        if len(pixels) == 0:
+    def pin_at(self, position: Pixel, context: ToolContext) -> int | None:
+        """Return the index of the pin within reach of ``position``, the nearest and then the newest, or None.
+
+        A pin whose place the face hides from this view is out of reach, unless it was made in this view.
+        """
+        handles = handle_pixels(context)
+        if not handles:
             return None
-        distances = np.hypot(*(pixels - position).T)
-        nearest = len(distances) - 1 - int(np.argmin(distances[::-1]))
-        return nearest if distances[nearest] <= PIN_RADIUS * context.ui_scale else None
+        order = sorted(handles, reverse=True)
+        distances = np.hypot(*(np.array([handles[i] for i in order]) - position).T)
+        nearest = order[int(np.argmin(distances))]
+        if distances.min() > PIN_RADIUS * context.ui_scale:
+            return None
+        constraint = pins(context)[nearest]
+        if constraint.camera.transferred(constraint.target, context.camera) is None:
+            points = SurfacePoints.of([constraint.anchor])
+            return None if context.hidden(points)[0] else nearest
+        return nearest
+
+    def grips(self, event: PointerEvent, context: ToolContext) -> bool:
+        """Whether the press ``event`` takes hold of a pin."""
+        return self._fits(event) and self.pin_at(event.position, context) is not None
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
         """Whether the press ``event`` takes hold of a pin or of the face."""
-        if event.button != "left" or event.modifiers - {"shift"}:
+        if not self._fits(event):
             return False
         return self.pin_at(event.position, context) is not None or context.pick(event.position) is not None
+
+    def _fits(self, event: PointerEvent) -> bool:
+        return event.button == "left" and not event.modifiers - {"shift"}
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
         """Place or select a pin, and drag it with the rest of the selection."""
         # on press
-        session, press = context.session, event.position
+        session, selection, press = context.session, self._bench.selection, event.position
         pin = self.pin_at(press, context)
         if pin is not None and "shift" in event.modifiers:
-            self._selection.toggle(pin)
+            selection.toggle(pin)
             return
-        selected_before = self._selection.indices
+        selected_before = selection.indices
         is_new = pin is None
         try:
             with session.edit("Place a point" if is_new else "Move a point"):
+                mirroring = Mirroring(self._bench.symmetry, session)
                 if pin is None:
                     pin = self._place(press, context)
                     if pin is None:
                         return
-                    keep = self._selection.indices if "shift" in event.modifiers else frozenset()
-                    self._selection.set(*keep, pin)
-                elif pin not in self._selection.indices:
-                    self._selection.set(pin)
+                    keep = selection.indices if "shift" in event.modifiers else frozenset()
+                    selection.set(*keep, pin)
+                elif pin not in selection.indices:
+                    selection.set(pin)
+                if session.document.constraints[pin].locked:
+                    return
+                moved = self._movable(session.document)
+                session.replace(mirroring.applied(session.document, moved))
                 placed = session.document
-                moved = sorted(self._selection.within(len(placed.constraints)))
                 begun = self._under_this_camera(placed, moved, context)
                 farthest = 0.0
                 while True:
@@ -94,17 +121,23 @@ class PointTool:
                     # on move, from the first pixel: only the release tells a click from a short drag
                     offset = np.subtract(event.position, press)
                     farthest = max(farthest, float(np.hypot(*offset)))
-                    session.replace(_shifted(begun, moved, offset))
+                    session.replace(mirroring.applied(shifted(begun, moved, offset), moved))
                 if 0.0 < farthest < self.threshold * context.ui_scale:
                     if is_new:
                         session.replace(placed)
                     else:
                         session.restore()
         except GeneratorExit:
-            self._selection.indices = selected_before
+            selection.indices = selected_before
             raise
 
-    def _place(self, position: tuple[float, float], context: ToolContext) -> int | None:
+    def _movable(self, document: Document) -> list[int]:
+        """Return the selected pins that are not locked."""
+        chosen = sorted(self._bench.selection.within(len(document.constraints)))
+        found = [(i, document.constraints[i]) for i in chosen]
+        return [i for i, c in found if isinstance(c, PointConstraint) and not c.locked]
+
+    def _place(self, position: Pixel, context: ToolContext) -> int | None:
         """Pin the point under ``position`` where it is, and return its index."""
         point = context.pick(position)
         if point is None:
@@ -114,29 +147,31 @@ class PointTool:
         context.session.replace(replace(document, constraints=(*document.constraints, constraint)))
         return len(document.constraints)
 
-    def _under_this_camera(self, document: Document, pins: list[int], context: ToolContext) -> Document:
-        """Return the document with ``pins`` expressed under the camera of the view, where they are seen there now."""
-        pixels = handle_pixels(context)
-        for i in pins:
+    def _under_this_camera(self, document: Document, chosen: list[int], context: ToolContext) -> Document:
+        """Return the document with ``chosen`` pins expressed under the camera of the view, where they are seen now."""
+        handles = handle_pixels(context)
+        for i in chosen:
             constraint = document.constraints[i]
             if isinstance(constraint, PointConstraint):
-                u, v = pixels[i].tolist()
-                document = document.with_constraint(i, replace(constraint, target=(u, v), camera=context.camera))
+                document = document.with_constraint(i, replace(constraint, target=handles[i], camera=context.camera))
         return document
 
-    def remove_at(self, position: tuple[float, float], context: ToolContext) -> bool:
+    def remove_at(self, position: Pixel, context: ToolContext) -> bool:
         """Remove the pin within reach of ``position``; return whether there was one."""
         pin = self.pin_at(position, context)
-        if pin is None:
+        if pin is None or context.session.document.constraints[pin].locked:
             return False
-        self._selection.set()
-        context.session.remove_constraints({pin}, "Remove a point")
+        self._remove(pin, "Remove a point", context)
         return True
 
+    def hint(self, context: ToolContext) -> str:
+        """Return what a press on the face will do."""
+        return "Drag: pull the face here   ·   click: pin it here"
 
-def _shifted(document: Document, pins: list[int], offset: np.ndarray) -> Document:
-    """Return ``document`` with the targets of ``pins`` moved by ``offset`` pixels."""
-    for i in pins:
+
+def shifted(document: Document, chosen: list[int], offset: "NDArray[np.float64] | Pixel") -> Document:
+    """Return ``document`` with the targets of the pins ``chosen`` moved by ``offset`` pixels, shape (2,)."""
+    for i in chosen:
         constraint = document.constraints[i]
         if isinstance(constraint, PointConstraint):
             u, v = np.add(constraint.target, offset).tolist()

@@ -5,12 +5,18 @@ closes it, which rolls back the edit that it holds open, with no code in the too
 """
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from faceposer.geometry.camera import Camera, OrbitView
-from faceposer.geometry.picking import SurfacePoint
+from faceposer.geometry.picking import SurfacePoint, SurfacePoints
+from faceposer.geometry.strokes import StrokeShape
 from faceposer.session.session import Session
+from faceposer.solve.constraints.stroke import StrokeEnergy
+from faceposer.tools.symmetry import Symmetry
 
 EventKind = Literal["press", "move", "release", "hover", "wheel"]
 Button = Literal["left", "middle", "right"]
@@ -76,6 +82,14 @@ class ToolContext(Protocol):
         """Return the point of the visible face under ``pixel``, or None."""
         ...
 
+    def pick_many(self, pixels: ArrayLike) -> tuple[SurfacePoints, NDArray[np.bool_]]:
+        """Return the points of the visible face under ``pixels``, shape (n, 2), and which of them meet it, (n,)."""
+        ...
+
+    def hidden(self, points: SurfacePoints) -> NDArray[np.bool_]:
+        """Return which of ``points`` the face itself hides, shape (n,)."""
+        ...
+
 
 class Tool(Protocol):
     """Turns one kind of gesture into edits."""
@@ -106,3 +120,84 @@ class Selection:
     def within(self, count: int) -> frozenset[int]:
         """Return the selected indices below ``count``: an undo may have taken some constraints away."""
         return frozenset(i for i in self.indices if i < count)
+
+
+@dataclass
+class ToolOptions:
+    """What the user sets for the tools.
+
+    Attributes:
+        brush: Diameter of the stroke's brush in pixels at normal density.
+        shape: Whether strokes are lines, closed lines or filled regions.
+        energy: How strokes are compared.
+        fix_brush: Diameter of the brush that paints fixed vertices.
+        fix_mode: Whether fixed vertices are painted or encircled.
+    """
+
+    brush: float = 8.0
+    shape: StrokeShape = "line"
+    energy: StrokeEnergy = "distance"
+    fix_brush: float = 36.0
+    fix_mode: Literal["brush", "lasso"] = "brush"
+
+
+@dataclass
+class Workbench:
+    """What the tools share: their options, the selection and symmetry."""
+
+    options: ToolOptions = field(default_factory=ToolOptions)
+    selection: Selection = field(default_factory=Selection)
+    symmetry: Symmetry = field(default_factory=Symmetry)
+
+
+class PosingTool:
+    """A tool that the user chooses; what it has begun and not finished is its own, not the document's.
+
+    Attributes:
+        name: By which panels and keys refer to it.
+        cursor: Name of the pointer's shape over the view; see ``faceposer.viewer.cursors``.
+    """
+
+    name = ""
+    cursor = "press"
+
+    def __init__(self, bench: Workbench) -> None:
+        """Share ``bench`` with the other tools."""
+        self._bench = bench
+
+    def grips(self, event: PointerEvent, context: ToolContext) -> bool:
+        """Whether the press ``event`` takes hold of a handle of this tool, which goes before what others would do."""
+        return False
+
+    def begins(self, event: PointerEvent, context: ToolContext) -> bool:
+        """Whether the press ``event`` begins a gesture of this tool."""
+        raise NotImplementedError
+
+    def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
+        """Run the gesture that the press ``event`` begins."""
+        raise NotImplementedError
+
+    def remove_at(self, position: tuple[float, float], context: ToolContext) -> bool:
+        """Remove what a right click at ``position`` means; return whether there was anything."""
+        return False
+
+    def _remove(self, index: int, label: str, context: ToolContext) -> None:
+        """Remove constraint ``index``, with symmetry also what lies across, as the step ``label``."""
+        self._bench.selection.set()
+        context.session.remove_constraints(self._bench.symmetry.with_partners(context.session, {index}), label)
+
+    def accept(self, context: ToolContext) -> bool:
+        """Finish what was begun (Enter); return whether there was anything."""
+        return False
+
+    def step_back(self) -> bool:
+        """Take back the last step of what was begun (undo); return whether there was anything."""
+        return False
+
+    def drop(self) -> bool:
+        """Forget what was begun (Esc); return whether there was anything."""
+        return False
+
+    def hint(self, context: ToolContext) -> str:
+        """Return what the mouse will do now."""
+        raise NotImplementedError

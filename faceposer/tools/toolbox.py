@@ -1,21 +1,48 @@
 """Sends each pointer event to the tool that it belongs to."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
+from faceposer.solve.constraints.curve import CurveConstraint
+from faceposer.solve.constraints.distance import DistanceConstraint
+from faceposer.solve.constraints.point import PointConstraint
+from faceposer.solve.constraints.stroke import StrokeConstraint
 from faceposer.tools.camera_tool import CameraTool
-from faceposer.tools.point_tool import PointTool
-from faceposer.tools.tool import Button, Gesture, Hover, PointerEvent, Selection, Tool, ToolContext
+from faceposer.tools.curve_tool import CurveTool
+from faceposer.tools.distance_tool import DistanceTool
+from faceposer.tools.fix_tool import FixTool
+from faceposer.tools.gaze_tool import GazeTool
+from faceposer.tools.point_tool import PointTool, shifted
+from faceposer.tools.stroke_tool import StrokeTool
+from faceposer.tools.symmetry import Mirroring
+from faceposer.tools.tool import Button, Gesture, Hover, PointerEvent, PosingTool, Tool, ToolContext, Workbench
 
 
 class Toolbox:
-    """The tools and the gesture under way."""
+    """The tools, the one that is chosen, and the gesture under way."""
 
-    def __init__(self, context: ToolContext) -> None:
-        """Serve ``context``."""
+    def __init__(self, context: ToolContext, bench: Workbench | None = None) -> None:
+        """Serve ``context`` with the options and the symmetry of ``bench``; the selection starts empty."""
         self._context = context
-        self._selected = Selection()
+        self.bench = bench or Workbench()
+        self.bench.selection.set()
         self.camera_tool = CameraTool()
-        self.point_tool = PointTool(self._selected)
+        self.point_tool = PointTool(self.bench)
+        self.distance_tool = DistanceTool(self.bench)
+        self.stroke_tool = StrokeTool(self.bench)
+        self.curve_tool = CurveTool(self.bench)
+        self.fix_tool = FixTool(self.bench)
+        self.gaze_tool = GazeTool(self.bench)
+        everything: tuple[PosingTool, ...] = (
+            self.point_tool,
+            self.distance_tool,
+            self.stroke_tool,
+            self.curve_tool,
+            self.fix_tool,
+            self.gaze_tool,
+        )
+        self.tools: dict[str, PosingTool] = {tool.name: tool for tool in everything}
+        self.chosen: PosingTool = self.point_tool
         self._gesture: Gesture | None = None
         self._gesture_button: Button | None = None
         self._active: Tool | None = None
@@ -24,7 +51,7 @@ class Toolbox:
     @property
     def selection(self) -> frozenset[int]:
         """Indices of the selected constraints."""
-        return self._selected.within(len(self._context.session.document.constraints))
+        return self.bench.selection.within(len(self._context.session.document.constraints))
 
     @property
     def active(self) -> bool:
@@ -32,19 +59,40 @@ class Toolbox:
         return self._gesture is not None
 
     @property
-    def dragging_pin(self) -> bool:
-        """Whether the gesture under way poses the face."""
-        return self._active is self.point_tool
+    def posing(self) -> bool:
+        """Whether the gesture under way poses the face, or draws what will."""
+        return self._active is not None and self._active is not self.camera_tool
+
+    @property
+    def cursor(self) -> str:
+        """Name of the shape that the pointer should have over the view; see ``faceposer.viewer.cursors``."""
+        if self._active is self.camera_tool:
+            return "orbit"
+        if self._active is not None:
+            return "grab" if self._active in (self.point_tool, self.gaze_tool) else self.chosen.cursor
+        if self.hover is None:
+            return "arrow"
+        if self.hover.pin is not None:
+            return "grab"
+        if self.hover.surface or (self.chosen is self.stroke_tool and self.stroke_tool.draws_target):
+            return self.chosen.cursor
+        return "arrow"
+
+    def choose(self, name: str) -> None:
+        """Take up the tool ``name``; what another has begun is forgotten."""
+        if self._gesture is None and self.chosen is not self.tools[name]:
+            self.chosen.drop()
+            self.chosen = self.tools[name]
 
     def select(self, index: int, extend: bool = False) -> None:
         """Select the constraint ``index``, or with ``extend`` change only whether it is selected."""
         if extend:
-            self._selected.toggle(index)
+            self.bench.selection.toggle(index)
         else:
-            self._selected.set(index)
+            self.bench.selection.set(index)
 
     def dispatch(self, event: PointerEvent) -> None:
-        """Handle ``event``: begin, continue or end a gesture, zoom, remove a pin, or note what the pointer is over."""
+        """Handle ``event``: begin, continue or end a gesture, zoom, remove something, or note what it is over."""
         if event.kind == "wheel":
             self.camera_tool.wheel(event, self._context)
         elif event.kind == "press":
@@ -58,14 +106,35 @@ class Toolbox:
         if self._gesture is not None:
             return
         if event.button == "right" and not event.modifiers:
-            self.point_tool.remove_at(event.position, self._context)
+            self._remove(event)
             return
-        for tool in (self.camera_tool, self.point_tool):
-            if tool.begins(event, self._context):
-                self._begin(tool, event)
-                return
-        if event.button == "left" and not event.modifiers:
+        if self.camera_tool.begins(event, self._context):
             self._begin(self.camera_tool, event)
+            return
+        tool = self._taker(event)
+        if tool is not None:
+            self._begin(tool, event)
+        elif event.button == "left" and not event.modifiers:
+            self._begin(self.camera_tool, event)
+
+    def _taker(self, event: PointerEvent) -> PosingTool | None:
+        """Return the tool that the press ``event`` belongs to, or None.
+
+        The point tool is also the one that takes hold of whatever has a handle; the others draw over what is there.
+        """
+        if self.chosen is self.point_tool:
+            for tool in self.tools.values():
+                if tool.grips(event, self._context):
+                    return tool
+        return self.chosen if self.chosen.begins(event, self._context) else None
+
+    def _remove(self, event: PointerEvent) -> None:
+        if self.chosen.remove_at(event.position, self._context):
+            return
+        if self.chosen is self.point_tool:
+            for tool in self.tools.values():
+                if tool is not self.stroke_tool and tool.remove_at(event.position, self._context):
+                    return
 
     def _begin(self, tool: Tool, event: PointerEvent) -> None:
         self._active, self._gesture_button = tool, event.button
@@ -86,14 +155,24 @@ class Toolbox:
             raise
 
     def cancel(self) -> bool:
-        """Take back the gesture under way, or else deselect; return whether there was anything to do (Esc)."""
+        """Take back the gesture under way, or what a tool has begun, or else deselect (Esc); return whether it did."""
         if self._gesture is not None:
             gesture, self._gesture, self._active = self._gesture, None, None
             gesture.close()
             return True
+        if self.chosen.drop():
+            return True
         had_selection = bool(self.selection)
-        self._selected.set()
+        self.bench.selection.set()
         return had_selection
+
+    def accept(self) -> bool:
+        """Finish what the tool has begun (Enter); return whether there was anything."""
+        return self._gesture is None and self.chosen.accept(self._context)
+
+    def step_back(self) -> bool:
+        """Take back the last step of what the tool has begun (undo stays inside it); return whether there was any."""
+        return self._gesture is None and self.chosen.step_back()
 
     def finish(self) -> None:
         """End the gesture under way where it is, as when the window loses the pointer."""
@@ -102,19 +181,80 @@ class Toolbox:
             self._send(PointerEvent("release", position, self._gesture_button))
 
     def delete_selected(self) -> bool:
-        """Remove the selected constraints as one step; return whether there were any."""
-        chosen = set(self.selection)
+        """Remove the selected constraints that are not locked as one step; return whether there were any."""
+        session = self._context.session
+        constraints = session.document.constraints
+        chosen = {i for i in self.selection if not constraints[i].locked}
         if self._gesture is not None or not chosen:
             return False
-        self._selected.set()
-        label = "Remove a point" if len(chosen) == 1 else f"Remove {len(chosen)} points"
-        self._context.session.remove_constraints(chosen, label)
+        chosen = self.bench.symmetry.with_partners(session, chosen)
+        kinds = {constraints[i].kind for i in chosen}
+        noun = KIND_NOUNS[kinds.pop()] if len(kinds) == 1 else "constraint"
+        self.bench.selection.set()
+        article = "an" if noun[0] in "aeiou" else "a"
+        label = f"Remove {article} {noun}" if len(chosen) == 1 else f"Remove {len(chosen)} {noun}s"
+        session.remove_constraints(chosen, label)
+        return True
+
+    def nudge(self, dx: float, dy: float) -> bool:
+        """Move the targets of what is selected by (dx, dy) pixels of the view; return whether anything moved.
+
+        Distances grow by what goes up. Nudges in a row are one step of the history.
+        """
+        context = self._context
+        session = context.session
+        constraints = session.document.constraints
+        chosen = [i for i in sorted(self.selection) if not constraints[i].locked and constraints[i].camera is not None]
+        if self._gesture is not None or session.editing or not chosen:
+            return False
+        with session.edit("Nudge", merges=True):
+            mirroring = Mirroring(self.bench.symmetry, session)
+            document = session.document
+            for i in chosen:
+                constraint = document.constraints[i]
+                camera = constraint.camera
+                assert camera is not None
+                scale = camera.focal / context.camera.focal
+                if isinstance(constraint, PointConstraint):
+                    document = shifted(document, [i], (dx * scale, dy * scale))
+                elif isinstance(constraint, StrokeConstraint | CurveConstraint):
+                    document = document.with_constraint(i, constraint.moved((dx * scale, dy * scale)))
+                elif isinstance(constraint, DistanceConstraint):
+                    target = max(constraint.target + (dx - dy) * scale, 0.0)
+                    document = document.with_constraint(i, replace(constraint, target=target))
+            session.replace(mirroring.applied(document, chosen))
         return True
 
     def _note_hover(self, event: PointerEvent) -> None:
-        pin = self.point_tool.pin_at(event.position, self._context)
-        surface = pin is None and self._context.pick(event.position) is not None
-        self.hover = Hover(pin, surface, event.position)
+        self.hover = Hover(
+            self._handle_under(event.position), self._context.pick(event.position) is not None, event.position
+        )
+        if self.hover.pin is not None:
+            self.hover = replace(self.hover, surface=False)
+
+    def _handle_under(self, position: tuple[float, float]) -> int | None:
+        """Return the constraint whose handle a press at ``position`` would take, or None."""
+        context, chosen = self._context, self.chosen
+        if chosen in (self.stroke_tool, self.fix_tool):
+            return None
+        if chosen in (self.point_tool, self.gaze_tool):
+            press = PointerEvent("press", position, "left")
+            found = self.gaze_tool.constraint(context)
+            if found is not None and self.gaze_tool.grips(press, context):
+                return found[0]
+        if chosen is self.point_tool:
+            pin = self.point_tool.pin_at(position, context)
+            if pin is not None:
+                return pin
+        if chosen in (self.point_tool, self.distance_tool) and self.distance_tool.first is None:
+            pair = self.distance_tool.handle_at(position, context)
+            if pair is not None:
+                return pair[0]
+        if chosen in (self.point_tool, self.curve_tool) and not self.curve_tool.points:
+            handle = self.curve_tool.handle_at(position, context)
+            if handle is not None:
+                return handle[0]
+        return None
 
     def leave(self) -> None:
         """Note that the pointer has left the view."""
@@ -122,14 +262,29 @@ class Toolbox:
 
     def hint(self) -> str:
         """Return what the mouse will do now, for the status bar."""
-        if self._active is self.point_tool:
-            return "Move: pull the face   ·   release: keep   ·   Esc: take back"
-        if self._gesture is not None:
+        if self._active is self.camera_tool:
             return "Move: turn the view   ·   release: keep   ·   Esc: back to where it was"
+        if self._active is not None:
+            return "Move: pull the face   ·   release: keep   ·   Esc: take back"
+        if self.chosen is not self.point_tool:
+            if self.hover is not None and self.hover.pin is not None:
+                return "Drag: change it   ·   right click: remove it"
+            return self.chosen.hint(self._context)
         if self.hover is None:
             return "Press on the face and drag to pose it   ·   F1: all keys"
         if self.hover.pin is not None:
             return "Drag: move the point   ·   right click: remove it   ·   Shift+click: select more"
         if self.hover.surface:
-            return "Drag: pull the face here   ·   click: pin it here"
+            return self.chosen.hint(self._context)
         return "Drag: orbit   ·   wheel: zoom   ·   Shift+middle: pan"
+
+
+#: What people call one constraint of each kind.
+KIND_NOUNS = {
+    "point": "point",
+    "distance": "distance",
+    "stroke": "stroke",
+    "curve": "curve",
+    "fixed": "fixed area",
+    "gaze": "gaze",
+}

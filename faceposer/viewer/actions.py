@@ -24,6 +24,7 @@ class Action:
         repeats: Whether holding the key does it again and again.
         separated: Whether menus draw a line above it.
         help: One sentence for a tooltip, or "".
+        listed: Whether menus and the sheet of keys show it; the others only have their key and the palette.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Action:
     repeats: bool = False
     separated: bool = False
     help: str = ""
+    listed: bool = True
 
     @property
     def shortcut(self) -> str:
@@ -107,11 +109,11 @@ class Actions:
 
     def items(self, menu: str) -> list[Action | Submenu]:
         """Return all that ``menu`` shows, in order."""
-        return [item for item in self._items if item.menu == menu]
+        return [item for item in self._items if item.menu == menu and (isinstance(item, Submenu) or item.listed)]
 
     def in_menu(self, menu: str) -> list[Action]:
-        """Return the actions of ``menu``, in order."""
-        return [action for action in self._by_name.values() if action.menu == menu]
+        """Return the actions that ``menu`` shows, in order."""
+        return [action for action in self._by_name.values() if action.menu == menu and action.listed]
 
     def for_key(self, key: str, modifiers: frozenset[str]) -> Action | None:
         """Return the action on ``key`` with exactly ``modifiers``, if any."""

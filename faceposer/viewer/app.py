@@ -15,17 +15,20 @@ from faceposer.session.session import Mode, Session
 from faceposer.session.solver_worker import InlineWorker, SolverWorker, Worker
 from faceposer.tools.toolbox import Toolbox
 from faceposer.viewer.commands import build_actions
+from faceposer.viewer.drawn_constraints import DrawnConstraints
 from faceposer.viewer.ending import interrupted_by_signals
 from faceposer.viewer.file_dialogs import FileDialogs, FileRequest
 from faceposer.viewer.files import Files
 from faceposer.viewer.gui import Gui
-from faceposer.viewer.overlay import PinMark, pin_marks
+from faceposer.viewer.panels.constraints import ConstraintsPanel
 from faceposer.viewer.panels.dialogs import Dialogs
+from faceposer.viewer.panels.guide import GuideCard
 from faceposer.viewer.panels.layout import draw_window
-from faceposer.viewer.panels.points import PointsPanel
+from faceposer.viewer.panels.palette import Palette
 from faceposer.viewer.panels.pose import PosePanel
+from faceposer.viewer.panels.shapes import ShapesPanel
+from faceposer.viewer.panels.slider_edit import SliderEdit
 from faceposer.viewer.panels.widgets import Marks
-from faceposer.viewer.point_names import PointNames
 from faceposer.viewer.recovery import Recovery
 from faceposer.viewer.renderer import Shading
 from faceposer.viewer.router import Router
@@ -35,7 +38,7 @@ from faceposer.viewer.viewport import Viewport
 from faceposer.viewer.window import Window
 
 # Seconds that a frame waits for the solve of a drag, so that the face is where the pointer is in the same frame.
-_SOLVE_PATIENCE = 0.012
+_SOLVE_PATIENCE = 0.005
 # Frames drawn after anything happens: Dear ImGui spreads fast clicks over several.
 _FRAMES_AFTER_EVENT = 3
 # Seconds for which frames go on after the pointer came to rest on a panel, where tooltips and highlights follow late.
@@ -97,9 +100,11 @@ class App:
         self.files = Files(self)
         self.recovery = Recovery(self, self.remembers if journal is None else journal)
         self.toolbox = Toolbox(self.viewport)
+        self.palette, self.guide = Palette(), GuideCard(self.settings)
         self.actions = build_actions(self)
         self.router = Router(self)
-        self.pose_panel, self.points_panel = PosePanel(), PointsPanel()
+        self.pose_panel, self.constraints_panel, self.shapes_panel = PosePanel(), ConstraintsPanel(), ShapesPanel()
+        self.slider_edit = SliderEdit()
         self.comparing = self.wireframe = False
         self.points_shown = self.panel_shown = True
         self.shading: Shading = "full"
@@ -117,9 +122,7 @@ class App:
         # Where nobody watches, pictures are for keeping.
         self._may_coarsen = self.window.software and not hidden
         self._coarseness = 1
-        self._marks_key: object = None
-        self._pin_marks: list[PinMark] = []
-        self._names = PointNames(session.model.subject)
+        self.drawn_constraints = DrawnConstraints(self)
         self._mode: Mode = "live"
         self.set_session(session)
         self.files.remember(what)
@@ -180,11 +183,12 @@ class App:
     def _follow_session(self) -> None:
         """Bring the picture's face up to date with the session."""
         session = self.session
-        if self.toolbox.dragging_pin and session.mode == "live":
+        if self.toolbox.posing and session.mode == "live":
             session.worker.wait_idle(_SOLVE_PATIENCE)
         if session.poll():
             self.redraw()
         self.scene.set_pose(session.model.neutral() if self.comparing else session.coefficients)
+        self.guide.follow(self)
         self.router.follow()
 
     def redraw(self) -> None:
@@ -196,6 +200,7 @@ class App:
         self.gui.set_scale(self.window.ui_scale)
         self.window.set_title(self.files.title)
         failure = self.gui.frame(lambda: draw_window(self))
+        self.gui.cursors.follow(self.toolbox)
         ctx, (width, height) = self.window.ctx, self.window.pixels
         ctx.screen.use()
         ctx.viewport = (0, 0, width, height)
@@ -274,9 +279,8 @@ class App:
         self.session = self.viewport.session = session
         session.mode = self._mode
         self.scene.set_model(session.model)
-        self.toolbox = Toolbox(self.viewport)
-        self._names = PointNames(session.model.subject)
-        self._marks_key = None
+        self.toolbox = Toolbox(self.viewport, self.toolbox.bench)
+        self.drawn_constraints = DrawnConstraints(self)
         self.comparing = False
         camera = session.document.camera
         if camera is None:
@@ -303,22 +307,11 @@ class App:
     @property
     def covered(self) -> bool:
         """Whether a menu or a dialog keeps the pointer from the view."""
-        return self.gui.popup_open or self.dialogs.open or self.file_dialogs.browsing
-
-    @property
-    def pins(self) -> list[PinMark]:
-        """How the pins appear in the view."""
-        moving = self.toolbox.active
-        key = (self.session, self.session.revision, self.viewport.view, self.viewport.size, moving)
-        if key != self._marks_key:
-            self._pin_marks = pin_marks(self.viewport, self.scene, moving)
-            self._marks_key = key
-        return self._pin_marks
+        return self.gui.popup_open or self.palette.open or self.dialogs.open or self.file_dialogs.browsing
 
     def point_name(self, index: int) -> str:
         """Return what people call the place of constraint ``index``."""
-        constraint = self.session.document.constraints[index]
-        return self._names.name(constraint.surface_points(self.session.model.triangles)[0])
+        return self.drawn_constraints.names.of(self.session.document.constraints[index])
 
     def hint(self) -> str:
         """Return what the mouse will do now."""

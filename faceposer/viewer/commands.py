@@ -1,5 +1,7 @@
 """What the window can do, and the table of it."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +24,16 @@ _VIEWS = (
     ("bottom", "Bottom", "Ctrl+7"),
 )
 
+# Name of the tool, label, key, what it is for.
+_TOOLS = (
+    ("point", "Points", "Q", "Drag points of the face, and whatever has a handle"),
+    ("distance", "Distance", "D", "Set how far apart two points appear, such as the height of the mouth"),
+    ("stroke", "Stroke", "S", "Draw on the face what should move, then where it should be"),
+    ("curve", "Curve", "K", "Click a curve on the face and drag its points"),
+    ("fix", "Fix", "H", "Hold vertices where they are"),
+    ("gaze", "Gaze", "G", "Let both eyes follow a handle"),
+)
+
 
 class Commands:
     """What menus and keys do, files aside."""
@@ -31,8 +43,40 @@ class Commands:
         self._app = app
 
     def apply(self) -> None:
-        """Let the face follow the points."""
-        self._app.session.apply()
+        """Finish what the tool has begun, or else let the face follow the constraints."""
+        if not self._app.toolbox.accept() and self._app.session.mode == "apply":
+            self._app.session.apply()
+
+    def undo(self) -> None:
+        """Take back the last step, first of what the tool has begun."""
+        if not self._app.toolbox.step_back():
+            self._app.session.undo()
+
+    def choose_tool(self, name: str) -> None:
+        """Take up the tool ``name``."""
+        self._app.toolbox.choose(name)
+
+    def toggle_symmetry(self) -> None:
+        """Mirror what is drawn, or not."""
+        symmetry = self._app.toolbox.bench.symmetry
+        symmetry.on = not symmetry.on
+
+    def accept_pose(self) -> None:
+        """Start from the current face."""
+        self._app.toolbox.cancel()
+        self._app.session.accept_pose()
+
+    def widen_brush(self, factor: float) -> None:
+        """Make the brush of the chosen tool wider or thinner."""
+        options = self._app.toolbox.bench.options
+        if self._app.toolbox.chosen is self._app.toolbox.fix_tool:
+            options.fix_brush = min(max(options.fix_brush * factor, 4.0), 160.0)
+        else:
+            options.brush = min(max(options.brush * factor, 1.0), 60.0)
+
+    def nudge(self, dx: float, dy: float) -> None:
+        """Move the targets of what is selected by pixels."""
+        self._app.toolbox.nudge(dx, dy)
 
     def delete_selected(self) -> None:
         """Remove the selected points."""
@@ -42,7 +86,7 @@ class Commands:
         """Remove all points."""
         count = len(self._app.session.document.constraints)
         self._app.toolbox.cancel()
-        self._app.session.remove_constraints(set(range(count)), "Clear all points")
+        self._app.session.remove_constraints(set(range(count)), "Clear all constraints")
 
     def reset(self) -> None:
         """Return to the neutral face."""
@@ -52,8 +96,9 @@ class Commands:
             self._app.session.reset_pose()
 
     def cancel(self) -> None:
-        """Take back the gesture, or deselect."""
-        self._app.toolbox.cancel()
+        """Take back the gesture, or deselect, or put the guided pose away."""
+        if not self._app.toolbox.cancel():
+            self._app.guide.dismiss()
 
     def compare(self) -> None:
         """Show the neutral face, or the pose again."""
@@ -96,6 +141,49 @@ class Commands:
         self._app.dialogs.ask(Question("Face Poser", text))
 
 
+def _tool_actions(app: "App", do: Commands, free: Callable[[], bool]) -> list[Action]:
+    """Return the actions that choose tools and change how they work."""
+
+    def chosen(name: str) -> Callable[[], bool]:
+        return lambda: app.toolbox.chosen.name == name
+
+    tools = [
+        Action(f"tool-{name}", label, "Tools", partial(do.choose_tool, name), (key,), free, chosen(name), help=text)
+        for name, label, key, text in _TOOLS
+    ]
+    nudges = [
+        Action(
+            f"nudge-{key.lower()}{'-far' if step > 1 else ''}",
+            f"Nudge {key.lower()}{' far' if step > 1 else ''}",
+            "Tools",
+            partial(do.nudge, dx * step, dy * step),
+            (f"Shift+{key}" if step > 1 else key,),
+            lambda: free() and bool(app.toolbox.selection),
+            repeats=True,
+            help=f"Move what is selected by {step} pixel{'s' if step > 1 else ''}",
+            listed=False,
+        )
+        for step in (1, 10)
+        for key, dx, dy in (("Left", -1, 0), ("Right", 1, 0), ("Up", 0, -1), ("Down", 0, 1))
+    ]
+    symmetry = Action(
+        "symmetry",
+        "Symmetry",
+        "Tools",
+        do.toggle_symmetry,
+        ("X",),
+        free,
+        lambda: app.toolbox.bench.symmetry.on,
+        separated=True,
+        help="Mirror what is drawn to the other side; what is uneven already stays so",
+    )
+    brushes = [
+        Action("brush-thinner", "Thinner brush", "Tools", partial(do.widen_brush, 0.8), ("[",), repeats=True),
+        Action("brush-wider", "Wider brush", "Tools", partial(do.widen_brush, 1.25), ("]",), repeats=True),
+    ]
+    return [*tools, symmetry, *brushes, *nudges]
+
+
 def build_actions(app: "App") -> Actions:
     """Return the actions of ``app``, in the order of its menus."""
     do = Commands(app)
@@ -104,10 +192,13 @@ def build_actions(app: "App") -> Actions:
         return not app.busy
 
     def applies() -> bool:
-        return free() and app.session.mode == "apply" and bool(app.session.document.constraints)
+        waits = app.session.mode == "apply" and bool(app.session.document.constraints)
+        return free() and (waits or bool(app.toolbox.curve_tool.points))
 
-    def undo() -> None:
-        app.session.undo()
+    def undoes() -> bool:
+        toolbox = app.toolbox
+        begun = toolbox.curve_tool.points or toolbox.stroke_tool.draws_target or toolbox.distance_tool.first
+        return free() and (bool(begun) or app.session.can_undo)
 
     def redo() -> None:
         app.session.redo()
@@ -121,7 +212,7 @@ def build_actions(app: "App") -> Actions:
             Action("export", "Save OBJ", "File", app.files.export, ("Ctrl+E",), help="Save the posed face as OBJ"),
             Action("export-as", "Save OBJ as...", "File", app.files.export_as, ("Ctrl+Shift+E",)),
             Action("quit", "Quit", "File", app.files.quit, ("Ctrl+Q",), separated=True),
-            Action("undo", "Undo", "Edit", undo, ("Ctrl+Z",), lambda: free() and app.session.can_undo, repeats=True),
+            Action("undo", "Undo", "Edit", do.undo, ("Ctrl+Z",), undoes, repeats=True),
             Action(
                 "redo",
                 "Redo",
@@ -139,11 +230,11 @@ def build_actions(app: "App") -> Actions:
                 ("Enter", "Space"),
                 applies,
                 separated=True,
-                help="Let the face follow the points",
+                help="Accept the curve, or let the face follow the constraints",
             ),
             Action(
                 "delete",
-                "Delete selected points",
+                "Delete selected",
                 "Edit",
                 do.delete_selected,
                 ("Delete", "Backspace"),
@@ -152,19 +243,35 @@ def build_actions(app: "App") -> Actions:
             ),
             Action(
                 "clear",
-                "Clear all points",
+                "Clear all constraints",
                 "Edit",
                 do.clear_points,
                 (),
                 lambda: free() and bool(app.session.document.constraints),
-                help="Remove all points and return to the pose that they pulled the face away from",
+                help="Remove all constraints and return to the pose that they pulled the face away from",
             ),
             Action(
-                "reset", "Reset to neutral", "Edit", do.reset, ("R",), free, help="Back to the neutral face, no points"
+                "reset",
+                "Reset to neutral",
+                "Edit",
+                do.reset,
+                ("R",),
+                free,
+                help="Back to the neutral face, no constraints",
             ),
             Action(
                 "cancel", "Cancel or deselect", "Edit", do.cancel, ("Esc",), help="Take back the gesture, or deselect"
             ),
+            Action(
+                "accept-pose",
+                "Accept the pose",
+                "Edit",
+                do.accept_pose,
+                ("Ctrl+Enter",),
+                lambda: free() and bool(app.session.document.constraints),
+                help="Make this face the one to start from, and clear the constraints",
+            ),
+            *_tool_actions(app, do, free),
             *(
                 Action(f"view-{name}", label, "View", lambda name=name: do.look(name), (key,))  # type: ignore[misc]
                 for name, label, key in _VIEWS
@@ -200,12 +307,12 @@ def build_actions(app: "App") -> Actions:
             ),
             Action(
                 "points",
-                "Show points",
+                "Show constraints",
                 "View",
                 do.toggle_points,
                 ("P",),
                 checked=lambda: app.points_shown,
-                help="Draw the pins over the face",
+                help="Draw pins, strokes and curves over the face",
             ),
             Action(
                 "panel",
@@ -230,6 +337,22 @@ def build_actions(app: "App") -> Actions:
                 "View",
                 lambda: do.navigate("maya"),
                 checked=lambda: app.viewport.navigation == "maya",
+            ),
+            Action(
+                "palette",
+                "Find a command...",
+                "Help",
+                app.palette.show,
+                ("Ctrl+P",),
+                free,
+                help="The command palette: everything there is, by a few letters of its name",
+            ),
+            Action(
+                "guide",
+                "Guided pose",
+                "Help",
+                app.guide.show,
+                help="A first smile in five steps, with the view showing where to press",
             ),
             Action("keys", "Keys and mouse", "Help", do.toggle_keys, ("F1",)),
             Action("about", "About Face Poser", "Help", do.about),

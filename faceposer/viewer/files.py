@@ -28,6 +28,7 @@ class Files:
         """Serve ``app``."""
         self._app = app
         self.export_path: Path | None = None
+        self.meshes_saved = 0
         self.recent = RecentFiles(app)
 
     @property
@@ -153,6 +154,7 @@ class Files:
         except FacePoserError as error:
             app.dialogs.report("The mesh is not saved", str(error))
             return
+        self.meshes_saved += 1
         self.export_path = path.resolve()
         app.settings.export_path = str(self.export_path)
         app.notify(f"Saved {path.name}")
@@ -167,7 +169,7 @@ class Files:
         """Ask what to do with changes that are not saved, then go on; without any, go on at once."""
         app = self._app
         app.toolbox.finish()
-        app.pose_panel.let_go()
+        app.slider_edit.let_go()
         if not app.session.dirty:
             go_on()
             return

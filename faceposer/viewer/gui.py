@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from imgui_bundle import imgui
 
+from faceposer.viewer.cursors import Cursors
 from faceposer.viewer.theme import Fonts, apply_theme, load_fonts
 from faceposer.viewer.window import Window
 
@@ -23,6 +24,7 @@ class Gui:
         self.io.config_windows_move_from_title_bar_only = True
         imgui.backends.glfw_init_for_opengl(window.address, True)
         imgui.backends.opengl3_init("#version 330")
+        self.cursors = Cursors(window)
         self._scale = 0.0
         self.fonts: Fonts = load_fonts()
         self.set_scale(window.ui_scale)

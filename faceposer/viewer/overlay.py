@@ -1,4 +1,4 @@
-"""What is drawn over the face: pins, how far the face is from them, and where a press would take hold."""
+"""What is drawn over the face for pins: how far the face is from them, and where a press would take hold."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from imgui_bundle import imgui
 
-from faceposer.geometry.picking import SurfacePoint, surface_positions
-from faceposer.solve.constraints.point import PointConstraint
-from faceposer.tools.point_tool import handle_pixels
+from faceposer.geometry.picking import SurfacePoints
+from faceposer.tools.point_tool import handle_pixels, pins
 from faceposer.tools.toolbox import Toolbox
 from faceposer.viewer.scene import Scene
 from faceposer.viewer.theme import ACCENT, EDGE, FAINT, INK, WARNING, u32
@@ -24,7 +23,7 @@ class PinMark:
     """How one pin appears in the view.
 
     Attributes:
-        anchor: The place on the face that it holds.
+        index: Of its constraint.
         handle: Where it is drawn and grabbed.
         face: Where its place on the face is now.
         own_view: Whether the view is the one that it was made in, so that its target can be shown.
@@ -32,7 +31,7 @@ class PinMark:
         enabled: Whether it pulls.
     """
 
-    anchor: SurfacePoint
+    index: int
     handle: Pixel
     face: Pixel
     own_view: bool
@@ -46,59 +45,58 @@ class PinMark:
 
 
 def pin_marks(viewport: Viewport, scene: Scene, moving: bool) -> list[PinMark]:
-    """Return how each point constraint of the session appears, in the order of the constraints.
+    """Return how each point constraint of the session appears.
 
     While the face or the view is ``moving``, a pin counts as hidden only where the surface faces away: the picture that
     tells what lies before what costs more than a frame may take.
     """
-    constraints = viewport.session.document.constraints
+    constraints = pins(viewport)
     if not constraints:
         return []
     camera = viewport.camera
-    anchors = [constraint.surface_points(scene.triangles)[0] for constraint in constraints]
-    positions = surface_positions(scene.vertices, scene.triangles, anchors)
-    faces = camera.project(positions)
-    if moving:
-        hidden = scene.facing_away(camera, [anchor.face for anchor in anchors])
-    else:
-        hidden = scene.occluded(camera, faces, camera.to_camera(positions)[:, 2])
-    handles = handle_pixels(viewport).tolist()
+    points = SurfacePoints.of([constraint.anchor for constraint in constraints.values()])
+    faces = camera.project(points.positions(scene.vertices, scene.triangles)).tolist()
+    hidden = scene.facing_away(camera, points) if moving else viewport.hidden(points)
+    handles = handle_pixels(viewport)
     return [
         PinMark(
-            anchors[i],
-            (handles[i][0], handles[i][1]),
-            (float(faces[i, 0]), float(faces[i, 1])),
-            isinstance(constraint, PointConstraint)
-            and constraint.camera.transferred(constraint.target, camera) is not None,
-            bool(hidden[i]),
+            i,
+            handles[i],
+            (faces[n][0], faces[n][1]),
+            constraint.camera.transferred(constraint.target, camera) is not None,
+            bool(hidden[n]),
             constraint.enabled,
         )
-        for i, constraint in enumerate(constraints)
+        for n, (i, constraint) in enumerate(constraints.items())
     ]
 
 
-def draw_overlay(draw: imgui.ImDrawList, viewport: Viewport, toolbox: Toolbox, marks: Sequence[PinMark]) -> None:
-    """Draw ``marks`` and the place under the pointer."""
+def draw_overlay(
+    draw: imgui.ImDrawList, viewport: Viewport, toolbox: Toolbox, marks: Sequence[PinMark], highlighted: int | None
+) -> None:
+    """Draw ``marks``, of them ``highlighted`` as a panel points at it, and the place under the pointer."""
     scale = viewport.ui_scale
     hover = toolbox.hover
     hovered = hover.pin if hover is not None and not toolbox.active else None
+    shown = [highlighted] if hovered is None else [hovered]
     for mark in marks:
         if mark.own_view and mark.enabled and mark.apart > _APART * scale:
             _draw_gap(draw, viewport, mark, scale)
-    for i, mark in enumerate(marks):
-        _draw_pin(draw, _placed(viewport, mark.handle), mark, i in toolbox.selection, i == hovered, scale)
-    if hover is not None and hover.surface and not toolbox.active:
+    for mark in marks:
+        selected = mark.index in toolbox.selection
+        _draw_pin(draw, _placed(viewport, mark.handle), mark, selected, mark.index in shown, scale)
+    if hover is not None and hover.surface and not toolbox.active and toolbox.chosen is toolbox.point_tool:
         center = _placed(viewport, hover.position)
         draw.add_circle_filled(center, 4.2 * scale, u32(EDGE, 0.55))
         draw.add_circle_filled(center, 2.8 * scale, u32(_WHITE, 0.95))
 
 
-def draw_label(draw: imgui.ImDrawList, viewport: Viewport, mark: PinMark, text: str) -> None:
-    """Write ``text`` beside the pin ``mark``, inside the view."""
+def draw_label(draw: imgui.ImDrawList, viewport: Viewport, at: Pixel, text: str) -> None:
+    """Write ``text`` beside the place ``at``, inside the view."""
     scale = viewport.ui_scale
     size = imgui.calc_text_size(text)
     pad = 5.0 * scale
-    x, y = _placed(viewport, mark.handle)
+    x, y = _placed(viewport, at)
     right = viewport.origin[0] + viewport.size[0]
     left = x + 14.0 * scale
     if left + size.x + 2.0 * pad > right:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from faceposer.tools.tool import Button
 from faceposer.viewer.actions import parsed_key
 from faceposer.viewer.app import App
-from faceposer.viewer.window import Modifiers
+from faceposer.viewer.events import Modifiers
 
 Position = tuple[float, float]
 

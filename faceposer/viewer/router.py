@@ -7,7 +7,7 @@ dialog is open; whoever has the press has the pointer until the last button is u
 from typing import TYPE_CHECKING, Literal
 
 from faceposer.tools.tool import Button, EventKind, PointerEvent
-from faceposer.viewer.window import CloseRequest, Drop, Event, FocusLost, Key, Pointer
+from faceposer.viewer.events import CloseRequest, Drop, Event, FocusLost, Key, Pointer
 
 if TYPE_CHECKING:
     from faceposer.viewer.app import App
@@ -65,7 +65,10 @@ class Router:
             app.toolbox.leave()
 
     def _in_view(self, pointer: Pointer) -> bool:
-        return self._app.viewport.contains(pointer.position) and not self._app.covered
+        app = self._app
+        if app.covered or app.guide.contains(pointer.position):
+            return False
+        return app.viewport.contains(pointer.position)
 
     def _as_tool_event(self, kind: EventKind, pointer: Pointer, button: Button | None) -> PointerEvent:
         position = self._app.viewport.local(pointer.position)
@@ -100,8 +103,10 @@ class Router:
             return
         if app.dialogs.open or app.file_dialogs.browsing:
             return
-        if app.gui.popup_open:
-            if key.key == "Esc":
+        if app.gui.popup_open or app.palette.open:
+            again = app.palette.open and app.actions.for_key(key.key, key.modifiers) is app.actions["palette"]
+            if key.key == "Esc" or (again and key.kind == "press"):
+                app.palette.close()
                 app.gui.close_popups()
             return
         if app.gui.io.want_text_input or (app.session.editing and not app.toolbox.active):

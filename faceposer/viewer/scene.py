@@ -1,14 +1,12 @@
 """The face as the window shows it: from coefficients to a picture, each step only when what it needs has changed."""
 
-from collections.abc import Sequence
-
 import moderngl
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import VertexNormals
-from faceposer.geometry.picking import SurfacePoint, barycentric_on_triangle
+from faceposer.geometry.picking import SurfacePoint, SurfacePoints, points_on_triangles
 from faceposer.model.face_model import FaceModel
 from faceposer.viewer.renderer import Renderer, Shading
 from faceposer.viewer.targets import ColourTarget, IdTarget, Size
@@ -29,6 +27,7 @@ class Scene:
         self._pose = 0
         self._drawn: tuple[object, ColourTarget] | None = None
         self.vertices: NDArray[np.float32] = np.zeros((0, 3), dtype=np.float32)
+        self.normals: NDArray[np.float32] = np.zeros((0, 3), dtype=np.float32)
         self.pictures_drawn = 0
 
     @property
@@ -56,7 +55,8 @@ class Scene:
         self._coefficients = pose.copy()
         self._pose += 1
         self.vertices = model.instance(pose)
-        self._renderer.update(self.vertices, self._normals(self.vertices), self._pose)
+        self.normals = self._normals(self.vertices)
+        self._renderer.update(self.vertices, self.normals, self._pose)
 
     def bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the lowest and the highest corner, each (3,), of the neutral face."""
@@ -84,25 +84,39 @@ class Scene:
 
     def pick(self, camera: Camera, pixel: tuple[float, float]) -> SurfacePoint | None:
         """Return the point of the visible surface at ``pixel``, or None."""
-        face = self._ids.pick(self._renderer, camera, (self._pose, id(self._model)), pixel)
-        return None if face < 0 else barycentric_on_triangle(self.vertices, self.triangles, face, camera, pixel)
+        points, _ = self.pick_many(camera, np.array([pixel]))
+        point = points[0] if len(points) else None
+        return point if isinstance(point, SurfacePoint) else None
 
-    def facing_away(self, camera: Camera, faces: Sequence[int]) -> NDArray[np.bool_]:
-        """Return which of the triangles ``faces`` turn their back on ``camera``."""
-        corners = self.vertices[self.triangles[list(faces)]].astype(np.float64)
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        away: NDArray[np.bool_] = np.einsum("nd,nd->n", normals, corners[:, 0] - camera.center) > 0.0
+    def pick_many(self, camera: Camera, pixels: NDArray[np.float64]) -> tuple[SurfacePoints, NDArray[np.bool_]]:
+        """Return the points of the visible surface at ``pixels``, (n, 2), and which of them there are, (n,)."""
+        faces = self._seen(camera, pixels)
+        met = faces >= 0
+        return points_on_triangles(self.vertices, self.triangles, faces[met], camera, pixels[met]), met
+
+    def _seen(self, camera: Camera, pixels: NDArray[np.float64]) -> NDArray[np.int64]:
+        return self._ids.at(self._renderer, camera, (self._pose, id(self._model)), pixels)
+
+    def facing_away(self, camera: Camera, points: SurfacePoints) -> NDArray[np.bool_]:
+        """Return which of ``points`` lie where the face turns its back on ``camera``, shape (n,)."""
+        assert self._normals is not None
+        corners = points.corners(self.triangles)
+        normals = np.einsum("nk,nkd->nd", points.barycentric, self.normals[corners].astype(np.float64))
+        positions = points.positions(self.vertices, self.triangles)
+        away: NDArray[np.bool_] = np.einsum("nd,nd->n", normals, positions - camera.center) > 0.0
         return away
 
-    def occluded(self, camera: Camera, pixels: NDArray[np.float64], depths: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which points, at ``pixels`` (n, 2) and ``depths`` (n,) of ``camera``, lie behind the visible face."""
-        hidden = np.zeros(len(pixels), dtype=bool)
+    def occluded(self, camera: Camera, positions: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which ``positions`` in space, shape (n, 3), lie behind the visible face, shape (n,)."""
+        if not len(positions):
+            return np.zeros(0, dtype=bool)
+        faces = self._seen(camera, camera.project(positions))
         tolerance = 0.02 * float(np.ptp(self._require_model().subject.vertices[:, 1]))
-        for i, (u, v) in enumerate(pixels.tolist()):
-            face = self._ids.pick(self._renderer, camera, (self._pose, id(self._model)), (u, v))
-            if face >= 0:
-                corners = self.vertices[self.triangles[face]]
-                hidden[i] = depths[i] > float(camera.to_camera(corners)[:, 2].min()) + tolerance
+        met = faces >= 0
+        hidden = np.zeros(len(positions), dtype=bool)
+        corners = self.vertices[self.triangles[faces[met]]].astype(np.float64)
+        nearest = (corners @ camera.rotation[2] + camera.translation[2]).min(axis=1)
+        hidden[met] = camera.to_camera(positions[met])[:, 2] > nearest + tolerance
         return hidden
 
     def _require_model(self) -> FaceModel:

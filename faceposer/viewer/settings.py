@@ -23,7 +23,7 @@ class Settings:
         window_size: Width and height in the window system's units.
         export_path: Where the last OBJ went, or "".
         folder: Where the last session was opened or saved, or "".
-        welcome_done: Whether the user has dragged a point once; until then a hint floats over the face.
+        welcome_done: Whether the guided pose has been shown; it is on the first start, where nothing is remembered yet.
         recent: Whole paths of the files that were opened or saved last, newest first, at most ``MAX_RECENT``.
     """
 
@@ -31,7 +31,7 @@ class Settings:
     window_size: tuple[int, int] = (1360, 860)
     export_path: str = ""
     folder: str = ""
-    welcome_done: bool = False
+    welcome_done: bool = True
     recent: list[str] = field(default_factory=list)
 
 
@@ -42,7 +42,8 @@ def load_settings() -> Settings:
         data = json.loads(path.read_text(encoding="utf-8")) if path.stat().st_size < _MAX_BYTES else {}
     except (OSError, ValueError, RecursionError):
         data = {}
-    settings = Settings()
+    # Where nothing is remembered, somebody is new here.
+    settings = Settings(welcome_done=bool(data))
     if isinstance(data, dict):
         for setting in fields(Settings):
             value = _checked(setting.name, data.get(setting.name))

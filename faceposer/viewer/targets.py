@@ -58,25 +58,30 @@ class IdTarget:
         self._key: object = None
         self._ids: NDArray[np.int32] | None = None
 
-    def pick(self, renderer: Renderer, camera: Camera, revision: object, pixel: tuple[float, float]) -> int:
-        """Return the triangle seen at ``pixel``, or -1.
+    def at(
+        self, renderer: Renderer, camera: Camera, revision: object, pixels: NDArray[np.float64]
+    ) -> NDArray[np.int64]:
+        """Return the triangles seen at ``pixels``, shape (n, 2), or -1 each, shape (n,).
 
         Args:
             renderer: Holds the pose.
             camera: Under which to look.
             revision: Names the pose, so that the picture is not drawn again for the same.
-            pixel: From the top left.
+            pixels: From the top left.
         """
-        column, row = int(np.floor(pixel[0])), int(np.floor(pixel[1]))
         width, height = camera.size
-        if not (0 <= column < width and 0 <= row < height):
-            return -1
+        columns, rows = np.floor(np.clip(pixels, -1.0, 1e6)).astype(np.int64).T
+        inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+        faces = np.full(len(inside), -1, dtype=np.int64)
+        if not inside.any():
+            return faces
         key = (camera, revision)
         if self._ids is None or key != self._key:
             self._draw(renderer, camera)
             self._key = key
         assert self._ids is not None
-        return int(self._ids[height - 1 - row, column]) - 1
+        faces[inside] = self._ids[height - 1 - rows[inside], columns[inside]] - 1
+        return faces
 
     def _draw(self, renderer: Renderer, camera: Camera) -> None:
         if self._framebuffer is None or self._framebuffer.size != camera.size:

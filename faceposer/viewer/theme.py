@@ -26,6 +26,8 @@ ACCENT_DARK: Colour = (0.137, 0.424, 0.651, 1.0)
 ACCENT_MID: Colour = (0.176, 0.514, 0.773, 1.0)
 WARNING: Colour = (0.992, 0.714, 0.345, 1.0)
 BAD: Colour = (0.953, 0.435, 0.408, 1.0)
+TARGET: Colour = (0.376, 0.851, 0.459, 1.0)
+HELD: Colour = (0.937, 0.267, 0.267, 1.0)
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,16 @@ class Icon:
     HOME = "\uf015"
     WARNING = "\uf071"
     UNDO = "\uf2ea"
+    LOCK = "\uf023"
+    UNLOCK = "\uf3c1"
+    POINT = "\uf3c5"
+    DISTANCE = "\uf07d"
+    STROKE = "\uf1fc"
+    CURVE = "\uf55b"
+    FIX = "\uf08d"
+    GAZE = "\uf06e"
+    SYMMETRY = "\uf07e"
+    FIGHT = "\uf0e7"
 
 
 def u32(colour: Colour, alpha: float = 1.0) -> int:
@@ -131,6 +143,10 @@ def _apply_colours(style: imgui.Style) -> None:
         imgui.Col_.header: (*ACCENT_DARK[:3], 0.75),
         imgui.Col_.header_hovered: (*RAISED_MORE[:3], 0.9),
         imgui.Col_.header_active: ACCENT_DARK,
+        imgui.Col_.tab: clear,
+        imgui.Col_.tab_hovered: RAISED_MORE,
+        imgui.Col_.tab_selected: RAISED,
+        imgui.Col_.tab_selected_overline: ACCENT,
         imgui.Col_.slider_grab: ACCENT_MID,
         imgui.Col_.slider_grab_active: ACCENT,
         imgui.Col_.check_mark: ACCENT,

@@ -1,7 +1,10 @@
 """The view of the face: what tools see of the window, and where the window shows it."""
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from faceposer.geometry.camera import Camera, OrbitView
-from faceposer.geometry.picking import SurfacePoint
+from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.session.session import Session
 from faceposer.tools.tool import Navigation
 from faceposer.viewer.scene import Scene
@@ -57,6 +60,16 @@ class Viewport:
     def pick(self, pixel: Pixel) -> SurfacePoint | None:
         """Return the point of the visible face under ``pixel`` of the view, or None."""
         return self._scene.pick(self.camera, pixel)
+
+    def pick_many(self, pixels: ArrayLike) -> tuple[SurfacePoints, NDArray[np.bool_]]:
+        """Return the points of the visible face under ``pixels`` of the view, (n, 2), and which meet it, (n,)."""
+        return self._scene.pick_many(self.camera, np.asarray(pixels, dtype=np.float64).reshape(-1, 2))
+
+    def hidden(self, points: SurfacePoints) -> NDArray[np.bool_]:
+        """Return which of ``points`` the face itself hides from the view, shape (n,)."""
+        positions = points.positions(self._scene.vertices, self._scene.triangles)
+        away = self._scene.facing_away(self.camera, points)
+        return away | self._scene.occluded(self.camera, positions)
 
     # Views
 

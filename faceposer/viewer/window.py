@@ -5,11 +5,9 @@ sample of a gesture is lost.
 """
 
 import ctypes
-import os
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import moderngl
@@ -21,10 +19,19 @@ import glfw
 
 from faceposer.errors import NoWindowError
 from faceposer.tools.tool import Button
+from faceposer.viewer.events import (
+    Changed,
+    CloseRequest,
+    Drop,
+    Event,
+    FocusLost,
+    Key,
+    Modifiers,
+    Pointer,
+    PointerKind,
+)
 
-Modifiers = frozenset[str]
 Size = tuple[int, int]
-PointerKind = Literal["press", "release", "move", "wheel", "leave"]
 SMALLEST: Size = (480, 360)
 
 _BUTTONS: dict[int, Button] = {
@@ -55,55 +62,14 @@ _KEY_NAMES: dict[int, str] = {
     glfw.KEY_DELETE: "Delete",
     glfw.KEY_BACKSPACE: "Backspace",
     glfw.KEY_TAB: "Tab",
+    glfw.KEY_LEFT: "Left",
+    glfw.KEY_RIGHT: "Right",
+    glfw.KEY_UP: "Up",
+    glfw.KEY_DOWN: "Down",
+    glfw.KEY_LEFT_BRACKET: "[",
+    glfw.KEY_RIGHT_BRACKET: "]",
 }
 _KEY_CODES = {name: code for code, name in reversed(_KEY_NAMES.items())}
-
-
-@dataclass(frozen=True)
-class Pointer:
-    """The mouse moved, or a button or the wheel did; the position is in window units from the top left."""
-
-    kind: PointerKind
-    position: tuple[float, float]
-    button: Button | None
-    modifiers: Modifiers
-    time: float
-    wheel: float = 0.0
-
-
-@dataclass(frozen=True)
-class Key:
-    """A key went down, repeats or came up; letters are those of the user's layout."""
-
-    kind: Literal["press", "repeat", "release"]
-    key: str
-    modifiers: Modifiers
-    time: float
-
-
-@dataclass(frozen=True)
-class Drop:
-    """Files were dropped onto the window."""
-
-    paths: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class FocusLost:
-    """Another window has the keyboard now; releases may not arrive here any more."""
-
-
-@dataclass(frozen=True)
-class CloseRequest:
-    """The user wants the window closed."""
-
-
-@dataclass(frozen=True)
-class Changed:
-    """The window has another size or scale, or needs to be drawn again."""
-
-
-Event = Pointer | Key | Drop | FocusLost | CloseRequest | Changed
 
 
 class Window:
@@ -177,6 +143,10 @@ class Window:
     def set_size(self, size: Size) -> None:
         """Resize the window."""
         glfw.set_window_size(self._handle, *size)
+
+    def set_cursor(self, cursor: Any) -> None:
+        """Show the pointer as ``cursor`` of GLFW, None for the arrow."""
+        glfw.set_cursor(self._handle, cursor)
 
     def show(self) -> None:
         """Make the window visible."""
@@ -382,11 +352,6 @@ def _open(size: Size, hidden: bool) -> Any:
 def _last_error() -> str:
     text: Any = glfw.get_error()[1]
     return text.decode(errors="replace").rstrip(".") if text else "no reason given"
-
-
-def display_available() -> bool:
-    """Whether this system can be expected to show a window."""
-    return not sys.platform.startswith("linux") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def _fitting(size: Size) -> Size:

@@ -21,7 +21,7 @@ def document() -> Document:
         "man",
         (
             PointConstraint(77, (10.5, 20.25), CAMERA),
-            PointConstraint(SurfacePoint(5, (0.2, 0.3, 0.5)), (1.0, 2.0), CAMERA, 0.5, False),
+            PointConstraint(SurfacePoint(5, (0.2, 0.3, 0.5)), (1.0, 2.0), CAMERA, weight=0.5, enabled=False),
         ),
         prior_weight=0.25,
         camera=CAMERA,
@@ -126,11 +126,9 @@ def test_a_failed_write_keeps_the_old_file(tmp_path: Path) -> None:
 
 def test_documents_are_checked_against_their_face(model: FaceModel) -> None:
     camera: Camera = CAMERA
-    with pytest.raises(FacePoserError, match=r"constraints\[0\]\.anchor: vertex 9999999 belongs to no triangle"):
-        Document("man", (PointConstraint(9999999, (0.0, 0.0), camera),)).check_against(model)
+    with pytest.raises(FacePoserError, match=r"constraints\[0\]: vertex 9999999 belongs to no triangle"):
+        Document("man", (PointConstraint(9999999, (0.0, 0.0), camera),)).resolved(model)
     with pytest.raises(FacePoserError, match="triangle 9999999 does not exist"):
-        Document("man", (PointConstraint(SurfacePoint(9999999, (1.0, 0.0, 0.0)), (0.0, 0.0), camera),)).check_against(
-            model
-        )
+        Document("man", (PointConstraint(SurfacePoint(9999999, (1.0, 0.0, 0.0)), (0.0, 0.0), camera),)).resolved(model)
     with pytest.raises(FacePoserError, match="coefficients has 2 numbers"):
-        Document("man").posed([1.0, 2.0]).check_against(model)
+        Document("man").posed([1.0, 2.0]).resolved(model)

@@ -9,9 +9,9 @@ import pytest
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.session.document import Document, write_document
 from faceposer.viewer.app import App
+from faceposer.viewer.events import CloseRequest, Drop, FocusLost
 from faceposer.viewer.robot import Robot
 from faceposer.viewer.settings import Settings
-from faceposer.viewer.window import CloseRequest, Drop, FocusLost
 
 LEFT_CORNER, RIGHT_CORNER = "8.3", "8.4"
 
@@ -347,7 +347,7 @@ def test_an_error_inside_a_frame_is_told_and_the_window_goes_on(
 ) -> None:
     app = robot.app
     smile(robot)
-    monkeypatch.setattr(app.points_panel, "draw", lambda app: 1 / 0)
+    monkeypatch.setattr(app.constraints_panel, "draw", lambda app: 1 / 0)
     robot.frames(2)
     monkeypatch.undo()
     assert "ZeroDivisionError" in app.dialogs.waiting[0].text

@@ -348,7 +348,7 @@ def test_work_is_kept_when_the_window_cannot_be_drawn(
 ) -> None:
     robot = start()
     smile(robot)
-    monkeypatch.setattr(robot.app.points_panel, "draw", lambda app: 1 / 0)
+    monkeypatch.setattr(robot.app.constraints_panel, "draw", lambda app: 1 / 0)
     with pytest.raises(FacePoserError, match="your work is kept"):
         robot.frames(20)
     assert "ZeroDivisionError" in capsys.readouterr().err

@@ -62,7 +62,7 @@ def test_picking_by_picture_agrees_with_picking_by_ray(
     same, hits = 0, 0
     for pixel in np.random.default_rng(1).uniform((0, 0), size, (150, 2)):
         centre = tuple((np.floor(pixel) + 0.5).tolist())
-        by_picture = ids.pick(renderer, camera, "pose", centre)
+        by_picture = int(ids.at(renderer, camera, "pose", np.array([centre]))[0])
         point = pick(vertices, solid, camera, centre)
         by_ray = -1 if point is None else lookup[tuple(solid[point.face].tolist())]
         hits += by_ray >= 0
@@ -70,7 +70,7 @@ def test_picking_by_picture_agrees_with_picking_by_ray(
     assert hits > 10
     # Where triangles are smaller than a pixel, rounding may choose the neighbour.
     assert same >= 146
-    assert ids.pick(renderer, camera, "pose", (-1, 5)) == -1
+    assert ids.at(renderer, camera, "pose", np.array([[-1.0, 5.0]]))[0] == -1
     ids.release()
     renderer.release()
 
@@ -82,12 +82,12 @@ def test_ids_are_redrawn_for_a_new_pose_or_camera(ctx: moderngl.Context, model: 
     camera = OrbitView.preset(*box(model)).camera((200, 200))
     vertices = model.subject.vertices
     renderer.update(vertices, normals_of(vertices), 1)
-    before = ids.pick(renderer, camera, 1, (100.0, 100.0))
+    before = ids.at(renderer, camera, 1, np.array([[100.0, 100.0]]))[0]
     assert before >= 0
     away = vertices + np.float32([40, 0, 0])
     renderer.update(away, normals_of(away), 2)
-    assert ids.pick(renderer, camera, 2, (100.0, 100.0)) == -1
-    assert ids.pick(renderer, camera.resized((400, 200)), 2, (399.0, 100.0)) >= 0
+    assert ids.at(renderer, camera, 2, np.array([[100.0, 100.0]]))[0] == -1
+    assert ids.at(renderer, camera.resized((400, 200)), 2, np.array([[399.0, 100.0]]))[0] >= 0
     ids.release()
     renderer.release()
 

@@ -1,19 +1,22 @@
 """JSON forms that the constraints share, each refused with the place of what is wrong."""
 
 import math
+from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
 from typing import Any
 
 import numpy as np
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
-from faceposer.geometry.picking import SurfacePoint
+from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 
 _MAX_COORDINATE = 1e6
 _MAX_PICTURE = 65536
+_MAX_POINTS = 100_000
 
 
-def check_keys(data: Any, required: set[str], optional: set[str], where: str) -> None:
+def check_keys(data: Any, required: AbstractSet[str], optional: AbstractSet[str], where: str) -> None:
     """Raise ``FacePoserError`` unless ``data`` is an object with the ``required`` and perhaps ``optional`` keys."""
     if not isinstance(data, dict):
         raise FacePoserError(f"{where} must be an object with the keys {_listed(required)}.")
@@ -27,7 +30,7 @@ def check_keys(data: Any, required: set[str], optional: set[str], where: str) ->
         raise FacePoserError(f"{where} lacks the key '{missing[0]}'.")
 
 
-def _listed(keys: set[str]) -> str:
+def _listed(keys: AbstractSet[str]) -> str:
     return ", ".join(f"'{key}'" for key in sorted(keys))
 
 
@@ -85,6 +88,38 @@ def anchor_from_json(value: Any, where: str) -> SurfacePoint | int:
     if min(a, b, c) < -1e-6 or abs(a + b + c - 1.0) > 1e-4:
         raise FacePoserError(f"{where}.barycentric must be three numbers of at least 0 that sum to 1.")
     return SurfacePoint(index_from_json(value["face"], f"{where}.face"), (a, b, c))
+
+
+def anchors_from_json(value: Any, where: str, least: int = 1, most: int = _MAX_POINTS) -> list[SurfacePoint | int]:
+    """Return the anchors in the list ``value``, from ``least`` to ``most`` of them, or raise ``FacePoserError``."""
+    if not isinstance(value, list) or not least <= len(value) <= most:
+        count = f"{least}" if least == most else f"{least} to {most}"
+        raise FacePoserError(f"{where} must be a list of {count} anchors.")
+    return [anchor_from_json(item, f"{where}[{i}]") for i, item in enumerate(value)]
+
+
+def points_to_json(points: SurfacePoints) -> list[dict[str, Any]]:
+    """Return many points as the session file has them."""
+    return [anchor_to_json(point) for point in points]
+
+
+def points_from_json(value: Any, where: str) -> SurfacePoints:
+    """Return the points in the list ``value``, or raise ``FacePoserError``."""
+    return SurfacePoints.of(anchors_from_json(value, where))
+
+
+def pixels_from_json(value: Any, where: str, least: int) -> tuple[tuple[float, float], ...]:
+    """Return the pixels in the list ``value``, at least ``least`` of them, or raise ``FacePoserError``."""
+    if not isinstance(value, list) or not least <= len(value) <= _MAX_POINTS:
+        raise FacePoserError(f"{where} must be a list of at least {least} pixels [u, v].")
+    return tuple(pixel_from_json(item, f"{where}[{i}]") for i, item in enumerate(value))
+
+
+def name_from_json(value: Any, where: str, names: Sequence[str]) -> str:
+    """Return ``value`` if it is one of ``names``, or raise ``FacePoserError``."""
+    if not isinstance(value, str) or value not in names:
+        raise FacePoserError(f"{where} is {shown(value)}; it must be one of {', '.join(map(repr, names))}.")
+    return value
 
 
 def camera_to_json(camera: Camera) -> dict[str, Any]:

@@ -2,30 +2,32 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from faceposer.geometry.camera import Camera
-from faceposer.geometry.picking import SurfacePoint
+from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera, mirrored_pixels
+from faceposer.geometry.picking import SurfacePoint, SurfacePoints
+from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
-from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm
+from faceposer.solve.constraints.switches import KEYS, Switches, switches_from_json
+from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 
 # How far a hand misses the pixel that it means, in pixels: sigma of eq. (9).
 SIGMA_PX = 1.5
 
 
 @dataclass(frozen=True)
-class PointConstraint:
+class PointConstraint(Switches):
     """The point ``anchor`` of the face projects onto the pixel ``target``.
 
     Attributes:
         anchor: A surface point, or the index of a vertex.
         target: Where the point should appear, (u, v) in the pixels of ``camera``.
         camera: The camera under which the target was drawn.
-        weight: Factor on the constraint's energy, at least 0.
-        enabled: Whether the constraint counts.
     """
 
     kind: ClassVar[str] = "point"
@@ -33,29 +35,36 @@ class PointConstraint:
     anchor: SurfacePoint | int
     target: tuple[float, float]
     camera: Camera
-    weight: float = 1.0
-    enabled: bool = True
 
-    def surface_points(self, triangles: NDArray[np.integer]) -> tuple[SurfacePoint, ...]:
-        """Return the points of the surface that the constraint speaks of.
+    @cached_property
+    def points(self) -> SurfacePoints:
+        """The point of the surface, as a batch of one."""
+        return SurfacePoints.of([self.anchor])
 
-        Raises:
-            ValueError: If the anchor is not on a surface of these triangles.
-        """
-        if isinstance(self.anchor, int):
-            return (SurfacePoint.at_vertex(triangles, self.anchor),)
-        if not 0 <= self.anchor.face < len(triangles):
-            raise ValueError(f"triangle {self.anchor.face} does not exist; the subject has {len(triangles)}")
-        return (self.anchor,)
-
-    def residual_px(self, pixels: Array) -> float:
-        """Return the distance to the target in pixels, given the pixel of the anchor, shape (1, 2)."""
-        return float(np.hypot(*(pixels[0] - self.target)))
+    def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
+        """Return the distance to the target in pixels on the face ``p``, shape (r,)."""
+        pixel = self.camera.project(model.positions_at(self.points, p))[0]
+        return float(np.hypot(*(pixel - self.target)))
 
     @staticmethod
-    def term(constraints: Sequence["PointConstraint"], points: Sequence[Indices]) -> ResidualTerm:
-        """Return one term for all ``constraints``, whose points have the indices ``points`` in the state."""
-        return PointTerm(constraints, np.concatenate(points))
+    def terms(constraints: Sequence["PointConstraint"], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
+        """Return one term for all ``constraints``, whose points have the indices ``slots`` in the state."""
+        return [PointTerm(constraints, np.concatenate(slots))]
+
+    def mirrored(self, mirror: SurfaceMirror, model: FaceModel, p: ArrayLike) -> "PointConstraint | None":
+        """Return the constraint that does across what this one does to the face ``p``, or None where it cannot be.
+
+        The mirrored target keeps the distance that the two points have from being mirror images now.
+        """
+        across = mirror.points(self.points)
+        if across is None:
+            return None
+        camera = mirrored_camera(self.camera)
+        here = self.camera.project(model.positions_at(self.points, p))[0]
+        there = camera.project(model.positions_at(across, p))[0]
+        moved = mirrored_pixels(self.target, self.camera)[0] - mirrored_pixels(here, self.camera)[0]
+        u, v = (there + moved).tolist()
+        return PointConstraint(across[0], (u, v), camera, weight=self.weight, enabled=self.enabled)
 
     def to_json(self) -> dict[str, Any]:
         """Return the constraint as the session file has it."""
@@ -64,8 +73,7 @@ class PointConstraint:
             "anchor": codec.anchor_to_json(self.anchor),
             "target": list(self.target),
             "camera": codec.camera_to_json(self.camera),
-            "weight": self.weight,
-            "enabled": self.enabled,
+            **self.switches_to_json(),
         }
 
     @classmethod
@@ -75,13 +83,12 @@ class PointConstraint:
         Raises:
             FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
         """
-        codec.check_keys(data, {"type", "anchor", "target", "camera"}, {"weight", "enabled"}, where)
+        codec.check_keys(data, {"type", "anchor", "target", "camera"}, KEYS, where)
         return cls(
             codec.anchor_from_json(data["anchor"], f"{where}.anchor"),
             codec.pixel_from_json(data["target"], f"{where}.target"),
             codec.camera_from_json(data["camera"], f"{where}.camera"),
-            codec.number_from_json(data.get("weight", 1.0), f"{where}.weight", minimum=0.0),
-            codec.flag_from_json(data.get("enabled", True), f"{where}.enabled"),
+            **switches_from_json(data, where),
         )
 
 

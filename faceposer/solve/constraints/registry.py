@@ -3,14 +3,20 @@
 from collections.abc import Sequence
 from typing import Any, ClassVar, Protocol, Self
 
-import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
-from faceposer.geometry.picking import SurfacePoint
+from faceposer.geometry.mirror import SurfaceMirror
+from faceposer.geometry.picking import SurfacePoints
+from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
+from faceposer.solve.constraints.curve import CurveConstraint
+from faceposer.solve.constraints.distance import DistanceConstraint
+from faceposer.solve.constraints.fixed import FixedConstraint
+from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.constraints.point import PointConstraint
+from faceposer.solve.constraints.stroke import StrokeConstraint
 from faceposer.solve.term import Array, Indices, Term
 
 
@@ -20,8 +26,8 @@ class Constraint(Protocol):
     kind: ClassVar[str]
 
     @property
-    def camera(self) -> Camera:
-        """The camera under which the constraint was drawn."""
+    def camera(self) -> Camera | None:
+        """The camera under which the constraint was drawn, or None where it speaks of places in space."""
         ...
 
     @property
@@ -34,17 +40,39 @@ class Constraint(Protocol):
         """Whether the constraint counts."""
         ...
 
-    def surface_points(self, triangles: NDArray[np.integer]) -> tuple[SurfacePoint, ...]:
-        """Return the points of the surface that the constraint speaks of."""
+    @property
+    def locked(self) -> bool:
+        """Whether the constraint is safe from being moved or removed by hand."""
         ...
 
-    def residual_px(self, pixels: Array) -> float:
-        """Return how far the constraint is from being met, given the pixels, shape (n, 2), of its points."""
+    @property
+    def points(self) -> SurfacePoints:
+        """The points of the surface that the constraint speaks of."""
+        ...
+
+    def resolved(self, model: FaceModel, p: ArrayLike) -> Self:
+        """Return the constraint with all that a file may leave out looked up on the face ``p``, shape (r,).
+
+        Raises:
+            ValueError: If it names places that the face does not have.
+        """
+        ...
+
+    def moved_start(self, model: FaceModel, start: Array) -> Array:
+        """Return the pose that the face has before any energy pulls at it, given ``start``, each (r,)."""
+        ...
+
+    def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
+        """Return how far the constraint is from being met by the face ``p``, shape (r,), in pixels."""
         ...
 
     @staticmethod
-    def term(constraints: Sequence[Any], points: Sequence[Indices]) -> Term:
-        """Return one term for all ``constraints`` of this kind, whose points have the indices ``points``."""
+    def terms(constraints: Sequence[Any], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
+        """Return the terms of all ``constraints`` of this kind, whose points have the indices ``slots``."""
+        ...
+
+    def mirrored(self, mirror: SurfaceMirror, model: FaceModel, p: ArrayLike) -> Self | None:
+        """Return what does the same on the other side of the face ``p``, or None where there is no such thing."""
         ...
 
     def to_json(self) -> dict[str, Any]:
@@ -57,7 +85,17 @@ class Constraint(Protocol):
         ...
 
 
-CONSTRAINTS: dict[str, type[Constraint]] = {kind.kind: kind for kind in (PointConstraint,)}
+CONSTRAINTS: dict[str, type[Constraint]] = {
+    kind.kind: kind
+    for kind in (
+        PointConstraint,
+        DistanceConstraint,
+        StrokeConstraint,
+        CurveConstraint,
+        FixedConstraint,
+        GazeConstraint,
+    )
+}
 
 
 def constraint_from_json(data: Any, where: str) -> Constraint:

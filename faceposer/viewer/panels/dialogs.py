@@ -14,6 +14,7 @@ _MOUSE = (
     ("Drag a point", "move it, with all selected points"),
     ("Right click on a point", "remove it"),
     ("Shift+click on a point", "select more"),
+    ("Arrow keys, with Shift", "nudge what is selected by 1, by 10 pixels"),
     ("Drag beside the face", "orbit"),
     ("Wheel", "zoom"),
 )
@@ -170,19 +171,21 @@ class Dialogs:
         return taken
 
     def _draw_keys(self, actions: Actions, navigation: str) -> None:
+        room = imgui.get_main_viewport().size.x - em(4)
         if not self._begin("##keys", em(40)):
             return
         fresh = imgui.is_window_appearing()
         self._title("Keys and mouse")
-        if imgui.begin_table("##columns", 2, imgui.TableFlags_.sizing_stretch_same.value, (em(48), 0.0)):
+        if imgui.begin_table("##columns", 3, imgui.TableFlags_.sizing_stretch_same.value, (min(em(66), room), 0.0)):
             menus = actions.menus
             imgui.table_next_column()
             _section(self.fonts, "Mouse", (*_MOUSE, *_NAVIGATION[navigation]))
-            for menu in (menus[0], *menus[3:]):
+            for menu in (menus[0], *menus[4:]):
                 _section(self.fonts, menu, _rows(actions, menu))
-            imgui.table_next_column()
-            for menu in menus[1:3]:
-                _section(self.fonts, menu, _rows(actions, menu))
+            for column in (menus[1:3], menus[3:4]):
+                imgui.table_next_column()
+                for menu in column:
+                    _section(self.fonts, menu, _rows(actions, menu))
             imgui.end_table()
         caption("Esc or F1 closes this.")
         outside = imgui.is_mouse_clicked(imgui.MouseButton_.left.value) and not imgui.is_window_hovered()
@@ -215,7 +218,7 @@ def _section(fonts: Fonts, title: str, rows: tuple[tuple[str, str], ...]) -> Non
         (low.x, low.y - em(0.15)), (low.x + imgui.get_content_region_avail().x, low.y - em(0.15)), u32(FAINT, 0.3)
     )
     if imgui.begin_table(f"##{title}", 2):
-        imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed.value, em(11.5))
+        imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed.value, em(8.6))
         imgui.table_setup_column("", imgui.TableColumnFlags_.width_stretch.value)
         for keys, meaning in rows:
             imgui.table_next_column()

@@ -1,19 +1,22 @@
-"""Where everything is: menus on top, the face at the left, the panel at the right, a line of text at the bottom."""
+"""Where everything is: menus on top, tools at the left, the face, the panel at the right, a line of text below."""
 
 from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec2, imgui
 
 from faceposer.viewer.overlay import draw_badge, draw_label, draw_overlay
+from faceposer.viewer.overlay_shapes import ShapePainter
 from faceposer.viewer.panels.menu_bar import draw_menu_bar
 from faceposer.viewer.panels.status_bar import draw_status_bar, status_height
+from faceposer.viewer.panels.tool_bar import STRIP_WIDTH, draw_tool_options, draw_tool_strip
 from faceposer.viewer.panels.view import draw_output_panel, draw_view_panel
+from faceposer.viewer.panels.widgets import tooltip
 from faceposer.viewer.theme import BAR, GROUND, em
 
 if TYPE_CHECKING:
     from faceposer.viewer.app import App
 
-_PANEL_WIDTH = 18.5
+_PANEL_WIDTH = 20.0
 _FIXED = (
     imgui.WindowFlags_.no_title_bar
     | imgui.WindowFlags_.no_resize
@@ -37,13 +40,18 @@ def draw_window(app: "App") -> None:
     panel = min(round(em(_PANEL_WIDTH)), width // 2) if app.panel_shown else 0
     if panel:
         _draw_panel(app, (width - panel, top), (panel, middle))
-    _draw_view(app, (0.0, top), (max(width - panel, 1), middle))
+    strip = round(em(STRIP_WIDTH)) if app.panel_shown else 0
+    if strip:
+        _draw_strip(app, (0.0, top), (strip, middle))
+    _draw_view(app, (strip, top), (max(width - panel - strip, 1), middle))
     _place((0.0, height - bottom), (width, bottom))
     imgui.push_style_color(imgui.Col_.window_bg, BAR)
     imgui.begin("##status", None, _BARE)
     draw_status_bar(app)
     imgui.end()
     imgui.pop_style_color()
+    app.guide.draw(app)
+    app.palette.draw(app)
     app.dialogs.draw(app.actions, app.viewport.navigation)
     if not app.dialogs.open:
         app.file_dialogs.draw()
@@ -57,11 +65,43 @@ def _place(position: tuple[float, float], size: tuple[float, float]) -> None:
 def _draw_panel(app: "App", position: tuple[float, float], size: tuple[float, float]) -> None:
     _place(position, size)
     imgui.push_style_color(imgui.Col_.window_bg, GROUND)
-    imgui.begin("##panel", None, _FIXED)
-    app.pose_panel.draw(app)
-    app.points_panel.draw(app)
-    draw_view_panel(app)
+    imgui.begin("##panel", None, _BARE)
+    app.pose_panel.draw_subjects(app)
+    imgui.spacing()
+    footer = 1.6 * imgui.get_frame_height_with_spacing()
+    if imgui.begin_tab_bar("##tabs"):
+        for title, draw, text in (
+            ("Pose", _draw_pose_tab, "How the face follows, and what pulls at it"),
+            ("Shapes", app.shapes_panel.draw, "The shapes of the rig, as sliders"),
+            ("View", draw_view_panel, "Where one looks from, and how the face is drawn"),
+        ):
+            chosen, _ = imgui.begin_tab_item(title)
+            app.marks.note(f"tab:{title}")
+            tooltip(text)
+            if chosen:
+                imgui.begin_child(f"##{title}", ImVec2(0.0, -footer))
+                draw(app)
+                imgui.end_child()
+                imgui.end_tab_item()
+        imgui.end_tab_bar()
     draw_output_panel(app)
+    imgui.end()
+    imgui.pop_style_color()
+
+
+def _draw_pose_tab(app: "App") -> None:
+    app.pose_panel.draw(app)
+    draw_tool_options(app)
+    app.constraints_panel.draw(app)
+
+
+def _draw_strip(app: "App", position: tuple[float, float], size: tuple[float, float]) -> None:
+    _place(position, size)
+    imgui.push_style_color(imgui.Col_.window_bg, GROUND)
+    imgui.push_style_var(imgui.StyleVar_.window_padding, (em(0.45), em(0.5)))
+    imgui.begin("##strip", None, _BARE)
+    imgui.pop_style_var()
+    draw_tool_strip(app)
     imgui.end()
     imgui.pop_style_color()
 
@@ -92,7 +132,7 @@ def _draw_view(app: "App", position: tuple[float, float], size: tuple[float, flo
     if app.comparing:
         draw_badge(draw, app.viewport, "Neutral", 0.0)
     else:
-        _draw_pins(app, draw)
+        _draw_constraints(app, draw)
         if app.session.pending:
             draw_badge(draw, app.viewport, "Press Enter to let the face follow the points", 0.0, warm=True)
     if app.notice:
@@ -100,14 +140,19 @@ def _draw_view(app: "App", position: tuple[float, float], size: tuple[float, flo
     imgui.end()
 
 
-def _draw_pins(app: "App", draw: imgui.ImDrawList) -> None:
-    hover = app.toolbox.hover
+def _draw_constraints(app: "App", draw: imgui.ImDrawList) -> None:
+    toolbox = app.toolbox
+    hover = toolbox.hover
     pointed = app.highlighted if hover is None else hover.pin
-    pins = app.pins
-    if not app.points_shown and pointed is None and not app.toolbox.dragging_pin:
-        pins = []
-    draw_overlay(draw, app.viewport, app.toolbox, pins)
-    if pointed is not None and pointed < len(pins) and not app.toolbox.active:
-        draw_label(draw, app.viewport, pins[pointed], app.point_name(pointed))
-        if hover is not None:
-            imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
+    shown = app.points_shown or pointed is not None or toolbox.posing
+    painter = ShapePainter(draw, app.viewport, toolbox, pointed)
+    shapes = app.drawn_constraints.shapes
+    if shown:
+        painter.paint(shapes, [constraint.enabled for constraint in app.session.document.constraints])
+    pins = app.drawn_constraints.pins if shown else []
+    draw_overlay(draw, app.viewport, toolbox, pins, pointed)
+    painter.paint_begun()
+    if pointed is not None and not toolbox.active:
+        at = next((pin.handle for pin in pins if pin.index == pointed), None) or shapes.anchor(pointed)
+        if at is not None:
+            draw_label(draw, app.viewport, at, app.point_name(pointed))

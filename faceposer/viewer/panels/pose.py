@@ -1,13 +1,14 @@
 """The panel's first part: which face, how it follows, and back to neutral."""
 
-from contextlib import AbstractContextManager
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
 from faceposer.model.subject import available_subjects
-from faceposer.session.session import Session
-from faceposer.viewer.panels.widgets import action_button, button_width, choice, heading, tooltip
+from faceposer.solve.constraints.fixed import FixedConstraint
+from faceposer.viewer.panels.constraint_details import LARGEST_HOLD
+from faceposer.viewer.panels.widgets import action_button, button_width, choice, tooltip
 from faceposer.viewer.theme import Icon, em
 
 if TYPE_CHECKING:
@@ -18,25 +19,17 @@ _LARGEST_WEIGHT = 10.0
 _USUAL_WEIGHT = 1.0
 
 
-class _Abandoned(Exception):
-    """The drag of a slider was taken back."""
-
-
 class PosePanel:
     """Subject, mode, prior weight, neutral."""
 
     def __init__(self) -> None:
         self._subjects: list[tuple[str, str]] | None = None
-        self._edit: tuple[Session, AbstractContextManager[None]] | None = None
 
     def draw(self, app: "App") -> None:
         """Draw the part."""
-        heading(app.gui.fonts, "Subject", first=True)
-        self._draw_subjects(app)
-        heading(app.gui.fonts, "Pose")
         tips = (
             "The face follows while you drag.",
-            "The points wait until you press Apply: Enter or Space.",
+            f"The points wait until you press Apply  ({app.actions['apply'].shortcut})",
         )
         session = app.session
         mode = _MODES.index(session.mode)
@@ -47,18 +40,23 @@ class PosePanel:
             action_button(app.marks, app.actions["apply"], -1.0, strong=session.pending)
         imgui.spacing()
         self._draw_weight(app)
+        self._draw_hold(app)
         imgui.spacing()
-        width = button_width(2)
+        width = button_width(3)
         action_button(app.marks, app.actions["reset"], width, "Reset")
         imgui.same_line()
         action_button(app.marks, app.actions["compare"], width, "Compare")
+        imgui.same_line()
+        action_button(app.marks, app.actions["accept-pose"], width, "Accept")
 
-    def _draw_subjects(self, app: "App") -> None:
+    def draw_subjects(self, app: "App") -> None:
+        """Draw the list of faces to choose from."""
         subject = app.session.model.subject
         imgui.set_next_item_width(-1.0)
         opened = imgui.begin_combo("##subject", subject.title)
         app.marks.note("subject")
         if not opened:
+            tooltip(f"Whose face to pose; {app.actions['open'].shortcut} opens others from files")
             return
         if self._subjects is None:
             self._subjects = available_subjects()
@@ -75,12 +73,14 @@ class PosePanel:
         imgui.align_text_to_frame_padding()
         imgui.text("Prior weight")
         imgui.same_line(em(6.6))
-        reset = weight != _USUAL_WEIGHT and self._edit is None
+        reset = weight != _USUAL_WEIGHT and not app.slider_edit.active
         imgui.set_next_item_width(-em(2.3) if reset else -1.0)
         flags = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.clamp_on_input
         changed, value = imgui.slider_float("##weight", weight, 0.0, _LARGEST_WEIGHT, "%.2f", flags)
         app.marks.note("weight")
-        self._follow_slider(session, changed, value)
+        app.slider_edit.follow(
+            session, "weight", "Change the prior weight", changed, lambda: session.set_prior_weight(value)
+        )
         tooltip(
             "How strongly the face keeps to natural expressions. At 0 only the points count. "
             "Ctrl+click to type a value, Esc to take a drag back."
@@ -92,30 +92,28 @@ class PosePanel:
             app.marks.note("weight:reset")
             tooltip("Back to 1")
 
-    def _follow_slider(self, session: Session, changed: bool, value: float) -> None:
-        """Keep one edit open while the slider that was drawn last is dragged."""
-        if imgui.is_item_activated() and not session.editing:
-            edit = session.edit("Change the prior weight")
-            edit.__enter__()
-            self._edit = (session, edit)
-        if changed and self._edit is not None:
-            session.set_prior_weight(value)
-        if self._edit is not None and imgui.is_key_pressed(imgui.Key.escape, False):
-            self._end(abandon=True)
-        elif self._edit is not None and not imgui.is_item_active():
-            self._end()
+    def _draw_hold(self, app: "App") -> None:
+        """Draw a slider for the weight of all fixed vertices together."""
+        session = app.session
+        fixed = [i for i, c in enumerate(session.document.constraints) if isinstance(c, FixedConstraint)]
+        if not fixed:
+            return
+        weight = session.document.constraints[fixed[0]].weight
+        imgui.align_text_to_frame_padding()
+        imgui.text("Hold weight")
+        imgui.same_line(em(6.6))
+        imgui.set_next_item_width(-1.0)
+        flags = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.clamp_on_input
+        changed, value = imgui.slider_float("##hold", weight, 0.0, LARGEST_HOLD, "%.2f", flags)
+        app.marks.note("hold-weight")
 
-    def _end(self, abandon: bool = False) -> None:
-        """Close the slider's edit: one step of the history for one drag."""
-        assert self._edit is not None
-        (_, edit), self._edit = self._edit, None
-        if abandon:
-            imgui.internal.clear_active_id()
-            edit.__exit__(_Abandoned, _Abandoned(), None)
-        else:
-            edit.__exit__(None, None, None)
+        def apply() -> None:
+            document = session.document
+            for i in fixed:
+                constraint = document.constraints[i]
+                if isinstance(constraint, FixedConstraint) and not constraint.locked:
+                    document = document.with_constraint(i, replace(constraint, weight=value))
+            session.replace(document)
 
-    def let_go(self) -> None:
-        """End a drag of the slider, as when a dialog comes between."""
-        if self._edit is not None:
-            self._end()
+        app.slider_edit.follow(session, "hold", "Change the hold weight", changed, apply)
+        tooltip("How strongly fixed vertices stay where they were: from free, at 0, to immovable.")

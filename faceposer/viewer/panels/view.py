@@ -1,4 +1,4 @@
-"""The panel's third part: where one looks from, and how the face is drawn."""
+"""The panel's last tab: where one looks from, and how the face is drawn."""
 
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 def draw_view_panel(app: "App") -> None:
     """Draw the part."""
-    heading(app.gui.fonts, "View")
+    heading(app.gui.fonts, "Look from", first=True)
     for row in (("front", "three-quarter", "frame"), ("left", "right", "top")):
         width = button_width(len(row))
         for i, name in enumerate(row):
@@ -20,22 +20,24 @@ def draw_view_panel(app: "App") -> None:
                 imgui.same_line()
             label = {"three-quarter": "3/4", "frame": "Frame"}.get(name, name.capitalize())
             action_button(app.marks, app.actions[name if name == "frame" else f"view-{name}"], width, label)
-    imgui.spacing()
-    tips = ("Skin, eyes and teeth as they are.", "Plain clay, to judge the shape.")
+    heading(app.gui.fonts, "Drawing")
+    key = app.actions["clay"].shortcut
+    tips = (f"Skin, eyes and teeth as they are  ({key})", f"Plain clay, to judge the shape  ({key})")
     chosen = choice(app.marks, "shading", ("Full", "Clay"), int(app.shading == "clay"), tips)
     app.shading = "clay" if chosen else "full"
     _, app.wireframe = imgui.checkbox("Wireframe", app.wireframe)
     app.marks.note("wireframe")
     tooltip(app.actions["wireframe"].tooltip)
-    _, app.points_shown = imgui.checkbox("Show points", app.points_shown)
+    _, app.points_shown = imgui.checkbox("Show constraints", app.points_shown)
     app.marks.note("points-shown")
     tooltip(app.actions["points"].tooltip)
 
 
 def draw_output_panel(app: "App") -> None:
-    """Draw the last part: what one takes away."""
-    heading(app.gui.fonts, "Save")
+    """Draw the foot of the panel: what one takes away."""
+    imgui.separator()
+    imgui.spacing()
     width = button_width(2)
-    action_button(app.marks, app.actions["save"], width, "Session")
+    action_button(app.marks, app.actions["save"], width, "Save session")
     imgui.same_line()
-    action_button(app.marks, app.actions["export"], width, "Mesh (OBJ)")
+    action_button(app.marks, app.actions["export"], width, "Save OBJ")

@@ -1,0 +1,59 @@
+"""Which constraints pull against each other (Lau et al. 2009, Figure 9)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from faceposer.solve.constraints.registry import CONSTRAINTS
+from faceposer.solve.problem import PoseProblem, gather
+from faceposer.solve.term import Array, PoseState
+
+# Pixels from which a constraint counts as not met, and the share of the force against it that makes an opponent.
+NOTABLE_PX = 3.0
+_SHARE = 0.35
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """A constraint that is not met, and what holds it back.
+
+    Attributes:
+        index: Of the constraint.
+        opponent: Index of the constraint that does most against it; None where it is what faces usually do.
+    """
+
+    index: int
+    opponent: int | None
+
+
+def find_conflicts(problem: PoseProblem, p: ArrayLike) -> list[Conflict]:
+    """Return which constraints of ``problem`` are not met at its solution ``p``, shape (r,), and why.
+
+    At a minimum all forces, the negative gradients of the energies, sum to zero. They are compared in the metric of the
+    whole energy's curvature, in which a force is as long as the way it would move the face. A constraint's opponent is
+    the one that makes up the largest share of what is against it.
+    """
+    pose = np.asarray(p, dtype=np.float64)
+    residuals = problem.residuals_px(pose)
+    constraints = problem.constraints
+    active = [i for i, c in enumerate(constraints) if c.enabled and c.weight > 0]
+    unmet = [i for i in active if residuals[i] > NOTABLE_PX]
+    if not unmet:
+        return []
+    anchored, slots = gather(problem.model, constraints)
+    state = PoseState(anchored, pose)
+    forces: dict[int, Array] = {}
+    for i in active:
+        terms = CONSTRAINTS[constraints[i].kind].terms([constraints[i]], [slots[i]], problem.model)
+        forces[i] = -np.sum([term.value_and_gradient(state)[1] for term in terms], axis=0)
+    metric = np.linalg.inv(problem.curvature(pose))
+    conflicts = []
+    for i in unmet:
+        own = forces[i] @ metric
+        strength = float(own @ forces[i])
+        shares = {j: -float(own @ forces[j]) / max(strength, 1e-12) for j in active if j != i}
+        opponent = max(shares, key=lambda j: shares[j], default=None)
+        strong = opponent is not None and shares[opponent] > _SHARE
+        conflicts.append(Conflict(i, opponent if strong else None))
+    return conflicts

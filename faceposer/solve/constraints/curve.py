@@ -1,0 +1,220 @@
+"""A curve on the face whose control points are dragged (Lau et al. 2009, section 4.4)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.camera import Camera
+from faceposer.geometry.curves import curve_at, even_parameters, relaxed_bezier
+from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera, mirrored_pixels
+from faceposer.geometry.picking import SurfacePoints
+from faceposer.model.face_model import FaceModel
+from faceposer.solve.constraints import codec
+from faceposer.solve.constraints.point import SIGMA_PX
+from faceposer.solve.constraints.stroke import Pixels, as_pixels
+from faceposer.solve.constraints.switches import KEYS, Switches, switches_from_json
+from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
+
+MOST_POINTS = 64
+# Points of the face per piece of the curve.
+_PER_PIECE = 12
+# What an offset along the target counts, against one across it: a curve says where a lip should run, and less
+# strictly which point of the lip should be where.
+_ALONG = 0.25
+
+
+@dataclass(frozen=True)
+class CurveConstraint(Switches):
+    """The points of the face under the relaxed curve through ``source`` lie under that through ``target``.
+
+    Attributes:
+        source: Control points, at least two, in the pixels of ``camera``.
+        target: As many control points.
+        camera: The camera under which both were drawn.
+        anchors: Points of the face along the source; None in a file that leaves it to be looked up.
+        parameters: Where on the curve each of them lies, from 0 to the number of pieces.
+    """
+
+    kind: ClassVar[str] = "curve"
+
+    source: Pixels
+    target: Pixels
+    camera: Camera
+    anchors: SurfacePoints | None = None
+    parameters: tuple[float, ...] = ()
+
+    @property
+    def points(self) -> SurfacePoints:
+        """The points of the face along the source.
+
+        Raises:
+            RuntimeError: If they have not been looked up yet; see ``resolved``.
+        """
+        if self.anchors is None:
+            raise RuntimeError("the source of the curve has not been looked up on the face yet")
+        return self.anchors
+
+    @cached_property
+    def targets(self) -> tuple[Array, Array]:
+        """Where each point should lie, and the unit tangent of the target there, each (m, 2)."""
+        positions, derivatives = curve_at(relaxed_bezier(self.target), self.parameters)
+        lengths = np.hypot(derivatives[:, 0], derivatives[:, 1])[:, None]
+        return positions, np.where(lengths > 1e-9, derivatives / np.maximum(lengths, 1e-9), (1.0, 0.0))
+
+    def resolved(self, model: FaceModel, p: ArrayLike) -> "CurveConstraint":
+        """Return the constraint with points along its source, if it has none looked up on the face ``p``.
+
+        Raises:
+            ValueError: If the source does not lie on the face.
+        """
+        if self.anchors is not None:
+            self.anchors.check(model.triangles)
+            return self
+        parameters = even_parameters(len(self.source) - 1, _PER_PIECE)
+        positions, _ = curve_at(relaxed_bezier(self.source), parameters)
+        points, met = model.pick(p, self.camera, positions)
+        if len(points) < 2:
+            raise ValueError("its source does not touch the face")
+        return replace(self, anchors=points, parameters=tuple(parameters[met].tolist()))
+
+    def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
+        """Return the mean distance between the points of the face ``p`` and the target, in pixels."""
+        pixels = self.camera.project(model.positions_at(self.points, p))
+        return float(np.hypot(*(pixels - self.targets[0]).T).mean())
+
+    @staticmethod
+    def terms(constraints: Sequence["CurveConstraint"], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
+        """Return a term for each of ``constraints``, whose points have the indices ``slots`` in the state."""
+        return [CurveTerm(constraint, points) for constraint, points in zip(constraints, slots, strict=True)]
+
+    def with_target(self, index: int, pixel: tuple[float, float]) -> "CurveConstraint":
+        """Return the constraint with control point ``index`` of the target at ``pixel``."""
+        return replace(self, target=(*self.target[:index], pixel, *self.target[index + 1 :]))
+
+    def moved(self, offset: ArrayLike) -> "CurveConstraint":
+        """Return the constraint with its target moved by ``offset`` pixels, shape (2,)."""
+        return replace(self, target=as_pixels(np.add(self.target, offset)))
+
+    def with_point_at(self, parameter: float) -> "CurveConstraint":
+        """Return the constraint with one more control point on both curves, at ``parameter``."""
+        piece = min(max(int(parameter), 0), len(self.source) - 2)
+        share = min(max(parameter - piece, 1e-3), 1.0 - 1e-3)
+
+        def split(points: Pixels) -> Pixels:
+            between = as_pixels(curve_at(relaxed_bezier(points), [piece + share])[0])
+            return (*points[: piece + 1], *between, *points[piece + 1 :])
+
+        old = np.array(self.parameters)
+        local = old - piece
+        inside = np.where(local < share, local / share, 1.0 + (local - share) / (1.0 - share))
+        new = np.where(local <= 0.0, old, np.where(local >= 1.0, old + 1.0, piece + inside))
+        return replace(self, source=split(self.source), target=split(self.target), parameters=tuple(new.tolist()))
+
+    def without_point(self, index: int) -> "CurveConstraint":
+        """Return the constraint without control point ``index``; with an end point its piece goes too.
+
+        Raises:
+            ValueError: If only two control points are left.
+        """
+        count = len(self.source)
+        if count <= 2:
+            raise ValueError("a curve needs at least two points")
+        old = np.array(self.parameters)
+        keep = np.ones(len(old), dtype=bool)
+        if index == 0:
+            keep, new = old >= 1.0, old - 1.0
+        elif index == count - 1:
+            keep, new = old <= count - 2, old
+        else:
+            local = old - (index - 1)
+            new = np.where(local <= 0.0, old, np.where(local >= 2.0, old - 1.0, index - 1 + local / 2.0))
+        return replace(
+            self,
+            source=(*self.source[:index], *self.source[index + 1 :]),
+            target=(*self.target[:index], *self.target[index + 1 :]),
+            anchors=self.points.subset(keep),
+            parameters=tuple(new[keep].tolist()),
+        )
+
+    def mirrored(self, mirror: SurfaceMirror, model: FaceModel, p: ArrayLike) -> "CurveConstraint | None":
+        """Return the constraint that does across what this one does to the face ``p``, or None where it cannot be."""
+        across = mirror.points(self.points)
+        if across is None:
+            return None
+        camera = mirrored_camera(self.camera)
+        here = mirrored_pixels(self.camera.project(model.positions_at(self.points, p)), self.camera)
+        apart = (camera.project(model.positions_at(across, p)) - here).mean(axis=0)
+        source, target = (
+            as_pixels(mirrored_pixels(points, self.camera) + apart) for points in (self.source, self.target)
+        )
+        return replace(self, source=source, target=target, camera=camera, anchors=across, locked=False)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the constraint as the session file has it."""
+        data: dict[str, Any] = {
+            "type": self.kind,
+            "source": [list(pixel) for pixel in self.source],
+            "target": [list(pixel) for pixel in self.target],
+            "camera": codec.camera_to_json(self.camera),
+        }
+        if self.anchors is not None:
+            data |= {"anchors": codec.points_to_json(self.anchors), "parameters": list(self.parameters)}
+        return data | self.switches_to_json()
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any], where: str) -> "CurveConstraint":
+        """Return the constraint that ``data`` describes.
+
+        Raises:
+            FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
+        """
+        codec.check_keys(data, {"type", "source", "target", "camera"}, KEYS | {"anchors", "parameters"}, where)
+        source, target = (codec.pixels_from_json(data[key], f"{where}.{key}", 2) for key in ("source", "target"))
+        if len(source) != len(target) or len(source) > MOST_POINTS:
+            raise FacePoserError(f"{where}.target must have as many points as its source, at most {MOST_POINTS}.")
+        anchors: SurfacePoints | None = None
+        parameters: tuple[float, ...] = ()
+        if "anchors" in data or "parameters" in data:
+            codec.check_keys(data, {"anchors", "parameters"}, set(data), where)
+            anchors = codec.points_from_json(data["anchors"], f"{where}.anchors")
+            values = codec.numbers_from_json(data["parameters"], len(anchors), f"{where}.parameters")
+            if not 0.0 <= min(values) <= max(values) <= len(source) - 1:
+                raise FacePoserError(f"{where}.parameters must lie from 0 to {len(source) - 1}, the number of pieces.")
+            parameters = tuple(values)
+        camera = codec.camera_from_json(data["camera"], f"{where}.camera")
+        return cls(source, target, camera, anchors, parameters, **switches_from_json(data, where))
+
+
+class CurveTerm(ResidualTerm):
+    """w C / (m sigma^2) sum over i of (n_i . (y_i - z_i))^2 + a (t_i . (y_i - z_i))^2, for C control points.
+
+    z_i is the point of the target with the parameter of y_i on the source, t_i its tangent and n_i its normal. The
+    paper takes curves for strokes, which know no such pairs; a curve that is edited point by point has them.
+    """
+
+    def __init__(self, constraint: CurveConstraint, points: Indices) -> None:
+        """Prepare the term for ``constraint`` whose points have the indices ``points`` in the state."""
+        self._points = points
+        self._targets, tangents = constraint.targets
+        normals = tangents[:, ::-1] * (-1.0, 1.0)
+        self._frames = np.stack([normals, tangents], axis=1)
+        scale = constraint.weight * len(constraint.source) / (len(points) * SIGMA_PX**2)
+        super().__init__(np.tile([scale, scale * _ALONG], len(points)))
+
+    def residual(self, state: PoseState) -> Array:
+        """Return the offsets across and along the target, shape (2 m,)."""
+        return np.einsum("mij,mj->mi", self._frames, state.pixels[self._points] - self._targets).ravel()
+
+    def jacobian(self, state: PoseState) -> Array:
+        """Return the derivatives of the offsets, shape (2 m, r)."""
+        jacobian = self._frames @ state.pixel_jacobian(self._points)
+        return jacobian.reshape(-1, jacobian.shape[-1])
+
+    def pull_back(self, state: PoseState, by_residual: Array) -> Array:
+        """Return jacobian^T ``by_residual``, shape (r,)."""
+        return state.pull_back(self._points, np.einsum("mij,mi->mj", self._frames, by_residual.reshape(-1, 2)))

@@ -1,0 +1,149 @@
+"""Two points of the face that should appear a given distance apart (Lau et al. 2009, section 4.2)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from faceposer.geometry.camera import Camera
+from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera
+from faceposer.geometry.picking import SurfacePoint, SurfacePoints
+from faceposer.model.face_model import FaceModel
+from faceposer.solve.constraints import codec
+from faceposer.solve.constraints.point import SIGMA_PX
+from faceposer.solve.constraints.switches import KEYS, Switches, switches_from_json
+from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
+
+# Pixels below which two points have no direction from one to the other.
+_COINCIDENT = 1e-6
+
+
+@dataclass(frozen=True)
+class DistanceConstraint(Switches):
+    """The two ``anchors`` appear ``target`` pixels apart under ``camera``.
+
+    Attributes:
+        anchors: Two surface points or indices of vertices.
+        target: Distance in the pixels of ``camera``, at least 0.
+        camera: The camera under which the distance was set.
+    """
+
+    kind: ClassVar[str] = "distance"
+
+    anchors: tuple[SurfacePoint | int, SurfacePoint | int]
+    target: float
+    camera: Camera
+
+    @cached_property
+    def points(self) -> SurfacePoints:
+        """The two points of the surface."""
+        return SurfacePoints.of(self.anchors)
+
+    def pixels(self, model: FaceModel, p: ArrayLike) -> Array:
+        """Return where ``camera`` sees the two points of the face ``p``, shape (2, 2)."""
+        return self.camera.project(model.positions_at(self.points, p))
+
+    def measured(self, model: FaceModel, p: ArrayLike) -> float:
+        """Return the distance that the two points of the face ``p``, shape (r,), have now, in pixels."""
+        first, second = self.pixels(model, p)
+        return float(np.hypot(*(first - second)))
+
+    def reach(self, model: FaceModel) -> tuple[float, float]:
+        """Return the least and the greatest distance that the face can do, in pixels of ``camera``.
+
+        What it can do is taken to be any shape of its rig, and any two together, at full strength.
+        """
+        return _reach(model, self.points, self.camera)
+
+    def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
+        """Return by how many pixels the distance is missed on the face ``p``, shape (r,)."""
+        return abs(self.measured(model, p) - self.target)
+
+    @staticmethod
+    def terms(constraints: Sequence["DistanceConstraint"], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
+        """Return one term for all ``constraints``, whose points have the indices ``slots`` in the state."""
+        return [DistanceTerm(constraints, np.array(slots))]
+
+    def mirrored(self, mirror: SurfaceMirror, model: FaceModel, p: ArrayLike) -> "DistanceConstraint | None":
+        """Return the constraint that does across what this one does to the face ``p``, or None where it cannot be."""
+        across = mirror.points(self.points)
+        if across is None:
+            return None
+        pair = DistanceConstraint((across[0], across[1]), 0.0, mirrored_camera(self.camera), weight=self.weight)
+        target = pair.measured(model, p) + self.target - self.measured(model, p)
+        return replace(pair, target=max(target, 0.0), enabled=self.enabled)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the constraint as the session file has it."""
+        return {
+            "type": self.kind,
+            "anchors": [codec.anchor_to_json(anchor) for anchor in self.anchors],
+            "target": self.target,
+            "camera": codec.camera_to_json(self.camera),
+            **self.switches_to_json(),
+        }
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any], where: str) -> "DistanceConstraint":
+        """Return the constraint that ``data`` describes.
+
+        Raises:
+            FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
+        """
+        codec.check_keys(data, {"type", "anchors", "target", "camera"}, KEYS, where)
+        first, second = codec.anchors_from_json(data["anchors"], f"{where}.anchors", 2, 2)
+        return cls(
+            (first, second),
+            codec.number_from_json(data["target"], f"{where}.target", minimum=0.0),
+            codec.camera_from_json(data["camera"], f"{where}.camera"),
+            **switches_from_json(data, where),
+        )
+
+
+@lru_cache(maxsize=64)
+def _reach(model: FaceModel, points: SurfacePoints, camera: Camera) -> tuple[float, float]:
+    rows, neutral = model.rows_at(points)
+    # At most 100 shapes or so: all pairs are a few thousand faces of two points each.
+    alone = np.concatenate([np.zeros((1, 2, 3)), np.moveaxis(rows @ model.subspace.projection, -1, 0)])
+    pairs = neutral + alone[:, None] + alone[None]
+    pixels = camera.project(pairs.reshape(-1, 3)).reshape(-1, 2, 2)
+    distances = np.hypot(*(pixels[:, 0] - pixels[:, 1]).T)
+    return float(distances.min()), float(distances.max())
+
+
+class DistanceTerm(ResidualTerm):
+    """sum over pairs of w (|y_i - y_j| - d)^2 / sigma^2 (paper, eqs. (10) and (26); the printed (10) lacks the norm).
+
+    Where two points coincide the distance has no derivative; there it is taken to be zero.
+    """
+
+    def __init__(self, constraints: Sequence[DistanceConstraint], points: Indices) -> None:
+        """Prepare the term for ``constraints`` whose points have the indices ``points``, (n, 2), in the state."""
+        super().__init__(np.array([constraint.weight / SIGMA_PX**2 for constraint in constraints]))
+        self._targets = np.array([constraint.target for constraint in constraints])
+        self._points = points
+
+    def _measure(self, state: PoseState) -> tuple[Array, Array]:
+        """Return the distances, (n,), and the unit vectors from the second point to the first, (n, 2)."""
+        offsets = state.pixels[self._points[:, 0]] - state.pixels[self._points[:, 1]]
+        distances = np.hypot(offsets[:, 0], offsets[:, 1])
+        directions = np.where(distances[:, None] > _COINCIDENT, offsets, 0.0)
+        return distances, directions / np.maximum(distances, _COINCIDENT)[:, None]
+
+    def residual(self, state: PoseState) -> Array:
+        """Return distance minus target, shape (n,)."""
+        return self._measure(state)[0] - self._targets
+
+    def jacobian(self, state: PoseState) -> Array:
+        """Return the derivatives of the distances, shape (n, r)."""
+        directions = self._measure(state)[1]
+        ends = state.pixel_jacobian(self._points[:, 0]) - state.pixel_jacobian(self._points[:, 1])
+        return np.einsum("nd,ndr->nr", directions, ends)
+
+    def pull_back(self, state: PoseState, by_residual: Array) -> Array:
+        """Return jacobian^T ``by_residual``, shape (r,)."""
+        by_pixel = self._measure(state)[1] * by_residual[:, None]
+        return state.pull_back(self._points.T.ravel(), np.concatenate([by_pixel, -by_pixel]))

@@ -1,0 +1,135 @@
+"""Where both eyes look: a handle that they follow, lids with them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from faceposer.geometry.mirror import SurfaceMirror
+from faceposer.geometry.picking import SurfacePoints
+from faceposer.model.face_model import FaceModel
+from faceposer.solve.constraints import codec
+from faceposer.solve.constraints.fixed import PX_PER_CM
+from faceposer.solve.constraints.switches import KEYS, Switches, switches_from_json
+from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
+
+#: Degrees that an eye turns when its shape is at full strength: outwards or inwards, up or down.
+MOST_YAW, MOST_PITCH = 31.0, 23.0
+#: Centimetres from the eyes to the handle that they follow.
+REACH_CM = 22.0
+# How far a rig weight of gaze may be off, as a standard deviation.
+_SIGMA = 0.01
+_NO_POINTS = SurfacePoints(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+
+
+@dataclass(frozen=True)
+class GazeConstraint(Switches):
+    """Both eyes look in ``direction``.
+
+    Gaze is kept apart from the statistics of the rest of the face: it moves the start pose that the prior is seen from,
+    by the eyeLook shapes alone, so that no prior is paid for it and nothing but the eyes and their lids follows.
+
+    Attributes:
+        direction: Degrees to the character's left and upwards.
+    """
+
+    kind: ClassVar[str] = "gaze"
+    camera: ClassVar[None] = None
+
+    direction: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def points(self) -> SurfacePoints:
+        """No points: the constraint speaks of the rig's weights."""
+        return _NO_POINTS
+
+    def weights(self) -> dict[str, float]:
+        """Return the values of the eight eyeLook shapes, 0 to 1, by name."""
+        yaw, pitch = self.direction
+        left, up = (min(max(angle / most, -1.0), 1.0) for angle, most in ((yaw, MOST_YAW), (pitch, MOST_PITCH)))
+        return {
+            "eyeLookOutLeft": max(left, 0.0),
+            "eyeLookInRight": max(left, 0.0),
+            "eyeLookInLeft": max(-left, 0.0),
+            "eyeLookOutRight": max(-left, 0.0),
+            **{f"eyeLookUp{side}": max(up, 0.0) for side in ("Left", "Right")},
+            **{f"eyeLookDown{side}": max(-up, 0.0) for side in ("Left", "Right")},
+        }
+
+    def moved_start(self, model: FaceModel, start: Array) -> Array:
+        """Return the start pose ``start``, shape (r,), with the eyes turned."""
+        weights = model.weights_of(start)
+        for name, value in self.weights().items():
+            if name in model.subject.shape_names:
+                weights[model.subject.shape_names.index(name)] = value
+        return model.coefficients_of(weights)
+
+    def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
+        """Return how far the gaze of the face ``p`` passes by the handle, in the pixels of an ordinary view."""
+        looking = gaze_direction(model, p)
+        off = math.hypot(*(math.radians(looking[i] - self.direction[i]) for i in range(2)))
+        return PX_PER_CM * REACH_CM * off
+
+    @staticmethod
+    def terms(constraints: Sequence["GazeConstraint"], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
+        """Return a term for each of ``constraints``."""
+        return [GazeTerm(constraint, model) for constraint in constraints]
+
+    def mirrored(self, mirror: SurfaceMirror, model: FaceModel, p: ArrayLike) -> "GazeConstraint | None":
+        """Return None: both eyes follow one handle."""
+        return None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the constraint as the session file has it."""
+        return {"type": self.kind, "direction": list(self.direction), **self.switches_to_json()}
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any], where: str) -> "GazeConstraint":
+        """Return the constraint that ``data`` describes.
+
+        Raises:
+            FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
+        """
+        codec.check_keys(data, {"type", "direction"}, KEYS, where)
+        yaw, pitch = codec.numbers_from_json(data["direction"], 2, f"{where}.direction")
+        return cls((yaw, pitch), **switches_from_json(data, where)).within_reach()
+
+    def within_reach(self) -> "GazeConstraint":
+        """Return the constraint with its direction no farther than eyes turn."""
+        yaw, pitch = self.direction
+        return replace(self, direction=(min(max(yaw, -MOST_YAW), MOST_YAW), min(max(pitch, -MOST_PITCH), MOST_PITCH)))
+
+
+def gaze_direction(model: FaceModel, p: ArrayLike) -> tuple[float, float]:
+    """Return where the eyes of the face ``p`` look on average, in degrees to the character's left and upwards."""
+    weights = dict(zip(model.subject.shape_names, model.weights_of(p).tolist(), strict=True))
+
+    def mean(*names: str) -> float:
+        return sum(weights.get(name, 0.0) for name in names) / len(names)
+
+    left = mean("eyeLookOutLeft", "eyeLookInRight") - mean("eyeLookInLeft", "eyeLookOutRight")
+    up = mean("eyeLookUpLeft", "eyeLookUpRight") - mean("eyeLookDownLeft", "eyeLookDownRight")
+    return (MOST_YAW * left, MOST_PITCH * up)
+
+
+class GazeTerm(ResidualTerm):
+    """w / sigma^2 sum over the eyeLook shapes of (weight_j(p) - value_j)^2: other constraints do not turn the eyes."""
+
+    def __init__(self, constraint: GazeConstraint, model: FaceModel) -> None:
+        """Prepare the term for ``constraint``."""
+        values = {n: v for n, v in constraint.weights().items() if n in model.subject.shape_names}
+        super().__init__(np.full(len(values), constraint.weight / _SIGMA**2))
+        self._directions = model.subspace.directions[[model.subject.shape_names.index(name) for name in values]]
+        self._values = np.array(list(values.values()))
+
+    def residual(self, state: PoseState) -> Array:
+        """Return weight minus value, shape (m,)."""
+        residual: Array = self._directions @ state.p - self._values
+        return residual
+
+    def jacobian(self, state: PoseState) -> Array:
+        """Return the derivatives of the weights, shape (m, r)."""
+        return self._directions

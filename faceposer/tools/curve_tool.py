@@ -1,0 +1,251 @@
+"""Curves: control points clicked on the face, accepted, and dragged while the face follows (section 4.4)."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.geometry.curves import nearest_parameter, relaxed_bezier
+from faceposer.geometry.picking import SurfacePoint, SurfacePoints
+from faceposer.solve.constraints.curve import MOST_POINTS, CurveConstraint
+from faceposer.solve.constraints.stroke import as_pixels
+from faceposer.tools.stroke_tool import seen_pixels
+from faceposer.tools.symmetry import Mirroring
+from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, Workbench
+
+_REACH = 9.0
+_NEAR_LINE = 6.0
+Pixel = tuple[float, float]
+
+
+class CurveTool(PosingTool):
+    """Draws a source curve and edits target curves.
+
+    Attributes:
+        points: Control points of a source that is not accepted yet, fixed to the face.
+    """
+
+    name = "curve"
+    cursor = "pick"
+
+    def __init__(self, bench: Workbench) -> None:
+        """Share ``bench``."""
+        super().__init__(bench)
+        self.points: list[SurfacePoint] = []
+        self._steps: list[list[SurfacePoint]] = []
+
+    def pixels(self, context: ToolContext) -> NDArray[np.float64]:
+        """Return where the view shows the control points of the source that is not accepted yet, shape (n, 2)."""
+        if not self.points:
+            return np.zeros((0, 2))
+        session = context.session
+        vertices = session.model.instance(session.coefficients)
+        return context.camera.project(SurfacePoints.of(self.points).positions(vertices, session.model.triangles))
+
+    def _own_at(self, position: Pixel, context: ToolContext) -> int | None:
+        """Return the control point of the unaccepted source within reach of ``position``, or None."""
+        pixels = self.pixels(context)
+        if not len(pixels):
+            return None
+        distances = np.hypot(*(pixels - position).T)
+        nearest = int(np.argmin(distances))
+        return nearest if distances[nearest] <= _REACH * context.ui_scale else None
+
+    def handle_at(self, position: Pixel, context: ToolContext) -> tuple[int, int] | None:
+        """Return the constraint and the control point of its target within reach of ``position``, or None."""
+        best, found = _REACH * context.ui_scale, None
+        for i, constraint in self._curves(context):
+            seen = seen_pixels(constraint.target, constraint.camera, context.camera)
+            if seen is not None:
+                distances = np.hypot(*(seen - position).T)
+                nearest = int(np.argmin(distances))
+                if distances[nearest] <= best:
+                    best, found = float(distances[nearest]), (i, nearest)
+        return found
+
+    def line_at(self, position: Pixel, context: ToolContext) -> tuple[int, float] | None:
+        """Return the constraint whose target passes within reach of ``position`` and the parameter there, or None."""
+        for i, constraint in self._curves(context):
+            seen = seen_pixels(constraint.target, constraint.camera, context.camera)
+            if seen is not None and len(seen) < MOST_POINTS:
+                parameter, distance = nearest_parameter(relaxed_bezier(seen), position)
+                if distance <= _NEAR_LINE * context.ui_scale:
+                    return i, parameter
+        return None
+
+    def _curves(self, context: ToolContext) -> list[tuple[int, CurveConstraint]]:
+        """Return the curves that may be edited with their indices, the selected one first, then the newest."""
+        chosen = self._bench.selection.indices
+        found = [
+            (i, constraint)
+            for i, constraint in enumerate(context.session.document.constraints)
+            if isinstance(constraint, CurveConstraint) and not constraint.locked
+        ]
+        return sorted(found, key=lambda item: (item[0] not in chosen, -item[0]))
+
+    def grips(self, event: PointerEvent, context: ToolContext) -> bool:
+        """Whether the press ``event`` takes hold of a control point."""
+        return event.button == "left" and not event.modifiers and self.handle_at(event.position, context) is not None
+
+    def begins(self, event: PointerEvent, context: ToolContext) -> bool:
+        """Whether the press ``event`` sets, takes or inserts a control point."""
+        if event.button != "left" or event.modifiers:
+            return False
+        at = event.position
+        return (
+            self._own_at(at, context) is not None
+            or context.pick(at) is not None
+            or self.handle_at(at, context) is not None
+            or self.line_at(at, context) is not None
+        )
+
+    def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
+        """Set or adjust a control point of the source, or drag one of a target."""
+        if not self.points:
+            handle, line = self.handle_at(event.position, context), self.line_at(event.position, context)
+            if handle is not None:
+                yield from self._drag(handle, event, context)
+                return
+            if line is not None:
+                yield from self._insert(line, event, context)
+                return
+        # on press
+        before = list(self.points)
+        index = self._own_at(event.position, context)
+        if index is None:
+            index = self._add(event.position, context)
+        try:
+            while index is not None:
+                event = yield
+                # on release
+                if event.kind == "release":
+                    break
+                # on move
+                point = context.pick(event.position)
+                if point is not None:
+                    self.points[index] = point
+        except GeneratorExit:
+            self.points = before
+            raise
+        if self.points != before:
+            self._steps.append(before)
+
+    def _add(self, position: Pixel, context: ToolContext) -> int | None:
+        """Set a control point on the face, into the curve where it passes near, else at its end."""
+        point = context.pick(position)
+        if point is None or len(self.points) >= MOST_POINTS:
+            return None
+        index = len(self.points)
+        if index >= 2:
+            parameter, distance = nearest_parameter(relaxed_bezier(self.pixels(context)), position)
+            if distance <= _NEAR_LINE * context.ui_scale:
+                index = min(int(parameter) + 1, index)
+        self.points.insert(index, point)
+        return index
+
+    def _insert(self, line: tuple[int, float], event: PointerEvent, context: ToolContext) -> Gesture:
+        """Insert a control point into a target and drag it on."""
+        index, parameter = line
+        constraint = context.session.document.constraints[index]
+        assert isinstance(constraint, CurveConstraint)
+        yield from self._drag((index, int(parameter) + 1), event, context, constraint.with_point_at(parameter))
+
+    def _drag(
+        self, handle: tuple[int, int], event: PointerEvent, context: ToolContext, begun: CurveConstraint | None = None
+    ) -> Gesture:
+        """Drag a control point of a target while the face follows; ``begun`` is the curve with a new point in it."""
+        # on press
+        index, point = handle
+        session, press = context.session, event.position
+        self._bench.selection.set(index)
+        inserted = begun is not None
+        with session.edit("Add a point to a curve" if inserted else "Edit a curve"):
+            mirroring = Mirroring(self._bench.symmetry, session)
+            if begun is None:
+                constraint = session.document.constraints[index]
+                assert isinstance(constraint, CurveConstraint)
+                begun = constraint
+            else:
+                session.replace(session.document.with_constraint(index, begun))
+            point = min(point, len(begun.target) - 1)
+            scale = begun.camera.focal / context.camera.focal
+            moved = inserted
+            while True:
+                event = yield
+                # on release
+                if event.kind == "release":
+                    break
+                # on move
+                moved = True
+                u, v = (np.subtract(event.position, press) * scale + begun.target[point]).tolist()
+                document = session.document.with_constraint(index, begun.with_target(point, (u, v)))
+                session.replace(mirroring.applied(document, [index]))
+            if not moved:
+                session.restore()
+
+    def accept(self, context: ToolContext) -> bool:
+        """Make the source a constraint whose target is a copy of it; return whether there was a source."""
+        if not self.points:
+            return False
+        pixels = self.pixels(context)
+        if len(pixels) < 2:
+            return True
+        session = context.session
+        curve = CurveConstraint(as_pixels(pixels), as_pixels(pixels), context.camera)
+        try:
+            curve = curve.resolved(session.model, session.coefficients)
+        except ValueError:
+            return True
+        self.drop()
+        with session.edit("Draw a curve"):
+            document, index = session.document, len(session.document.constraints)
+            document = replace(document, constraints=(*document.constraints, curve))
+            session.replace(Mirroring(self._bench.symmetry, session).applied(document, [index]))
+        self._bench.selection.set(index)
+        return True
+
+    def remove_at(self, position: Pixel, context: ToolContext) -> bool:
+        """Remove the control point within reach of ``position``, or its curve if only two are left."""
+        own = self._own_at(position, context)
+        if own is not None:
+            self._steps.append(list(self.points))
+            del self.points[own]
+            return True
+        handle = self.handle_at(position, context)
+        if handle is None:
+            return False
+        index, point = handle
+        session = context.session
+        curve = session.document.constraints[index]
+        assert isinstance(curve, CurveConstraint)
+        try:
+            shorter = curve.without_point(point)
+            if not len(shorter.points):
+                raise ValueError("nothing of the curve is left")
+        except ValueError:
+            self._remove(index, "Remove a curve", context)
+            return True
+        with session.edit("Remove a point of a curve"):
+            document = session.document.with_constraint(index, shorter)
+            session.replace(document)
+        return True
+
+    def step_back(self) -> bool:
+        """Take back what was done to the source last; return whether there was anything."""
+        if not self._steps:
+            return False
+        self.points = self._steps.pop()
+        return True
+
+    def drop(self) -> bool:
+        """Forget the source that is not accepted; return whether there was one."""
+        had = bool(self.points)
+        self.points, self._steps = [], []
+        return had
+
+    def hint(self, context: ToolContext) -> str:
+        """Return what a press will do."""
+        if self.points:
+            enough = "   ·   Enter: accept" if len(self.points) > 1 else ""
+            return f"Click: the next point   ·   drag a point: adjust it{enough}   ·   Esc: forget"
+        return "Click points of a curve on the face   ·   drag a green point: edit   ·   right click: remove it"

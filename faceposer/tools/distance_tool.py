@@ -1,0 +1,221 @@
+"""Distances: two points of the face that are drawn together or pulled apart (Lau et al. 2009, section 4.2)."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.geometry.picking import SurfacePoint
+from faceposer.session.document import Document
+from faceposer.solve.constraints.distance import DistanceConstraint
+from faceposer.tools.symmetry import Mirroring
+from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, Workbench
+
+_REACH = 9.0
+_CLICK = 4.0
+Pixel = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class PairMark:
+    """Where the view shows a distance: its two points on the face, and where its target would have them.
+
+    Attributes:
+        index: Of the constraint.
+        ends: The two points of the face, shape (2, 2).
+        goal: The ends of a line of the target's length around the same middle, shape (2, 2); None in other views.
+    """
+
+    index: int
+    ends: NDArray[np.float64]
+    goal: NDArray[np.float64] | None
+
+
+def pair_marks(context: ToolContext) -> list[PairMark]:
+    """Return how the view shows each distance of the session."""
+    session, camera = context.session, context.camera
+    marks = []
+    for i, constraint in enumerate(session.document.constraints):
+        if not isinstance(constraint, DistanceConstraint):
+            continue
+        ends = camera.project(session.model.positions_at(constraint.points, session.coefficients))
+        goal = None
+        # Distances are the same in two windows that show the same view at the same size.
+        if constraint.camera.transferred((0.0, 0.0), camera) is not None:
+            along = ends[1] - ends[0]
+            length = float(np.hypot(*along))
+            unit = along / length if length > 1e-6 else np.array([0.0, 1.0])
+            half = 0.5 * constraint.target * camera.focal / constraint.camera.focal * unit
+            middle = ends.mean(axis=0)
+            goal = np.stack([middle - half, middle + half])
+        marks.append(PairMark(i, ends, goal))
+    return marks
+
+
+def under_this_camera(constraint: DistanceConstraint, context: ToolContext) -> DistanceConstraint:
+    """Return ``constraint`` as the view sees it: in its own view as it is, in another with the distance seen there."""
+    camera = context.camera
+    if constraint.camera == camera:
+        return constraint
+    if constraint.camera.transferred((0.0, 0.0), camera) is not None:
+        return replace(constraint, target=constraint.target * camera.focal / constraint.camera.focal, camera=camera)
+    seen = replace(constraint, camera=camera)
+    return replace(seen, target=seen.measured(context.session.model, context.session.coefficients))
+
+
+class DistanceTool(PosingTool):
+    """Joins two points of the face and sets how far apart they appear.
+
+    Attributes:
+        first: The point that the next one is joined to, or None.
+        pointer: Where the pointer is while a line is drawn, or None.
+    """
+
+    name = "distance"
+    cursor = "pick"
+
+    def __init__(self, bench: Workbench) -> None:
+        """Share ``bench``."""
+        super().__init__(bench)
+        self.first: SurfacePoint | None = None
+        self.pointer: Pixel | None = None
+
+    def handle_at(self, position: Pixel, context: ToolContext) -> tuple[int, int] | None:
+        """Return the constraint and the end of it within reach of ``position``, or None.
+
+        An end that the face hides from this view is out of reach, unless it was joined in this view.
+        """
+        best, found = _REACH * context.ui_scale, None
+        for mark in pair_marks(context):
+            constraint = context.session.document.constraints[mark.index]
+            if constraint.locked:
+                continue
+            distances = np.hypot(*(mark.ends - position).T)
+            end = int(np.argmin(distances))
+            if distances[end] <= best:
+                if mark.goal is None and context.hidden(constraint.points.subset(np.array([end])))[0]:
+                    continue
+                best, found = float(distances[end]), (mark.index, end)
+        return found
+
+    def grips(self, event: PointerEvent, context: ToolContext) -> bool:
+        """Whether the press ``event`` takes hold of the end of a distance."""
+        return event.button == "left" and not event.modifiers and self.handle_at(event.position, context) is not None
+
+    def begins(self, event: PointerEvent, context: ToolContext) -> bool:
+        """Whether the press ``event`` takes hold of a handle or of the face."""
+        if event.button != "left" or event.modifiers:
+            return False
+        return self.handle_at(event.position, context) is not None or context.pick(event.position) is not None
+
+    def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
+        """Drag a handle, or join two points by a drag or by two clicks."""
+        handle = self.handle_at(event.position, context) if self.first is None else None
+        if handle is not None:
+            yield from self._drag(handle, event, context)
+            return
+        # on press
+        press, before = event.position, self.first
+        begin = context.pick(press)
+        if begin is None:
+            return
+        if before is not None:
+            self._join(before, begin, context)
+            self.first = self.pointer = None
+            return
+        self.first = begin
+        try:
+            while True:
+                event = yield
+                # on release
+                if event.kind == "release":
+                    break
+                # on move
+                self.pointer = event.position
+        except GeneratorExit:
+            self.first = self.pointer = None
+            raise
+        self.pointer = None
+        if np.hypot(*np.subtract(event.position, press)) <= _CLICK * context.ui_scale:
+            return
+        end = context.pick(event.position)
+        self.first = None
+        if end is not None:
+            self._join(begin, end, context)
+
+    def _join(self, first: SurfacePoint, second: SurfacePoint, context: ToolContext) -> None:
+        if first != second:
+            add_distance((first, second), context, self._bench)
+
+    def _drag(self, handle: tuple[int, int], event: PointerEvent, context: ToolContext) -> Gesture:
+        """Pull one end along the line: the other stays, and the distance changes by as much."""
+        # on press
+        index, end = handle
+        session, press = context.session, event.position
+        self._bench.selection.set(index)
+        with session.edit("Change a distance"):
+            mirroring = Mirroring(self._bench.symmetry, session)
+            constraint = session.document.constraints[index]
+            if not isinstance(constraint, DistanceConstraint):
+                return
+            begun = under_this_camera(constraint, context)
+            pixels = begun.pixels(session.model, session.coefficients)
+            along = pixels[end] - pixels[1 - end]
+            length = float(np.hypot(*along))
+            unit = along / length if length > 1e-6 else np.array([0.0, 1.0 if end else -1.0])
+            moved = False
+            while True:
+                event = yield
+                # on release
+                if event.kind == "release":
+                    break
+                # on move
+                moved = True
+                target = max(begun.target + float(np.subtract(event.position, press) @ unit), 0.0)
+                document = session.document.with_constraint(index, replace(begun, target=target))
+                session.replace(mirroring.applied(document, [index]))
+            if not moved:
+                session.restore()
+
+    def remove_at(self, position: Pixel, context: ToolContext) -> bool:
+        """Remove the distance with an end within reach of ``position``; return whether there was one."""
+        handle = self.handle_at(position, context)
+        if handle is None:
+            return False
+        self._remove(handle[0], "Remove a distance", context)
+        return True
+
+    def step_back(self) -> bool:
+        """Forget the first point; return whether there was one."""
+        return self.drop()
+
+    def drop(self) -> bool:
+        """Forget the first point; return whether there was one."""
+        had = self.first is not None
+        self.first = self.pointer = None
+        return had
+
+    def hint(self, context: ToolContext) -> str:
+        """Return what a press will do."""
+        if self.first is not None:
+            return "Click: the second point   ·   Esc: forget the first"
+        return "Drag from one point to another, or click both   ·   drag an end: change the distance"
+
+
+def add_distance(
+    anchors: tuple[SurfacePoint | int, SurfacePoint | int], context: ToolContext, bench: Workbench
+) -> None:
+    """Add the distance between two places as it appears now, as one step, and select it; one that is there is kept."""
+    session = context.session
+    for i, constraint in enumerate(session.document.constraints):
+        if isinstance(constraint, DistanceConstraint) and set(constraint.anchors) == set(anchors):
+            bench.selection.set(i)
+            return
+    pair = DistanceConstraint(anchors, 0.0, context.camera)
+    pair = replace(pair, target=pair.measured(session.model, session.coefficients))
+    with session.edit("Add a distance"):
+        document: Document = session.document
+        index = len(document.constraints)
+        document = replace(document, constraints=(*document.constraints, pair))
+        session.replace(Mirroring(bench.symmetry, session).applied(document, [index]))
+        bench.selection.set(index)

@@ -1,0 +1,156 @@
+"""The handle in front of the face that both eyes follow."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.geometry.camera import Camera
+from faceposer.model.subject import Subject
+from faceposer.solve.constraints.gaze import REACH_CM, GazeConstraint, gaze_direction
+from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext
+
+_REACH = 13.0
+Pixel = tuple[float, float]
+
+
+def eyes_of(subject: Subject) -> NDArray[np.float64] | None:
+    """Return the centres of both eyes of the neutral face, shape (2, 3), or None where it has none to turn."""
+    if not any(name.startswith("eyeLook") for name in subject.shape_names):
+        return None
+    parts = [part for part in subject.parts if part.material == "eye"]
+    if len(parts) != 2:
+        return None
+    centres = [subject.vertices[slice(*part.vertices)].mean(axis=0) for part in parts]
+    return np.array(centres, dtype=np.float64)
+
+
+def handle_position(subject: Subject, direction: tuple[float, float]) -> NDArray[np.float64] | None:
+    """Return where in space the handle is for a ``direction`` in degrees, shape (3,), or None without eyes."""
+    eyes = eyes_of(subject)
+    if eyes is None:
+        return None
+    yaw, pitch = (math.radians(angle) for angle in direction)
+    forward = (math.sin(yaw) * math.cos(pitch), math.sin(pitch), math.cos(yaw) * math.cos(pitch))
+    position: NDArray[np.float64] = eyes.mean(axis=0) + REACH_CM * np.array(forward)
+    return position
+
+
+def direction_under(subject: Subject, camera: Camera, pixel: Pixel, near: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the direction, in degrees, whose handle lies under ``pixel``, of two the one nearer to ``near``, (3,).
+
+    The ray of the pixel is met with the sphere that the handle moves on, or comes as near to it as it can.
+    """
+    eyes = eyes_of(subject)
+    assert eyes is not None
+    centre = eyes.mean(axis=0)
+    origin, ray = camera.ray(pixel)
+    along = float((centre - origin) @ ray)
+    closest = origin + along * ray
+    missed = float(np.linalg.norm(closest - centre))
+    half = math.sqrt(max(REACH_CM**2 - missed**2, 0.0))
+    candidates = [closest - half * ray, closest + half * ray]
+    best = min(candidates, key=lambda place: float(np.linalg.norm(place - near)))
+    x, y, z = (best - centre) / max(float(np.linalg.norm(best - centre)), 1e-9)
+    return (math.degrees(math.atan2(x, z)), math.degrees(math.asin(min(max(y, -1.0), 1.0))))
+
+
+class GazeTool(PosingTool):
+    """Lets both eyes follow a handle."""
+
+    name = "gaze"
+    cursor = "press"
+
+    def constraint(self, context: ToolContext) -> tuple[int, GazeConstraint] | None:
+        """Return the gaze constraint of the session with its index, or None."""
+        for i, constraint in enumerate(context.session.document.constraints):
+            if isinstance(constraint, GazeConstraint):
+                return i, constraint
+        return None
+
+    def direction(self, context: ToolContext) -> tuple[float, float]:
+        """Return where the handle is now, in degrees."""
+        found = self.constraint(context)
+        if found is not None:
+            return found[1].direction
+        return gaze_direction(context.session.model, context.session.coefficients)
+
+    def handle(self, context: ToolContext) -> Pixel | None:
+        """Return where the view shows the handle, or None where the face has no eyes to turn."""
+        position = handle_position(context.session.model.subject, self.direction(context))
+        if position is None:
+            return None
+        u, v = context.camera.project(position[None])[0].tolist()
+        return (u, v)
+
+    def _reached(self, position: Pixel, context: ToolContext) -> bool:
+        """Whether ``position`` is on the handle, and the face does not hide it there."""
+        handle = self.handle(context)
+        if handle is None or math.dist(position, handle) > _REACH * context.ui_scale:
+            return False
+        session, camera = context.session, context.camera
+        found, met = context.pick_many([handle])
+        place = handle_position(session.model.subject, self.direction(context))
+        if place is None or not met[0]:
+            return True
+        surface = session.model.positions_at(found, session.coefficients)
+        return bool(camera.to_camera(place[None])[0, 2] < camera.to_camera(surface)[0, 2])
+
+    def grips(self, event: PointerEvent, context: ToolContext) -> bool:
+        """Whether the press ``event`` takes hold of the handle of a gaze constraint."""
+        found = self.constraint(context)
+        return found is not None and not found[1].locked and self.begins(event, context)
+
+    def begins(self, event: PointerEvent, context: ToolContext) -> bool:
+        """Whether the press ``event`` takes hold of the handle."""
+        return event.button == "left" and not event.modifiers and self._reached(event.position, context)
+
+    def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
+        """Drag the handle while the eyes follow."""
+        # on press
+        session = context.session
+        subject = session.model.subject
+        handle, found = self.handle(context), self.constraint(context)
+        if handle is None or (found is not None and found[1].locked):
+            return
+        grip = np.subtract(handle, event.position)
+        begun = GazeConstraint(self.direction(context)) if found is None else found[1]
+        index = len(session.document.constraints) if found is None else found[0]
+        moved = False
+        with session.edit("Turn the eyes"):
+            while True:
+                event = yield
+                # on release
+                if event.kind == "release":
+                    break
+                # on move
+                moved = True
+                near = handle_position(subject, begun.direction)
+                assert near is not None
+                u, v = (np.asarray(event.position) + grip).tolist()
+                direction = direction_under(subject, context.camera, (u, v), near)
+                begun = replace(begun, direction=direction).within_reach()
+                document = session.document
+                if index < len(document.constraints):
+                    session.replace(document.with_constraint(index, begun))
+                else:
+                    session.replace(replace(document, constraints=(*document.constraints, begun)))
+            if not moved:
+                session.restore()
+            else:
+                self._bench.selection.set(index)
+
+    def remove_at(self, position: Pixel, context: ToolContext) -> bool:
+        """Let the eyes go if ``position`` is on the handle; return whether it was."""
+        found = self.constraint(context)
+        if found is None or found[1].locked or not self._reached(position, context):
+            return False
+        self._remove(found[0], "Let the eyes go", context)
+        return True
+
+    def hint(self, context: ToolContext) -> str:
+        """Return what a press will do."""
+        if eyes_of(context.session.model.subject) is None:
+            return "This face has no eyes that turn"
+        return "Drag the ring: both eyes follow   ·   right click: let them go"

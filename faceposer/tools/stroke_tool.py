@@ -1,0 +1,203 @@
+"""Strokes: a part of the face is painted, then where it should be (Lau et al. 2009, section 4.3)."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.geometry.camera import Camera
+from faceposer.geometry.picking import SurfacePoints
+from faceposer.geometry.strokes import smoothed, stroke_pixels
+from faceposer.solve.constraints.stroke import WIDEST, Pixels, StrokeConstraint, as_pixels
+from faceposer.tools.symmetry import Mirroring
+from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, Workbench
+
+_REACH = 9.0
+# More pixels than this are thinned out before they are looked up.
+_MOST_PIXELS = 4000
+Pixel = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class SourceStroke:
+    """A part of the face that waits for its target."""
+
+    points: SurfacePoints
+    width: float
+
+
+class StrokeTool(PosingTool):
+    """Paints a source on the face, then a target anywhere; then the face follows.
+
+    Attributes:
+        source: What the next stroke is the target of, or None.
+        redrawn: Source of the constraint that gets another target by the next stroke, or None.
+        drawing: The pixels of the stroke under way, with its width.
+    """
+
+    name = "stroke"
+    cursor = "draw"
+
+    def __init__(self, bench: Workbench) -> None:
+        """Share ``bench``."""
+        super().__init__(bench)
+        self.source: SourceStroke | None = None
+        self.redrawn: SurfacePoints | None = None
+        self.drawing: tuple[list[Pixel], float] | None = None
+
+    @property
+    def draws_target(self) -> bool:
+        """Whether the next stroke is a target."""
+        return self.source is not None or self.redrawn is not None
+
+    def redraw(self, stroke: StrokeConstraint) -> None:
+        """Let the next stroke be another target of ``stroke``, wherever it is in the list by then."""
+        self.source, self.redrawn = None, stroke.placed
+
+    def _target_at(self, position: Pixel, context: ToolContext) -> int | None:
+        """Return the stroke of this view whose target passes within reach of ``position``, or None."""
+        for i, constraint in reversed(list(enumerate(context.session.document.constraints))):
+            if isinstance(constraint, StrokeConstraint) and not constraint.locked:
+                seen = seen_pixels(constraint.target, constraint.camera, context.camera)
+                reach = _REACH * context.ui_scale + constraint.width / 2.0
+                if seen is not None and _distance_to_line(position, seen) <= reach:
+                    return i
+        return None
+
+    def begins(self, event: PointerEvent, context: ToolContext) -> bool:
+        """Whether the press ``event`` begins a stroke, or with Shift moves a target."""
+        if event.button != "left" or event.modifiers - {"shift"}:
+            return False
+        if "shift" in event.modifiers:
+            return self._target_at(event.position, context) is not None
+        return self.draws_target or context.pick(event.position) is not None
+
+    def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
+        """Draw a source or a target, or move a target."""
+        if "shift" in event.modifiers:
+            yield from self._move(event, context)
+            return
+        # on press
+        way, pressures = [event.position], [event.pressure]
+        try:
+            while True:
+                self.drawing = (way, self._width(pressures, context))
+                event = yield
+                # on release
+                if event.kind == "release":
+                    break
+                # on move
+                way.append(event.position)
+                pressures.append(event.pressure)
+            width = self._width(pressures, context)
+        finally:
+            self.drawing = None
+        shape = self._bench.options.shape
+        line = smoothed(way, closed=shape != "line")
+        if self.draws_target:
+            self._finish(as_pixels(line), width, context)
+            return
+        pixels = stroke_pixels(line, width, shape)
+        points, met = context.pick_many(pixels[:: len(pixels) // _MOST_PIXELS + 1])
+        if met.any():
+            self.source = SourceStroke(points, width)
+
+    def _width(self, pressures: list[float], context: ToolContext) -> float:
+        """Return the brush's width: a pen that presses lightly makes it thinner, and a mouse knows no pressure."""
+        width = self._bench.options.brush * context.ui_scale * float(np.mean(pressures))
+        return min(max(width, 1.0), WIDEST)
+
+    def _finish(self, target: Pixels, width: float, context: ToolContext) -> None:
+        """Make the constraint, or give it its new target."""
+        session, options = context.session, self._bench.options
+        document = session.document
+        redrawn, source = self.redrawn, self.source
+        self.redrawn = self.source = None
+        if redrawn is not None:
+            found = [
+                (i, c)
+                for i, c in enumerate(document.constraints)
+                if isinstance(c, StrokeConstraint) and not c.locked and c.placed == redrawn
+            ]
+            if not found:
+                return
+            index, old = found[0]
+            stroke = replace(old, target=target, width=width, camera=context.camera, shape=options.shape)
+            with session.edit("Redraw a target"):
+                document = document.with_constraint(index, stroke)
+                session.replace(Mirroring(self._bench.symmetry, session).applied(document, [index]))
+            self._bench.selection.set(index)
+        elif source is not None:
+            stroke = StrokeConstraint(source.points, target, width, context.camera, options.shape, options.energy)
+            index = len(document.constraints)
+            with session.edit("Draw a stroke"):
+                document = replace(document, constraints=(*document.constraints, stroke))
+                session.replace(Mirroring(self._bench.symmetry, session).applied(document, [index]))
+            self._bench.selection.set(index)
+
+    def _move(self, event: PointerEvent, context: ToolContext) -> Gesture:
+        """Move a target while the face follows."""
+        # on press
+        session, press = context.session, event.position
+        index = self._target_at(press, context)
+        if index is None:
+            return
+        self._bench.selection.set(index)
+        with session.edit("Move a target"):
+            mirroring = Mirroring(self._bench.symmetry, session)
+            begun = session.document.constraints[index]
+            assert isinstance(begun, StrokeConstraint)
+            scale = begun.camera.focal / context.camera.focal
+            moved = False
+            while True:
+                event = yield
+                # on release
+                if event.kind == "release":
+                    break
+                # on move
+                moved = True
+                stroke = begun.moved(np.subtract(event.position, press) * scale)
+                session.replace(mirroring.applied(session.document.with_constraint(index, stroke), [index]))
+            if not moved:
+                session.restore()
+
+    def remove_at(self, position: Pixel, context: ToolContext) -> bool:
+        """Remove the stroke whose target passes within reach of ``position``; return whether there was one."""
+        index = self._target_at(position, context)
+        if index is None:
+            return False
+        self._remove(index, "Remove a stroke", context)
+        return True
+
+    def step_back(self) -> bool:
+        """Forget the source; return whether there was one."""
+        return self.drop()
+
+    def drop(self) -> bool:
+        """Forget the source that waits, or that a target was to be redrawn; return whether there was either."""
+        had = self.draws_target
+        self.source = self.redrawn = None
+        return had
+
+    def hint(self, context: ToolContext) -> str:
+        """Return what a press will do."""
+        if self.draws_target:
+            return "Draw where it should be, anywhere   ·   Esc: forget the source"
+        return "Draw on the face what should move   ·   Shift+drag a target: move it   ·   [ ]: brush width"
+
+
+def seen_pixels(pixels: Pixels, camera: Camera, view: Camera) -> NDArray[np.float64] | None:
+    """Return where ``view`` shows ``pixels`` of ``camera``, shape (n, 2), or None unless both look the same way."""
+    origin = camera.transferred((0.0, 0.0), view)
+    if origin is None:
+        return None
+    return np.asarray(pixels, dtype=np.float64) * (view.focal / camera.focal) + origin
+
+
+def _distance_to_line(position: Pixel, line: NDArray[np.float64]) -> float:
+    """Return how far ``position`` is from the polyline ``line``, shape (n, 2)."""
+    begin, end = line, np.concatenate([line[1:], line[-1:]])
+    along = end - begin
+    squared = np.maximum(np.einsum("nd,nd->n", along, along), 1e-12)
+    share = np.clip(np.einsum("nd,nd->n", np.asarray(position) - begin, along) / squared, 0.0, 1.0)
+    return float(np.hypot(*(begin + share[:, None] * along - position).T).min())

@@ -1,0 +1,1 @@
+"""What ``scripts/benchmark.py`` and ``scripts/compare_strokes.py`` are made of."""

@@ -1,0 +1,211 @@
+"""Times of warm solves with constraints of each kind, and how they grow with the number of constraints."""
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from faceposer.geometry.camera import Camera
+from faceposer.geometry.picking import SurfacePoint, SurfacePoints
+from faceposer.geometry.strokes import stroke_pixels
+from faceposer.model.capture import read_live_link_face
+from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.model.training import Recipe, augment, clean, fit_statistics
+from faceposer.solve.constraints.curve import CurveConstraint
+from faceposer.solve.constraints.distance import DistanceConstraint
+from faceposer.solve.constraints.fixed import FixedConstraint
+from faceposer.solve.constraints.point import PointConstraint
+from faceposer.solve.constraints.registry import Constraint
+from faceposer.solve.constraints.stroke import StrokeConstraint, as_pixels
+from faceposer.solve.map_solver import solve
+from faceposer.solve.problem import PoseProblem
+from scripts.benchmarking.feature_lines import FEATURE_LINES, feature_line, width_of
+from scripts.benchmarking.timing import Row, elapsed, row
+
+# Mouth, eyelid and brow: what an artist opens and closes by a slider.
+_PAIRS = (("2.2", "2.3"), ("8.3", "8.4"), ("3.1", "3.3"), ("4.1", "4.2"))
+# Corners of the mouth, chin and lips.
+_DRAGGED = ("8.3", "8.4", "2.1", "8.1", "8.2")
+_FRAMES = (1000, 4000)
+Offsets = Iterator[tuple[float, float]]
+
+
+def circle(moves: int) -> Offsets:
+    """Yield the offset from the start, in pixels, at each move of a drag that circles out and back."""
+    for step in range(moves):
+        angle = 2 * np.pi * step / 120
+        radius = 22 * abs(np.sin(np.pi * step / moves))
+        yield float(radius * np.cos(angle)), float(radius * np.sin(angle))
+
+
+def warm_row(name: str, model: FaceModel, drag: Iterator[Sequence[Constraint]]) -> Row:
+    """Measure a live drag: at each move the problem is built, and solved from the last pose."""
+    p, times, evaluations = model.neutral(), [], []
+    for constraints in drag:
+
+        def move(given: Sequence[Constraint] = constraints) -> None:
+            nonlocal p
+            solution = solve(PoseProblem(model, given), p)
+            p = solution.coefficients
+            evaluations.append(solution.evaluations)
+
+        times.append(elapsed(move))
+    return row(name, times[1:], evaluations[1:])
+
+
+def dragged_points(
+    model: FaceModel, camera: Camera, vertices: Sequence[int], moved: int, moves: int
+) -> Iterator[list[PointConstraint]]:
+    """Yield points at ``vertices`` at each move of a drag of the first ``moved`` of them."""
+    anchors = [SurfacePoint.at_vertex(model.triangles, vertex) for vertex in vertices]
+    pixels = camera.project(model.subject.vertices[list(vertices)]).tolist()
+    still = [PointConstraint(anchor, (u, v), camera) for anchor, (u, v) in zip(anchors, pixels, strict=True)]
+    for du, dv in circle(moves):
+        yield [
+            *(replace(pin, target=(pin.target[0] + du, pin.target[1] + dv)) for pin in still[:moved]),
+            *still[moved:],
+        ]
+
+
+def dragged_distances(model: FaceModel, camera: Camera, moves: int) -> Iterator[list[DistanceConstraint]]:
+    """Yield four distances, the first of which is set by a slider that is drawn out and back by about 24 pixels."""
+    features = model.subject.feature_points
+    still = []
+    for first, second in _PAIRS:
+        pair = DistanceConstraint((features[first], features[second]), 0.0, camera)
+        still.append(replace(pair, target=pair.measured(model, model.neutral())))
+    for step in range(moves):
+        longer = 12.0 * (1.0 - np.cos(2 * np.pi * step / 120))
+        yield [replace(still[0], target=still[0].target + float(longer)), *still[1:]]
+
+
+def brow_stroke(model: FaceModel, camera: Camera, pixels: int) -> StrokeConstraint:
+    """Return a stroke of about ``pixels`` pixels along the left brow, its target where it is."""
+    line = feature_line(model, model.subject.vertices, camera, FEATURE_LINES["brow_left"])
+    way = as_pixels(line)
+    return StrokeConstraint(way, way, width_of(line, pixels), camera).resolved(model, model.neutral())
+
+
+def dragged_stroke(model: FaceModel, camera: Camera, pixels: int, moves: int) -> Iterator[list[StrokeConstraint]]:
+    """Yield a stroke of ``pixels`` pixels whose target is dragged by about a pixel at each move."""
+    stroke = brow_stroke(model, camera, pixels)
+    for offset in circle(moves):
+        yield [stroke.moved(offset)]
+
+
+def dragged_curve(model: FaceModel, camera: Camera, moves: int) -> Iterator[list[CurveConstraint]]:
+    """Yield a curve with five control points along the upper lip, the middle one being dragged."""
+    names = ("8.4", "8.9", "8.1", "8.10", "8.3")
+    way = as_pixels(feature_line(model, model.subject.vertices, camera, names))
+    curve = CurveConstraint(way, way, camera).resolved(model, model.neutral())
+    for du, dv in circle(moves):
+        yield [curve.with_target(2, (way[2][0] + du, way[2][1] + dv))]
+
+
+def dragged_with_fixed(model: FaceModel, camera: Camera, count: int, moves: int) -> Iterator[list[Constraint]]:
+    """Yield five points about the mouth being dragged, and ``count`` vertices of the skin above it being held."""
+    subject = model.subject
+    first, last = subject.part("skin").vertices
+    above = first + np.flatnonzero(subject.vertices[first:last, 1] > subject.vertices[subject.feature_points["9.3"], 1])
+    held = np.random.default_rng(0).permutation(above)[:count]
+    hold = FixedConstraint(SurfacePoints.at_vertices(held)).resolved(model, model.neutral())
+    for points in dragged_points(model, camera, [subject.feature_points[name] for name in _DRAGGED], 5, moves):
+        yield [*points, hold]
+
+
+def constraint_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
+    """Measure a warm solve for constraints of each kind, the building of the problem included."""
+    return [
+        warm_row("solve/distances-4/mfa", model, dragged_distances(model, camera, moves)),
+        *(
+            warm_row(f"solve/stroke-{pixels}/mfa", model, dragged_stroke(model, camera, pixels, moves))
+            for pixels in (450, 900)
+        ),
+        warm_row("solve/curve-5/mfa", model, dragged_curve(model, camera, moves)),
+        *(
+            warm_row(f"solve/fixed-{count}/mfa", model, dragged_with_fixed(model, camera, count, moves))
+            for count in (100, 1000)
+        ),
+    ]
+
+
+def scaling_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
+    """Measure how a warm solve grows with the number of points, of pixels in a stroke and of fixed vertices."""
+    regions = model.subject.regions
+    places = np.concatenate([regions[name] for name in ("mouth", "brow_left", "brow_right", "cheek_left", "nose")])
+    corner = model.subject.feature_points["8.3"]
+    others = [v for v in np.random.default_rng(0).permutation(places).tolist() if v != corner]
+    return [
+        *(
+            warm_row(
+                f"scaling/points-{count}",
+                model,
+                dragged_points(model, camera, [corner, *others[: count - 1]], 1, moves),
+            )
+            for count in (1, 4, 16, 64)
+        ),
+        *(
+            warm_row(f"scaling/stroke-{pixels}", model, dragged_stroke(model, camera, pixels, moves))
+            for pixels in (225, 450, 900, 1800)
+        ),
+        *(
+            warm_row(f"scaling/fixed-{count}", model, dragged_with_fixed(model, camera, count, moves))
+            for count in (100, 1000, 5000)
+        ),
+    ]
+
+
+def example_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
+    """Measure that a solve does not depend on the number of examples; nothing without FACEPOSER_CAPTURES.
+
+    A solve reads only the mixture that was learned, whose size the recipe sets, and no example.
+    """
+    folder = os.environ.get("FACEPOSER_CAPTURES")
+    if not folder:
+        return []
+    recipe = Recipe()
+    frames = np.concatenate(
+        [clean(read_live_link_face(path), recipe) for path in sorted(Path(folder).glob("alex_rom_*.csv"))]
+    )
+    rows = []
+    for count in _FRAMES:
+        chosen = frames[np.linspace(0, len(frames) - 1, count).round().astype(int)]
+        statistics = fit_statistics(augment(chosen, ARKIT_SHAPES, recipe), ARKIT_SHAPES, recipe, "")
+        learned = build_face_model(model.subject, statistics, model.n_coefficients)
+        corners = [model.subject.feature_points[name] for name in _DRAGGED]
+        rows.append(warm_row(f"scaling/examples-{count}", learned, dragged_points(learned, camera, corners, 5, moves)))
+    return rows
+
+
+def pick_rows(model: FaceModel, camera: Camera, repeats: int) -> list[Row]:
+    """Measure the way from a stroke's 900 pixels to points of the face, by the picture of triangle numbers and without.
+
+    Without OpenGL only the way without is measured.
+    """
+    from faceposer.errors import FacePoserError
+    from faceposer.viewer.offscreen import offscreen_context
+    from faceposer.viewer.scene import Scene
+
+    stroke = brow_stroke(model, camera, 900)
+    pixels = stroke_pixels(stroke.target, stroke.width)
+    neutral = model.neutral()
+    rows = []
+    try:
+        with offscreen_context() as ctx:
+            scene = Scene(ctx)
+            scene.set_model(model)
+            redrawn, drawn = [], []
+            for repeat in range(repeats + 1):
+                # A view from hardly anywhere else: the picture of before is of no use.
+                other = replace(camera, translation=camera.translation + (1e-6 * repeat, 0.0, 0.0))
+                redrawn.append(elapsed(lambda view=other: scene.pick_many(view, pixels)))  # type: ignore[misc]
+                drawn.append(elapsed(lambda view=other: scene.pick_many(view, pixels)))  # type: ignore[misc]
+            scene.release()
+        rows = [row("pick/stroke-900", redrawn[1:]), row("pick/stroke-900/drawn", drawn[1:])]
+    except FacePoserError as error:
+        print(f"without the picture of triangle numbers: {error}")
+    numpy_times = [elapsed(lambda: model.pick(neutral, camera, pixels)) for _ in range(repeats)]
+    return [*rows, row("pick/stroke-900/numpy", numpy_times)]

@@ -1,0 +1,236 @@
+#!/usr/bin/env python3
+"""Compare what a stroke can pull by: the paper's difference of images, distances both ways, and distances one way.
+
+    FACEPOSER_CAPTURES=FOLDER python scripts/compare_strokes.py --json strokes.json
+
+Learned from take 3, tested on take 4, as in ``evaluate.py``. On the neutral face a stroke of 450 or 900 pixels is drawn
+along a feature (brow, lip, cheek, lid); its target is the same line of the skin as an unseen frame shows it. All
+methods start from the neutral face and run the same solver.
+
+  same     the target has the extent of the source
+  longer   the target is a quarter longer, as when a hand does not stop where the feature does
+  shorter  the target is a quarter shorter
+  noisy    the hand misses by 1.5 px, and the stroke is smoothed as the window does it
+  far      as "same", on the lower lip and in frames with the jaw wide open
+
+  image           the paper's energy, eqs. (12), (13) and (27)
+  distance        what ships: source to target, target to source, and centres
+  forward         source to target alone
+  forward+centre  source to target, and centres
+  both            source to target and target to source, without centres
+
+With --constants, the constants of `distance` are halved and doubled one at a time.
+"""
+
+import os
+
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))
+
+from faceposer.geometry.camera import Camera, OrbitView
+from faceposer.geometry.strokes import resampled, smoothed
+from faceposer.model.capture import read_live_link_face
+from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.subject import ARKIT_SHAPES, load_subject
+from faceposer.model.training import Recipe, augment, clean, fit_statistics
+from faceposer.solve.constraints.stroke import StrokeConstraint, StrokeEnergy, as_pixels
+from faceposer.solve.constraints.stroke_terms import StrokeDistanceTerm
+from faceposer.solve.map_solver import solve
+from faceposer.solve.problem import PoseProblem
+from scripts.benchmarking.feature_lines import FEATURE_LINES, feature_line, of_length, width_of
+
+TRAIN, TEST = "alex_rom_3.csv", "alex_rom_4.csv"
+SIZE = (1280, 800)
+PIXELS = (450, 900)
+SITUATIONS = ("same", "longer", "shorter", "noisy", "far")
+NOISE_PX = 1.5
+# Below that mean motion a line has nothing to show; above that weight the jaw is wide open.
+MOVES_PX, WIDE_OPEN = 3.0, 0.45
+REGIONS = {
+    "brow_left": "brow_left",
+    "brow_right": "brow_right",
+    "lip_upper": "lip_upper",
+    "lip_lower": "lip_lower",
+    "cheek_left": "cheek_left",
+    "cheek_right": "cheek_right",
+    "lid_left": "lids_left",
+    "lid_right": "lids_right",
+}
+
+
+@dataclass(frozen=True)
+class Method:
+    """An energy, and factors on the parts of the one that measures distances.
+
+    Attributes:
+        energy: Which of the two.
+        strength: Factor on all parts.
+        reverse: Factor on the way from target to source.
+        centre: Factor on the pull between the centres.
+    """
+
+    energy: StrokeEnergy = "distance"
+    strength: float = 1.0
+    reverse: float = 1.0
+    centre: float = 1.0
+
+    def problem(self, model: FaceModel, stroke: StrokeConstraint) -> PoseProblem:
+        """Return the problem of posing ``model`` by ``stroke``."""
+        stroke = replace(stroke, energy=self.energy, weight=self.strength)
+        problem = PoseProblem(model, [stroke])
+        n = len(stroke.points)
+        for term in problem.terms:
+            if isinstance(term, StrokeDistanceTerm):
+                term.weights[2 * n : -2] *= self.reverse
+                term.weights[-2:] *= self.centre
+        return problem
+
+
+METHODS = {
+    "image": Method("image"),
+    "distance": Method(),
+    "forward": Method(reverse=0.0, centre=0.0),
+    "forward+centre": Method(reverse=0.0),
+    "both": Method(centre=0.0),
+}
+CONSTANTS = {
+    f"{part} x {factor:g}": replace(Method(), **{part: factor})
+    for part in ("strength", "reverse", "centre")
+    for factor in (0.5, 2.0)
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One test: a stroke, the vertices of the frame that it was taken from, and those of them that it is about."""
+
+    stroke: StrokeConstraint
+    truth: np.ndarray
+    region: np.ndarray
+
+
+def target_of(line: np.ndarray, situation: str, rng: np.random.Generator) -> np.ndarray:
+    """Return what is drawn, shape (m, 2), where the feature lies at ``line``, shape (n, 2)."""
+    if situation in ("longer", "shorter"):
+        return of_length(line, 1.25 if situation == "longer" else 0.75)
+    if situation == "noisy":
+        drawn = resampled(line, 4.0)
+        return smoothed(drawn + NOISE_PX * rng.standard_normal(drawn.shape))
+    return line
+
+
+def make_trials(
+    model: FaceModel, frames: np.ndarray, camera: Camera, situation: str, pixels: int, poses: int, seed: int
+) -> Iterator[Trial]:
+    """Yield ``poses`` trials, one line after another, each from another frame in which its line moves."""
+    rng = np.random.default_rng([seed, SITUATIONS.index(situation), pixels])
+    subject = model.subject
+    jaw = subject.shape_names.index("jawOpen")
+    far = situation == "far"
+    lines = ["lip_lower"] if far else list(FEATURE_LINES)
+    sources = {}
+    for name in lines:
+        way = resampled(feature_line(model, subject.vertices, camera, FEATURE_LINES[name]), 4.0)
+        points, met = model.pick(model.neutral(), camera, way)
+        stroke = StrokeConstraint(as_pixels(way), as_pixels(way), width_of(way, pixels), camera)
+        sources[name] = stroke.resolved(model, model.neutral()), points, way[met]
+    done = 0
+    for frame in rng.permutation(len(frames)):
+        if done == poses:
+            return
+        name = lines[done % len(lines)]
+        stroke, points, rest = sources[name]
+        if far and frames[frame, jaw] < WIDE_OPEN:
+            continue
+        truth = subject.vertices + np.tensordot(frames[frame].astype(np.float32), subject.shapes, axes=1)
+        line = camera.project(points.positions(truth, model.triangles))
+        if np.hypot(*(line - rest).T).mean() < MOVES_PX:
+            continue
+        done += 1
+        target = as_pixels(target_of(line, situation, rng))
+        yield Trial(replace(stroke, target=target), truth, subject.regions[REGIONS[name]])
+
+
+def judge(model: FaceModel, name: str, method: Method, trials: list[Trial]) -> dict[str, object]:
+    """Return what came of ``trials`` by ``method``."""
+    errors, neutral_errors, pixels, times, evaluations = [], [], [], [], []
+    for trial in trials:
+        began = time.perf_counter()
+        solution = solve(method.problem(model, trial.stroke), model.neutral())
+        times.append((time.perf_counter() - began) * 1e3)
+        evaluations.append(solution.evaluations)
+        truth = trial.truth[trial.region]
+        reached = model.instance(solution.coefficients)[trial.region]
+        errors.append(float(np.linalg.norm(reached - truth, axis=1).mean()))
+        neutral = model.subject.vertices[trial.region]
+        neutral_errors.append(float(np.linalg.norm(neutral - truth, axis=1).mean()))
+        # The same measure for all, whatever they minimise.
+        pixels.append(trial.stroke.residual_px(model, solution.coefficients))
+    return {
+        "method": name,
+        "poses": len(trials),
+        "error_3d_relative": round(float(np.mean(errors) / np.mean(neutral_errors)), 4),
+        "residual_px": round(float(np.mean(pixels)), 3),
+        "worse_than_neutral": round(float(np.mean(np.greater(errors, neutral_errors))), 4),
+        "ms": round(float(np.median(times)), 2),
+        "evaluations": float(np.median(evaluations)),
+    }
+
+
+def main() -> None:
+    """Train, test and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", type=Path, help="write the rows to this file")
+    parser.add_argument("--subject", default="man", help="face to pose (default: man)")
+    parser.add_argument("--poses", type=int, default=80, help="test frames per situation (default: 80)")
+    parser.add_argument("--examples", type=int, default=Recipe().n_examples, help="to learn the prior from")
+    parser.add_argument("--seed", type=int, default=0, help="of frames and noise (default: 0)")
+    parser.add_argument("--constants", action="store_true", help="vary the constants of the distances too")
+    options = parser.parse_args()
+    folder = os.environ.get("FACEPOSER_CAPTURES")
+    if not folder:
+        sys.exit("Set FACEPOSER_CAPTURES to the folder with the capture files.")
+
+    recipe = replace(Recipe(), n_examples=options.examples)
+    train, test = (clean(read_live_link_face(Path(folder) / take), recipe) for take in (TRAIN, TEST))
+    subject = load_subject(options.subject)
+    if subject.shape_names != ARKIT_SHAPES:
+        sys.exit(f"The frames do not fit the subject '{subject.name}': its shapes are not the 52 of ARKit.")
+    model = build_face_model(subject, fit_statistics(augment(train, ARKIT_SHAPES, recipe), ARKIT_SHAPES, recipe, ""))
+    camera = OrbitView.preset(subject.vertices.min(axis=0), subject.vertices.max(axis=0)).camera(SIZE)
+
+    methods = METHODS | (CONSTANTS if options.constants else {})
+    rows = []
+    print(f"{'':33}{'3D error':>9}{'px':>7}{'worse':>7}{'ms':>7}{'evals':>7}  (3D error of the neutral face = 1)")
+    for pixels in PIXELS:
+        for situation in SITUATIONS:
+            trials = list(make_trials(model, test, camera, situation, pixels, options.poses, options.seed))
+            print(f"{pixels} pixels, {situation}, {len(trials)} frames")
+            for name, method in methods.items():
+                found = judge(model, name, method, trials)
+                rows.append({"pixels": pixels, "situation": situation, **found})
+                values = (
+                    f"{found['error_3d_relative']:9.3f}{found['residual_px']:7.2f}{found['worse_than_neutral']:7.3f}"
+                )
+                print(f"    {name:29}{values}{found['ms']:7.1f}{found['evaluations']:7.0f}", flush=True)
+    if options.json:
+        data = {"subject": options.subject, "train": TRAIN, "test": TEST, "rows": rows}
+        options.json.write_text(json.dumps(data, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
