@@ -125,6 +125,7 @@ class App:
         self.drawn_constraints = DrawnConstraints(self)
         self._mode: Mode = "live"
         self.set_session(session)
+        self.files.remember(what)
 
     # The loop
 
