@@ -173,6 +173,8 @@ def main() -> None:
     parser.add_argument("--no-start", action="store_true", help="leave out the row 'start', which opens windows")
     options = parser.parse_args()
 
+    # First, so that a missing display does not cost the minutes of all the rest.
+    start = [] if options.no_start else [start_row(5)]
     model = build_face_model(load_subject(options.subject))
     vertices = model.subject.vertices
     camera = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0)).camera(SIZE)
@@ -184,8 +186,7 @@ def main() -> None:
         rows += example_rows(model, camera, options.moves)
     rows += pick_rows(model, camera, max(options.moves // 8, 1))
     rows += mesh_rows(model, options.moves)
-    if not options.no_start:
-        rows.append(start_row(5))
+    rows += start
 
     print(f"{len(vertices)} vertices, {model.n_coefficients} coefficients, {THREADS} thread")
     print(f"{'':34}{'count':>6}{'median ms':>12}{'99 % ms':>12}{'evaluations':>13}")

@@ -1,14 +1,18 @@
 """The plane of symmetry x = 0: which point of a surface lies across from which, and cameras seen in it."""
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import Floats, Ints
 from faceposer.geometry.picking import SurfacePoints
+
+if TYPE_CHECKING:
+    # The window's start does not wait for search trees: they are imported where they are built.
+    from scipy.spatial import cKDTree
 
 _ACROSS = np.array([-1.0, 1.0, 1.0])
 
@@ -25,11 +29,15 @@ class SurfaceMirror:
     @cached_property
     def vertices(self) -> NDArray[np.int64]:
         """The vertex across from each vertex, shape (N,), or -1."""
+        from scipy.spatial import cKDTree
+
         distances, nearest = cKDTree(self._vertices).query(self._vertices * _ACROSS)
         return np.where(distances <= self._tolerance, nearest, -1).astype(np.int64)
 
     @cached_property
-    def _centres(self) -> cKDTree:
+    def _centres(self) -> "cKDTree":
+        from scipy.spatial import cKDTree
+
         return cKDTree(self._vertices[self._triangles].mean(axis=1))
 
     def points(self, points: SurfacePoints) -> SurfacePoints | None:

@@ -6,7 +6,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import Floats, Ints
@@ -176,6 +175,9 @@ def pick_pixels(
     Only the triangles near each pixel are tried, which a search tree over the pixels finds: it stands for the paper's
     hierarchy of blocks (section 4.3). Triangles that face away are left out.
     """
+    # The window's start does not wait for search trees.
+    from scipy.spatial import cKDTree
+
     targets = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
     positions = np.asarray(vertices, dtype=np.float64)
     corners = camera.project(positions)[np.asarray(triangles)]

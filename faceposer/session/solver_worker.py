@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from faceposer.model.face_model import FaceModel
 from faceposer.session.document import Document
-from faceposer.solve.map_solver import Solution, solve
+from faceposer.solve.map_solver import Solution, prepare, solve
 from faceposer.solve.problem import PoseProblem
 
 
@@ -48,6 +48,10 @@ class Worker(Protocol):
 
     def submit(self, job: Job) -> None:
         """Solve ``job`` next, in place of any that waits."""
+        ...
+
+    def prepare(self) -> None:
+        """Get ready for the first job, beside the caller if possible."""
         ...
 
     def poll(self) -> JobResult | None:
@@ -87,6 +91,9 @@ class InlineWorker:
     def submit(self, job: Job) -> None:
         """Solve ``job``."""
         self._result = run_job(job)
+
+    def prepare(self) -> None:
+        """Do nothing: the first job waits for what it needs."""
 
     def poll(self) -> JobResult | None:
         """Return the newest result that was not yet taken, or None."""
@@ -129,6 +136,10 @@ class SolverWorker:
         with self._condition:
             self._waiting = job
             self._condition.notify_all()
+
+    def prepare(self) -> None:
+        """Get ready for the first job in a thread of its own, so that jobs are taken meanwhile."""
+        threading.Thread(target=prepare, name="prepare", daemon=True).start()
 
     def poll(self) -> JobResult | None:
         """Return the newest result that was not yet taken, or None."""

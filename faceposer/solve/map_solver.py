@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
-from scipy.optimize import minimize
 
 from faceposer.solve.problem import PoseProblem
 from faceposer.solve.term import Array
@@ -40,6 +39,13 @@ class Solution:
     seconds: float
     residuals_px: tuple[float, ...]
     converged: bool
+
+
+def prepare() -> None:
+    """Import what a solve needs: a window does it once its first frame is there, so that its start need not wait."""
+    import scipy.ndimage
+    import scipy.optimize
+    import scipy.spatial  # noqa: F401
 
 
 def best_start(problem: PoseProblem) -> tuple[Array, int]:
@@ -85,6 +91,8 @@ def solve(
         on_iterate: Called with the coefficients after each iteration.
         should_stop: Asked after each iteration; the pose reached so far is returned when it says yes.
     """
+    from scipy.optimize import minimize
+
     began = time.perf_counter()
     evaluations = 0
     if problem.at_rest:

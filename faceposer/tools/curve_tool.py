@@ -223,8 +223,7 @@ class CurveTool(PosingTool):
             if not len(shorter.points):
                 raise ValueError("nothing of the curve is left")
         except ValueError:
-            self._bench.selection.set()
-            session.remove_constraints(self._bench.symmetry.with_partners(session, {index}), "Remove a curve")
+            self._remove(index, "Remove a curve", context)
             return True
         with session.edit("Remove a point of a curve"):
             mirroring = Mirroring(self._bench.symmetry, session)

@@ -182,9 +182,7 @@ class DistanceTool(PosingTool):
         handle = self.handle_at(position, context)
         if handle is None:
             return False
-        self._bench.selection.set()
-        session = context.session
-        session.remove_constraints(self._bench.symmetry.with_partners(session, {handle[0]}), "Remove a distance")
+        self._remove(handle[0], "Remove a distance", context)
         return True
 
     def step_back(self) -> bool:

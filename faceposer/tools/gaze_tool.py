@@ -146,8 +146,7 @@ class GazeTool(PosingTool):
         found = self.constraint(context)
         if found is None or found[1].locked or not self._reached(position, context):
             return False
-        self._bench.selection.set()
-        context.session.remove_constraints({found[0]}, "Let the eyes go")
+        self._remove(found[0], "Let the eyes go", context)
         return True
 
     def hint(self, context: ToolContext) -> str:

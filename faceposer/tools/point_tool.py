@@ -161,9 +161,7 @@ class PointTool(PosingTool):
         pin = self.pin_at(position, context)
         if pin is None or context.session.document.constraints[pin].locked:
             return False
-        self._bench.selection.set()
-        session = context.session
-        session.remove_constraints(self._bench.symmetry.with_partners(session, {pin}), "Remove a point")
+        self._remove(pin, "Remove a point", context)
         return True
 
     def hint(self, context: ToolContext) -> str:

@@ -166,9 +166,7 @@ class StrokeTool(PosingTool):
         index = self._target_at(position, context)
         if index is None:
             return False
-        self._bench.selection.set()
-        session = context.session
-        session.remove_constraints(self._bench.symmetry.with_partners(session, {index}), "Remove a stroke")
+        self._remove(index, "Remove a stroke", context)
         return True
 
     def step_back(self) -> bool:

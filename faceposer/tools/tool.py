@@ -181,6 +181,11 @@ class PosingTool:
         """Remove what a right click at ``position`` means; return whether there was anything."""
         return False
 
+    def _remove(self, index: int, label: str, context: ToolContext) -> None:
+        """Remove constraint ``index``, with symmetry also what lies across, as the step ``label``."""
+        self._bench.selection.set()
+        context.session.remove_constraints(self._bench.symmetry.with_partners(context.session, {index}), label)
+
     def accept(self, context: ToolContext) -> bool:
         """Finish what was begun (Enter); return whether there was anything."""
         return False

@@ -125,12 +125,15 @@ class App:
         self.drawn_constraints = DrawnConstraints(self)
         self._mode: Mode = "live"
         self.set_session(session)
+        self.files.remember(what)
 
     # The loop
 
     def run(self) -> None:
         """Show the window until the user closes it, or a signal asks for the end."""
         self.window.show()
+        self.step(force=True)
+        self.session.worker.prepare()
         with interrupted_by_signals(self):
             while not (self.closing or self.interrupted):
                 self.window.wait(self._patience())

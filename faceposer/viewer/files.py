@@ -17,6 +17,9 @@ from faceposer.viewer.settings import last_folder
 if TYPE_CHECKING:
     from faceposer.viewer.app import App
 
+# Of what can be opened by its path: sessions and subjects.
+SUFFIXES = (".json", ".npz")
+
 
 class Files:
     """What the File menu does."""
@@ -44,7 +47,7 @@ class Files:
                 "open",
                 "Open a session or a subject",
                 "Sessions and subjects",
-                (".json", ".npz"),
+                SUFFIXES,
                 last_folder(self._app.settings),
                 lambda path: self.open(str(path)),
             )
@@ -56,11 +59,12 @@ class Files:
 
     def _open(self, what: str) -> None:
         if self.show(lambda worker: open_session(what, worker), "This cannot be opened"):
-            session = self._app.session
-            if session.path is not None:
-                self.recent.add(session.path)
-            elif what.lower().endswith(".npz"):
-                self.recent.add(Path(what))
+            self.remember(what)
+
+    def remember(self, what: str) -> None:
+        """Put ``what``, which was opened, among the recent files if it is a file."""
+        if Path(what).suffix.lower() in SUFFIXES:
+            self.recent.add(Path(what))
 
     def show(self, opening: Callable[[Worker], Session], failure: str, comfort: str = "") -> bool:
         """Edit the session that ``opening`` gives; the caller has asked about changes that are not saved.

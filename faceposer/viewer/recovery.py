@@ -1,6 +1,7 @@
 """Keeps the user's work on the disk as it is made, and offers at the start what an earlier run could not save."""
 
 import math
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from faceposer.errors import FacePoserError
@@ -76,7 +77,8 @@ class Recovery:
         if self._journal is None:
             return
         if keep:
-            self.rescue()
+            with suppress(FacePoserError):
+                self._journal.flush(self._app.session, self._app.viewport.camera)
         self._journal.close(keep)
 
     def _offer(self, orphan: Orphan) -> None:

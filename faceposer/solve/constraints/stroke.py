@@ -7,7 +7,6 @@ from typing import Any, ClassVar, Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
 
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera, mirrored_pixels
@@ -88,6 +87,9 @@ class StrokeConstraint(Switches):
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return how far the two strokes lie apart: the mean distance to the nearest of the other, in pixels."""
+        # The window's start does not wait for search trees.
+        from scipy.spatial import cKDTree
+
         pixels = self.camera.project(model.positions_at(self.points, p))
         target = self.target_pixels[_spread(len(self.target_pixels))]
         to_target, _ = cKDTree(self.target_pixels).query(pixels)

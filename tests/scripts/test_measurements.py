@@ -1,0 +1,66 @@
+"""What measures speed and compares strokes runs, and says what it says it does; no test looks at a time."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faceposer.geometry.strokes import stroke_pixels
+from scripts.benchmarking.feature_lines import of_length, width_of
+
+ROOT = Path(__file__).resolve().parents[2]
+LINE = np.array([(100.3, 50.1), (160.2, 71.7), (220.8, 53.4)])
+
+
+def run(script: str, *arguments: str, captures: bool = False) -> subprocess.CompletedProcess[str]:
+    environment = {name: value for name, value in os.environ.items() if captures or name != "FACEPOSER_CAPTURES"}
+    command = [sys.executable, str(ROOT / "scripts" / script), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=ROOT)
+
+
+def test_the_benchmark_has_all_its_rows(tmp_path: Path) -> None:
+    path = tmp_path / "benchmark.json"
+    result = run("benchmark.py", "--moves", "3", "--no-start", "--json", str(path))
+    assert result.returncode == 0, result.stderr
+    names = {row["name"] for row in json.loads(path.read_text())["rows"]}
+    kinds = ("distances-4", "stroke-450", "stroke-900", "curve-5", "fixed-100", "fixed-1000")
+    assert {f"solve/{kind}/mfa" for kind in kinds} <= names
+    for kind, counts in (("points", (1, 4, 16, 64)), ("stroke", (225, 450, 900, 1800)), ("fixed", (100, 1000, 5000))):
+        assert {f"scaling/{kind}-{count}" for count in counts} <= names
+    assert "pick/stroke-900/numpy" in names
+
+
+@pytest.mark.skipif("FACEPOSER_CAPTURES" not in os.environ, reason="needs the capture files")
+def test_strokes_are_compared(tmp_path: Path) -> None:
+    path = tmp_path / "strokes.json"
+    result = run("compare_strokes.py", "--poses", "1", "--examples", "300", "--json", str(path), captures=True)
+    assert result.returncode == 0, result.stderr
+    rows = json.loads(path.read_text())["rows"]
+    assert {row["method"] for row in rows} == {"image", "distance", "forward", "forward+centre", "both"}
+    assert {row["situation"] for row in rows} == {"same", "longer", "shorter", "noisy", "far"}
+    assert {row["poses"] for row in rows} == {1}
+
+
+def test_without_captures_comparing_says_what_to_set() -> None:
+    result = run("compare_strokes.py")
+    assert result.returncode == 1
+    assert "FACEPOSER_CAPTURES" in result.stderr
+
+
+@pytest.mark.parametrize("pixels", [450, 900])
+def test_a_brush_gets_the_width_that_covers_so_many_pixels(pixels: int) -> None:
+    assert len(stroke_pixels(LINE, width_of(LINE, pixels))) == pytest.approx(pixels, rel=0.05)
+
+
+@pytest.mark.parametrize("factor", [0.75, 1.25])
+def test_lines_are_made_longer_and_shorter(factor: float) -> None:
+    def length(line: np.ndarray) -> float:
+        return float(np.hypot(*np.diff(line, axis=0).T).sum())
+
+    line = of_length(LINE, factor)
+    assert length(line) == pytest.approx(factor * length(LINE), rel=0.02)
+    np.testing.assert_allclose(line.mean(axis=0)[0], 160.5, atol=1.0)
