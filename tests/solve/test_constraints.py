@@ -158,6 +158,8 @@ def test_a_vertex_anchor_is_that_vertex(model: FaceModel) -> None:
         ({"type": "pont"}, r"constraints\[0\]\.type is 'pont'"),
         ({"colour": 1}, r"constraints\[0\] has the unknown key 'colour'"),
         ({"target": [1, float("nan")]}, r"constraints\[0\]\.target\[1\] must be a number"),
+        ({"target": [1, 10**400]}, r"target\[1\] must be a number"),
+        ({"target": [1, float("-inf")]}, r"target\[1\] must be a number"),
         ({"target": [1]}, "must be a list of 2 numbers"),
         ({"anchor": {"vertex": -1}}, "whole number"),
         ({"anchor": {"face": 3, "barycentric": [1, 1, 1]}}, "sum to 1"),

@@ -1,6 +1,5 @@
 """JSON forms that the constraints share, each refused with the place of what is wrong."""
 
-import math
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
 from typing import Any
@@ -39,7 +38,8 @@ def number_from_json(
 ) -> float:
     """Return ``value`` as a finite number from ``minimum`` to ``maximum``, or raise ``FacePoserError``."""
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not number or not math.isfinite(value) or not minimum <= value <= maximum:
+    # The comparison also tells what is not finite, and whole numbers too large to become one with a fraction.
+    if not number or not minimum <= value <= maximum:
         raise FacePoserError(f"{where} must be a number from {minimum:g} to {maximum:g}, not {shown(value)}.")
     return float(value)
 
