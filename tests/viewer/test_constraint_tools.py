@@ -19,8 +19,12 @@ KEYS = {"point": "Q", "distance": "D", "stroke": "S", "curve": "K", "fix": "H", 
 
 
 @pytest.fixture
-def robot(tmp_path: Path) -> Iterator[Robot]:
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
     app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(1000, 940), folder=str(tmp_path)))
+    # The picture itself does not matter here, and it is most of the time of a frame without a GPU.
+    monkeypatch.setattr(
+        app, "picture", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
+    )
     yield Robot(app)
     app.close()
 
