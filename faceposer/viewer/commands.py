@@ -83,10 +83,10 @@ class Commands:
         self._app.toolbox.delete_selected()
 
     def clear_points(self) -> None:
-        """Remove all points."""
-        count = len(self._app.session.document.constraints)
+        """Remove all constraints that are not locked."""
         self._app.toolbox.cancel()
-        self._app.session.remove_constraints(set(range(count)), "Clear all constraints")
+        free = {i for i, c in enumerate(self._app.session.document.constraints) if not c.locked}
+        self._app.session.remove_constraints(free, "Clear all constraints")
 
     def reset(self) -> None:
         """Return to the neutral face."""
@@ -247,8 +247,8 @@ def build_actions(app: "App") -> Actions:
                 "Edit",
                 do.clear_points,
                 (),
-                lambda: free() and bool(app.session.document.constraints),
-                help="Remove all constraints and return to the pose that they pulled the face away from",
+                lambda: free() and any(not c.locked for c in app.session.document.constraints),
+                help="Remove all constraints that are not locked; the face goes back to where they pulled it from",
             ),
             Action(
                 "reset",

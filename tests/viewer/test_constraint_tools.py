@@ -252,6 +252,8 @@ def test_rows_of_the_list_switch_lock_and_remove(robot: Robot) -> None:
     robot.drag(at, beside(at, 9, 0))
     robot.click(at, "right")
     assert constraints(robot) == locked
+    robot.click_widget("clear")
+    assert constraints(robot) == locked, "what is locked is not cleared"
     robot.click_widget("point:0:lock")
     robot.click_widget("point:0:delete")
     assert constraints(robot) == ()

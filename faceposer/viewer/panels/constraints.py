@@ -84,7 +84,7 @@ class ConstraintsPanel:
             self._change(app, index, "Unlock" if constraint.locked else "Lock", locked=not constraint.locked)
         imgui.pop_style_color()
         app.marks.note(f"point:{index}:lock")
-        tooltip("Locked; click to let it be moved." if constraint.locked else "Lock it: nothing moves or removes it.")
+        tooltip("Locked; click to let it be moved." if constraint.locked else "Lock it: only a reset removes it then.")
         imgui.set_cursor_pos(ImVec2(left + height, begin.y))
         imgui.begin_disabled(constraint.locked)
         removed = imgui.button(Icon.CLOSE, ImVec2(height, height)) and free
