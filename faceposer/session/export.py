@@ -5,7 +5,8 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from faceposer.geometry.mesh import VertexNormals
-from faceposer.geometry.mesh_io import Group, write_obj
+from faceposer.geometry.obj_io import write_obj
+from faceposer.geometry.polygon_mesh import Group
 from faceposer.model.face_model import FaceModel
 
 

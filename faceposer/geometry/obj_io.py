@@ -1,0 +1,170 @@
+"""Reading and writing Wavefront OBJ, with the order of vertices, faces and texture coordinates untouched."""
+
+import os
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.polygon_mesh import Group, PolygonMesh, no_polygons, pad_polygons
+
+
+def write_obj(
+    path: Path,
+    vertices: ArrayLike,
+    polygons: NDArray[np.integer],
+    uv: ArrayLike | None = None,
+    polygon_uvs: NDArray[np.integer] | None = None,
+    normals: ArrayLike | None = None,
+    groups: Sequence[Group] = (),
+    comment: str = "",
+) -> None:
+    """Write a Wavefront OBJ with vertices and faces in the order given, all or nothing.
+
+    Args:
+        path: The file.
+        vertices: Shape (N, 3); written so that single precision comes back exactly.
+        polygons: Vertex indices, shape (F, 3) or (F, 4); a triangle among quads has -1 last.
+        uv: Texture coordinates, shape (U, 2).
+        polygon_uvs: Indices into ``uv``, of the shape of ``polygons``.
+        normals: One per vertex, shape (N, 3).
+        groups: Named ranges of faces.
+        comment: First line of the file.
+
+    Raises:
+        FacePoserError: If the file cannot be written.
+    """
+    lines = [f"# {comment}"] if comment else []
+    lines += _rows("v", np.asarray(vertices), "%.9g")
+    if uv is not None:
+        lines += _rows("vt", np.asarray(uv), "%.7g")
+    if normals is not None:
+        lines += _rows("vn", np.asarray(normals), "%.5f")
+    textures = polygon_uvs if uv is not None else None
+    faces = [
+        _face(face, None if textures is None else textures[i], normals is not None) for i, face in enumerate(polygons)
+    ]
+    done = 0
+    for group in groups:
+        lines += faces[done : group.polygons[0]]
+        lines.append(f"g {group.name}")
+        if group.material:
+            lines.append(f"usemtl {group.material}")
+        lines += faces[group.polygons[0] : group.polygons[1]]
+        done = group.polygons[1]
+    lines += faces[done:]
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise FacePoserError(f"The mesh '{path}' cannot be written: {error.strerror}.") from error
+
+
+def _rows(keyword: str, values: NDArray[np.floating], form: str) -> list[str]:
+    template = " ".join([keyword, *[form] * values.shape[1]])
+    return [template % tuple(row) for row in values.tolist()]
+
+
+def _face(face: NDArray[np.integer], texture: NDArray[np.integer] | None, with_normals: bool) -> str:
+    corners = []
+    for k, vertex in enumerate(face.tolist()):
+        if vertex < 0:
+            continue
+        corner = str(vertex + 1)
+        if texture is not None:
+            corner += f"/{int(texture[k]) + 1}"
+        elif with_normals:
+            corner += "/"
+        corners.append(corner + (f"/{vertex + 1}" if with_normals else ""))
+    return "f " + " ".join(corners)
+
+
+def read_obj(path: Path) -> PolygonMesh:
+    """Return the mesh in the OBJ file ``path``; ``g``, ``o`` and ``usemtl`` begin groups.
+
+    Raises:
+        OSError: If the file cannot be read.
+        FacePoserError: If a line is broken, naming it.
+    """
+    tables: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
+    polygons: list[tuple[int, ...]] = []
+    polygon_uvs: list[tuple[int, ...]] = []
+    groups: list[Group] = []
+    name = material = ""
+    began = 0
+
+    def close_group() -> None:
+        if len(polygons) > began and (name or material):
+            groups.append(Group(name, (began, len(polygons)), material))
+
+    with path.open(encoding="utf-8", errors="replace") as file:
+        for number, line in enumerate(file, 1):
+            keyword, _, rest = line.partition("#")[0].strip().partition(" ")
+            try:
+                if keyword in tables:
+                    width = 2 if keyword == "vt" else 3
+                    row = [float(word) for word in rest.split()[:width]]
+                    if len(row) != width:
+                        raise ValueError(f"'{keyword}' needs {width} numbers")
+                    tables[keyword].append(row)
+                elif keyword == "f":
+                    corners = [corner.split("/") for corner in rest.split()]
+                    if len(corners) < 3:
+                        raise ValueError("a face needs at least 3 corners")
+                    polygons.append(tuple(_index(c[0], len(tables["v"])) for c in corners))
+                    if all(len(c) > 1 and c[1] for c in corners):
+                        polygon_uvs.append(tuple(_index(c[1], len(tables["vt"])) for c in corners))
+                elif keyword in ("g", "o", "usemtl"):
+                    close_group()
+                    began = len(polygons)
+                    if keyword == "usemtl":
+                        material = rest.strip()
+                    else:
+                        name = rest.strip()
+            except ValueError as error:
+                raise FacePoserError(f"The mesh '{path}' is broken at line {number}: {error}.") from error
+    close_group()
+    whole = len(polygon_uvs) == len(polygons)
+    return PolygonMesh(
+        np.array(tables["v"], dtype=np.float64).reshape(-1, 3),
+        pad_polygons(polygons),
+        np.array(tables["vt"] if whole else [], dtype=np.float64).reshape(-1, 2),
+        pad_polygons(polygon_uvs) if whole else no_polygons(),
+        np.array(tables["vn"], dtype=np.float64).reshape(-1, 3),
+        tuple(groups),
+    )
+
+
+def read_obj_positions(path: Path) -> NDArray[np.float64]:
+    """Return the vertices alone of the OBJ file ``path``, shape (N, 3), many times faster than ``read_obj``.
+
+    Raises:
+        OSError: If the file cannot be read.
+        FacePoserError: If a line is broken, naming it.
+    """
+    rows = [line[2:] for line in path.read_bytes().splitlines() if line.startswith((b"v ", b"v\t"))]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)
+        try:
+            numbers = np.fromstring(b" ".join(rows).decode("ascii"), dtype=np.float64, sep=" ")
+        except (DeprecationWarning, UnicodeDecodeError, ValueError):
+            return read_obj(path).vertices
+    # Rows of six numbers carry colours; others are read with care.
+    for columns in (3, 6):
+        if len(numbers) == columns * len(rows):
+            return np.ascontiguousarray(numbers.reshape(-1, columns)[:, :3])
+    return read_obj(path).vertices
+
+
+def _index(word: str, count: int) -> int:
+    """Return the index from 0 that OBJ's index ``word`` (from 1, or from the end if negative) means."""
+    value = int(word)
+    index = value - 1 if value > 0 else count + value
+    if value == 0 or not 0 <= index < count:
+        raise ValueError(f"index {value} names none of the {count} listed before")
+    return index
