@@ -190,7 +190,7 @@ def _render(options: argparse.Namespace) -> int:
 
 
 def _subjects(_options: argparse.Namespace) -> int:
-    from faceposer.model.subject import available_subjects
+    from faceposer.model.subject_file import available_subjects
 
     subjects = available_subjects()
     width = max((len(name) for name, _ in subjects), default=0)

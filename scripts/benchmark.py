@@ -42,7 +42,7 @@ from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.picking import SurfacePoint, surface_positions
 from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.subject import load_subject
+from faceposer.model.subject_file import load_subject
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem

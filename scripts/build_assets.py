@@ -18,7 +18,8 @@ ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
-from faceposer.model.subject import Subject, load_subject, save_subject
+from faceposer.model.subject import Subject
+from faceposer.model.subject_file import load_subject, save_subject
 from scripts.asset_building.builder import Builder
 from scripts.asset_building.identity import RECIPES
 from scripts.asset_building.source import Source, download_wheel

@@ -45,7 +45,8 @@ from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.strokes import resampled, smoothed
 from faceposer.model.capture import read_live_link_face
 from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.subject import ARKIT_SHAPES, load_subject
+from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.model.subject_file import load_subject
 from faceposer.model.training import Recipe, augment, clean, fit_statistics
 from faceposer.solve.constraints.stroke import StrokeConstraint, StrokeEnergy, as_pixels
 from faceposer.solve.constraints.stroke_terms import StrokeDistanceTerm

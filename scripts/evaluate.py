@@ -35,7 +35,8 @@ from faceposer.geometry.picking import SurfacePoint, pick
 from faceposer.model.capture import read_live_link_face
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.subject import ARKIT_SHAPES, load_subject
+from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.model.subject_file import load_subject
 from faceposer.model.training import Recipe, augment, clean, fit_statistics
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.map_solver import Solution, solve

@@ -3,7 +3,7 @@
 import pytest
 
 from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.subject import load_subject
+from faceposer.model.subject_file import load_subject
 
 
 @pytest.fixture(scope="session")

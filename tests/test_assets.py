@@ -10,7 +10,8 @@ from scipy.spatial import cKDTree
 
 from faceposer.geometry.camera import OrbitView
 from faceposer.geometry.picking import pick
-from faceposer.model.subject import ARKIT_SHAPES, Part, Subject, load_subject
+from faceposer.model.subject import ARKIT_SHAPES, Part, Subject
+from faceposer.model.subject_file import load_subject
 from faceposer.resources import asset_path
 
 NAMES = ("man", "woman")

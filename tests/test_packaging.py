@@ -19,7 +19,7 @@ Run = Callable[..., str]
 USE_EVERYTHING = """
 from pathlib import Path
 import faceposer
-from faceposer.model.subject import available_subjects
+from faceposer.model.subject_file import available_subjects
 from faceposer.session.opening import open_session
 from faceposer.viewer.offscreen import offscreen_context
 from faceposer.viewer.renderer import load_program

@@ -50,7 +50,8 @@ def write_obj(
     done = 0
     for group in groups:
         lines += faces[done : group.polygons[0]]
-        lines.append(f"g {group.name}")
+        if group.name:
+            lines.append(f"g {group.name}")
         if group.material:
             lines.append(f"usemtl {group.material}")
         lines += faces[group.polygons[0] : group.polygons[1]]

@@ -1,7 +1,8 @@
 """What is known of how the 52 ARKit weights move together, apart from any one face."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,31 @@ class ExpressionStatistics:
             value = getattr(self, name)
             if value.shape != shape or not np.isfinite(value).all():
                 raise ValueError(f"{name} must be finite and of shape {shape}, not {value.shape}")
+
+    def as_members(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """Return what JSON holds of it, and its arrays in single precision, for the file of a subject."""
+        texts: dict[str, Any] = {}
+        arrays: dict[str, NDArray[Any]] = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                arrays[field.name] = value.astype(np.float32)
+            else:
+                texts[field.name] = list(value) if isinstance(value, tuple) else value
+        return texts, arrays
+
+    @classmethod
+    def of_members(cls, texts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Self:
+        """Return the statistics that ``as_members`` gave.
+
+        Raises:
+            TypeError: If something is missing.
+            ValueError: If it does not fit together.
+        """
+        known: dict[str, Any] = {
+            name: tuple(map(str, value)) if isinstance(value, list) else str(value) for name, value in texts.items()
+        }
+        return cls(**known, **{name: array.astype(np.float64) for name, array in arrays.items()})
 
     def save(self, path: Path) -> None:
         """Write the statistics to ``path``, single precision."""

@@ -34,7 +34,10 @@ def _check_arrays(subject: "Subject") -> None:
         _require(array.ndim == 2 and array.shape[1] == columns and len(array), f"{name} has the shape {array.shape}")
     expected = (len(subject.shape_names), count, 3)
     _require(subject.shapes.shape == expected, f"shapes has the shape {subject.shapes.shape}, not {expected}")
-    for name in ("vertices", "uv", "shapes"):
+    limits = subject.shape_limits
+    _require(limits.shape == (expected[0], 2), f"shape_limits has the shape {limits.shape}, not {(expected[0], 2)}")
+    _require((limits[:, 0] <= limits[:, 1]).all(), "a shape's least weight exceeds its greatest")
+    for name in ("vertices", "uv", "shapes", "shape_limits"):
         _require(np.isfinite(getattr(subject, name)).all(), f"{name} contains numbers that are not finite")
     _require(subject.polygons.shape == subject.polygon_uvs.shape, "polygons and polygon_uvs differ in length")
     is_triangle = subject.polygons[:, 3] < 0
@@ -72,6 +75,15 @@ def _check_names(subject: "Subject") -> None:
     """Check shapes' names, regions, feature points and textures."""
     count = len(subject.vertices)
     _require(len(set(subject.shape_names)) == len(subject.shape_names), "two shapes have the same name")
+    statistics = subject.statistics
+    _require(
+        statistics is None or any(name in statistics.shape_names for name in subject.shape_names),
+        "its statistics speak of none of its shapes",
+    )
+    _require(
+        subject.origin is None or subject.origin.vertex_ids.max(initial=-1) < count,
+        "the record of its original file names vertices that do not exist",
+    )
     for name, ids in subject.regions.items():
         _require(
             ids.ndim == 1 and (not ids.size or (ids.min() >= 0 and ids.max() < count)),
@@ -80,5 +92,6 @@ def _check_names(subject: "Subject") -> None:
     for name, vertex in subject.feature_points.items():
         _require(0 <= vertex < count, f"feature point '{name}' names a vertex that does not exist")
     _require(subject.feature_titles.keys() <= subject.feature_points.keys(), "there are titles without feature points")
+    owners = {*MATERIALS, *(part.name for part in subject.parts)}
     for name in subject.textures:
-        _require(name in MATERIALS, f"texture '{name}' belongs to no material")
+        _require(name in owners, f"texture '{name}' belongs to no material and no part")

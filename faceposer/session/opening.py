@@ -6,7 +6,7 @@ from pathlib import Path
 
 from faceposer.errors import FacePoserError
 from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.subject import available_subjects, load_subject
+from faceposer.model.subject_file import available_subjects, load_subject
 from faceposer.session.document import Document, read_document
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker

@@ -3,13 +3,14 @@
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from faceposer.model.coupling import coupling
 from faceposer.model.face_model import FaceModel
 from faceposer.model.mixture import GaussianMixture
 from faceposer.solve.term import Array, PoseState
 
-# How far outside 0 to 1 a rig weight may stray, as a standard deviation.
+# How far outside its limits a rig weight may stray, as a standard deviation and a share of their distance.
 _BOUND_SCALE = 0.05
 
 
@@ -36,31 +37,40 @@ class MixturePrior:
 
 
 class WeightBounds:
-    """weight * sum over shapes of (excess_j / scale)^2, the excess being how far a rig weight lies outside 0 to 1.
+    """weight * sum over shapes of (excess_j / scale_j)^2, the excess being how far a rig weight lies outside its limits.
 
     A muscle that relaxes past its rest or pulls past its end is as unnatural as anything the mixture forbids, and no
     mixture of Gaussians can say so: seen from the start pose it takes a movement and its opposite for equally likely.
     """
 
-    def __init__(self, directions: Array, weight: float = 1.0) -> None:
-        """Bound the rig weights ``directions @ p``, for ``directions`` of shape (S, r)."""
-        self._directions = directions
-        self._scaled = weight / _BOUND_SCALE**2
+    def __init__(self, directions: Array, limits: ArrayLike, weight: float = 1.0) -> None:
+        """Keep the rig weights ``directions @ p``, for ``directions`` of shape (S, r), within ``limits`` of shape (S, 2).
+
+        Where the two limits of a shape are the same, nothing is bounded.
+        """
+        lower, upper = np.asarray(limits, dtype=np.float64).T
+        bounded = upper > lower
+        self._lower, self._upper = lower[bounded], upper[bounded]
+        self._scale = _BOUND_SCALE * (self._upper - self._lower)
+        self._directions = directions[bounded]
+        self._weight = weight
 
     def _excess(self, state: PoseState) -> Array:
         weights = self._directions @ state.p
-        excess: Array = np.minimum(weights, 0.0) + np.maximum(weights - 1.0, 0.0)
+        outside = np.minimum(weights - self._lower, 0.0) + np.maximum(weights - self._upper, 0.0)
+        excess: Array = outside / self._scale
         return excess
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
         """Return the cost and its gradient by the coefficients, shape (r,)."""
         excess = self._excess(state)
-        return self._scaled * float(excess @ excess), 2.0 * self._scaled * (excess @ self._directions)
+        return self._weight * float(excess @ excess), 2.0 * self._weight * ((excess / self._scale) @ self._directions)
 
     def curvature(self, state: PoseState) -> Array:
         """Return the second derivative where the bounds are exceeded, shape (r, r)."""
-        active = self._directions[self._excess(state) != 0.0]
-        product: Array = 2.0 * self._scaled * active.T @ active
+        outside = self._excess(state) != 0.0
+        active = self._directions[outside] / self._scale[outside, None]
+        product: Array = 2.0 * self._weight * active.T @ active
         return product
 
 

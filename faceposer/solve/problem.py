@@ -88,7 +88,7 @@ class PoseProblem:
         if prior_weight > 0:
             self.terms.append(MixturePrior(self.mixture, prior_weight))
             if mixture is None:
-                self.terms.append(WeightBounds(model.subspace.directions, prior_weight))
+                self.terms.append(WeightBounds(model.subspace.directions, model.subject.shape_limits, prior_weight))
 
     def state(self, p: Array) -> PoseState:
         """Return the anchored points at coefficients ``p`` of shape (r,)."""

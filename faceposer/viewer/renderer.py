@@ -147,7 +147,7 @@ class Renderer:
             if clay and part.material == "lashes":
                 continue
             name = "clay" if clay else part.material
-            texture = None if clay else buffers.textures.get(part.material)
+            texture = None if clay else buffers.textures.get(part.name, buffers.textures.get(part.material))
             set_uniform(self._surface, "material", _MATERIALS.index(name))
             set_uniform(self._surface, "textured", texture is not None)
             set_uniform(self._surface, "base", _BASE[name])

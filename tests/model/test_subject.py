@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from faceposer.errors import FacePoserError
-from faceposer.model.subject import Part, Subject, available_subjects, load_subject, save_subject
+from faceposer.model.subject import Part, Subject
+from faceposer.model.subject_file import available_subjects, load_subject, save_subject
 
 
 def small_subject() -> Subject:
@@ -172,7 +173,7 @@ def test_the_description_is_checked(saved: Path) -> None:
     def with_meta(**change: object) -> Path:
         return rewritten(saved, meta=packed(np.frombuffer(json.dumps(meta | change).encode(), np.uint8)))
 
-    assert_refused(with_meta(version=2), "version 2")
+    assert_refused(with_meta(version=3), "version 3")
     assert_refused(with_meta(format="other"), "not a Face Poser subject")
     assert_refused(with_meta(title=5), "not text")
     assert_refused(with_meta(shape_step=float("nan")), "step")

@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from faceposer.model.subject import Subject, load_subject
+from faceposer.model.subject import Subject
+from faceposer.model.subject_file import load_subject
 from scripts.asset_building.piece import grid_quads
 from scripts.asset_building.raster import map_texels, smoothstep
 from scripts.asset_building.subdivision import catmull_clark, linear_split

@@ -15,7 +15,7 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import OrbitView
 from faceposer.model.face_model import FaceModel
-from faceposer.model.subject import load_subject, save_subject
+from faceposer.model.subject_file import load_subject, save_subject
 from faceposer.resources import asset_path
 from faceposer.session import autosave
 from faceposer.session.autosave import DEBOUNCE, Journal, find_orphans

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
-from faceposer.model.subject import available_subjects
+from faceposer.model.subject_file import available_subjects
 from faceposer.solve.constraints.fixed import FixedConstraint
 from faceposer.viewer.panels.constraint_details import LARGEST_HOLD
 from faceposer.viewer.panels.widgets import action_button, button_width, choice, tooltip

@@ -1,4 +1,4 @@
-"""The tab of the rig's shapes: 52 sliders that follow the pose, and that can be dragged."""
+"""The tab of the character's shapes: sliders that follow the pose, and that can be dragged."""
 
 from typing import TYPE_CHECKING
 
@@ -44,11 +44,12 @@ class ShapesPanel:
     def _draw_slider(self, app: "App", j: int, name: str, weight: float, held: bool) -> None:
         key = f"shape:{name}"
         session = app.session
-        shown = self._value if app.slider_edit.dragging(key) else min(max(weight, 0.0), 1.0)
+        lower, upper = session.model.subject.shape_limits[j].tolist()
+        shown = self._value if app.slider_edit.dragging(key) else min(max(weight, lower), upper)
         imgui.begin_disabled(held or app.toolbox.active)
         imgui.set_next_item_width(em(7.2))
         changed, value = imgui.slider_float(
-            f"{name}##{key}", shown, 0.0, 1.0, "%.2f", imgui.SliderFlags_.clamp_on_input
+            f"{name}##{key}", shown, lower, upper, "%.2f", imgui.SliderFlags_.clamp_on_input
         )
         app.marks.note(key)
         imgui.end_disabled()

@@ -1,0 +1,1 @@
+"""From files to characters: rigs, example meshes, markers and performances become subjects that can be posed."""
