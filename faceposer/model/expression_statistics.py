@@ -77,7 +77,8 @@ class ExpressionStatistics:
         known: dict[str, Any] = {
             name: tuple(map(str, value)) if isinstance(value, list) else str(value) for name, value in texts.items()
         }
-        return cls(**known, **{name: array.astype(np.float64) for name, array in arrays.items()})
+        known |= {name: array.astype(np.float64) for name, array in arrays.items()}
+        return cls(**known)
 
     def save(self, path: Path) -> None:
         """Write the statistics to ``path``, single precision."""

@@ -37,14 +37,14 @@ class MixturePrior:
 
 
 class WeightBounds:
-    """weight * sum over shapes of (excess_j / scale_j)^2, the excess being how far a rig weight lies outside its limits.
+    """weight * sum over shapes of (excess_j / scale_j)^2, the excess being how far a rig weight is beyond its limits.
 
     A muscle that relaxes past its rest or pulls past its end is as unnatural as anything the mixture forbids, and no
     mixture of Gaussians can say so: seen from the start pose it takes a movement and its opposite for equally likely.
     """
 
     def __init__(self, directions: Array, limits: ArrayLike, weight: float = 1.0) -> None:
-        """Keep the rig weights ``directions @ p``, for ``directions`` of shape (S, r), within ``limits`` of shape (S, 2).
+        """Keep the rig weights ``directions @ p``, ``directions`` being (S, r), within ``limits`` of shape (S, 2).
 
         Where the two limits of a shape are the same, nothing is bounded.
         """

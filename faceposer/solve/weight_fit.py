@@ -8,7 +8,7 @@ from faceposer.model.face_model import FaceModel
 
 
 def fit_weights(model: FaceModel, p: ArrayLike) -> dict[str, float]:
-    """Return the value of each shape, within its limits, whose sum comes nearest to the face ``p``, (r,), by shape name.
+    """Return the weight of each shape by name, within its limits, whose sum comes nearest to the face ``p``, (r,).
 
     Nearest in the sum of squared vertex distances; shapes that move nothing get 0.
     """
