@@ -1,0 +1,346 @@
+"""The container, buffers and accessors of glTF 2.0, read with every count and offset checked before it is used.
+
+Sections named in this package's glTF modules are those of the Khronos glTF 2.0 specification, revision 2.0.1. The JSON
+is kept as it is: of valid files, ready-made object models refuse some (extras may be anything) and take seconds for
+avatars of some thousand accessors.
+"""
+
+import base64
+import binascii
+import json
+import re
+import struct
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, unquote_to_bytes
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError
+
+_MAX_BYTES = 1 << 30
+#: Entries that an accessor may have without a byte in the file standing behind each.
+_MAX_UNBACKED = 1_000_000
+#: Numbers in the JSON are smaller, so that products of a few of them are finite.
+_LARGEST = 1e30
+_MAGIC = b"glTF"
+_JSON_CHUNK, _BINARY_CHUNK = 0x4E4F534A, 0x004E4942
+#: Components by type of accessor, and numpy's type by its component type (3.6.2.2).
+_COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+_DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+
+
+class GltfObject:
+    """A JSON object of the file, with its place in it for what goes wrong.
+
+    Attributes:
+        place: Such as "accessors[3]"; empty for the whole.
+    """
+
+    def __init__(self, path: Path, place: str, data: dict[str, Any]) -> None:
+        self._path = path
+        self.place = place
+        self.data = data
+
+    def error(self, what: str) -> FacePoserError:
+        """Return the error that ``what`` is wrong here."""
+        return FacePoserError(
+            f"The rig '{self._path}' is broken in {self.place or 'its JSON'}: {what}; export it again."
+        )
+
+    def integer(self, key: str, default: int | None = None, high: int = 1 << 40) -> int:
+        """Return the whole number ``key``, from 0 to ``high``, or ``default`` where it is missing and that is given."""
+        value = self.data.get(key)
+        if value is None and default is not None:
+            return default
+        if isinstance(value, float) and value.is_integer():
+            value = int(value)
+        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= high:
+            said = "is missing" if value is None else f"is {str(value)[:40]!r}, no whole number from 0 to {high}"
+            raise self.error(f"'{key}' {said}")
+        return value
+
+    def text(self, key: str) -> str:
+        """Return the text ``key``, empty where there is none."""
+        value = self.data.get(key)
+        return value if isinstance(value, str) else ""
+
+    def name(self, key: str = "name") -> str:
+        """Return the text ``key`` as a name of one line that can be written to any file."""
+        return clean_name(self.text(key))
+
+    def names(self, key: str) -> list[str]:
+        """Return the list of names ``key``, with empty ones for what is no text; empty where there is none."""
+        values = self.data.get(key)
+        return [clean_name(v) if isinstance(v, str) else "" for v in values] if isinstance(values, list) else []
+
+    def numbers(self, key: str, default: list[float]) -> NDArray[np.float64]:
+        """Return the numbers ``key``, as many as ``default`` has, which stands in where they are missing."""
+        values = self.data.get(key)
+        if values is None:
+            values = default
+        good = isinstance(values, list) and len(values) == len(default)
+        if not good or not all(isinstance(v, int | float) and abs(v) < _LARGEST for v in values):
+            raise self.error(f"'{key}' must be {len(default)} finite numbers")
+        return np.array(values, dtype=np.float64)
+
+    def number(self, key: str, default: float) -> float:
+        """Return the number ``key``, or ``default`` where it is missing."""
+        value = self.data.get(key, default)
+        if not isinstance(value, int | float) or not abs(value) < _LARGEST:
+            raise self.error(f"'{key}' must be a finite number")
+        return float(value)
+
+    def integers(self, key: str, high: int) -> list[int]:
+        """Return the list of whole numbers from 0 to ``high`` called ``key``, empty where it is missing."""
+        values = self.data.get(key)
+        if values is None:
+            return []
+        if not isinstance(values, list):
+            raise self.error(f"'{key}' must be a list")
+        return [GltfObject(self._path, self.place, {key: v}).integer(key, high=high) for v in values]
+
+    def child(self, key: str) -> "GltfObject":
+        """Return the object ``key``, one without anything in it where there is none."""
+        value = self.data.get(key)
+        place = f"{self.place}.{key}" if self.place else key
+        return GltfObject(self._path, place, value if isinstance(value, dict) else {})
+
+    def children(self, key: str) -> list["GltfObject"]:
+        """Return the list of objects ``key``, empty where it is missing."""
+        values = self.data.get(key)
+        if values is None:
+            return []
+        place = f"{self.place}.{key}" if self.place else key
+        if not isinstance(values, list) or not all(isinstance(v, dict) for v in values):
+            raise self.error(f"'{key}' must be a list of objects")
+        return [GltfObject(self._path, f"{place}[{i}]", v) for i, v in enumerate(values)]
+
+
+def clean_name(text: str) -> str:
+    """Return ``text`` in one line, without halves of surrogate pairs, which no file can hold."""
+    return " ".join(text.encode("utf-8", "replace").decode("utf-8").split())
+
+
+class GltfFile:
+    """A glTF file open for reading: .glb, .vrm, or .gltf with what lies beside it.
+
+    Attributes:
+        path: The file.
+        root: Its JSON.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read the file.
+
+        Raises:
+            OSError: If it cannot be read.
+            FacePoserError: If it is larger than 1 GB, cut off, or not glTF 2.
+        """
+        self.path = path
+        self._taken = 0
+        self._lists: dict[str, list[GltfObject]] = {}
+        self._buffers: dict[int, memoryview] = {}
+        data = memoryview(self._file(path, "The rig"))
+        self._binary: memoryview | None = None
+        text = data
+        if bytes(data[:4]) == _MAGIC:
+            text, self._binary = self._chunks(data)
+        try:
+            document = json.loads(bytes(text))
+        except json.JSONDecodeError as error:
+            raise FacePoserError(
+                f"The rig '{path}' is not glTF: its JSON is broken at line {error.lineno}, column {error.colno} "
+                f"({error.msg}); export it again."
+            ) from error
+        except (ValueError, RecursionError) as error:
+            raise FacePoserError(f"The rig '{path}' is not glTF: its JSON cannot be read; export it again.") from error
+        if not isinstance(document, dict) or not isinstance(document.get("asset"), dict):
+            raise FacePoserError(f"The rig '{path}' is not glTF: it has no 'asset'; export it again as glTF 2.")
+        self.root = GltfObject(path, "", document)
+        version = str(document["asset"].get("version"))
+        if version.partition(".")[0] != "2":
+            raise FacePoserError(f"The rig '{path}' is glTF {version[:20]}; export it as glTF 2.")
+
+    def _file(self, path: Path, what: str) -> bytes:
+        """Return the bytes of a file, all files together being at most 1 GB."""
+        if path.exists() and not path.is_file():
+            raise FacePoserError(f"{what} '{path}' is not a file.")
+        self._taken += path.stat().st_size
+        if self._taken > _MAX_BYTES:
+            raise FacePoserError(f"{what} '{path}' is larger than {_MAX_BYTES >> 30} GB; give a smaller one.")
+        return path.read_bytes()
+
+    def _chunks(self, data: memoryview) -> tuple[memoryview, memoryview | None]:
+        """Return the chunks of JSON and of binary data of a GLB (4.4)."""
+        cut = FacePoserError(f"The rig '{self.path}' is cut off after {len(data)} bytes; copy or export it again.")
+        if len(data) < 20:
+            raise cut
+        version, length, first, kind = struct.unpack_from("<IIII", data, 4)
+        if version != 2:
+            raise FacePoserError(f"The rig '{self.path}' is binary glTF {version}; export it as glTF 2.")
+        if length > len(data):
+            raise cut
+        if kind != _JSON_CHUNK or 20 + first > length:
+            raise FacePoserError(f"The rig '{self.path}' is broken at byte 12: no chunk of JSON; export it again.")
+        start = 20 + first
+        if start + 8 > length:
+            return data[20:start], None
+        size, kind = struct.unpack_from("<II", data, start)
+        if kind != _BINARY_CHUNK:
+            return data[20:start], None
+        if start + 8 + size > length:
+            raise FacePoserError(
+                f"The rig '{self.path}' is broken at byte {start}: its chunk of {size} bytes is longer than the file; "
+                "export it again."
+            )
+        return data[20:start], data[start + 8 : start + 8 + size]
+
+    def all(self, kind: str) -> list[GltfObject]:
+        """Return the file's list ``kind``, such as "nodes"."""
+        if kind not in self._lists:
+            self._lists[kind] = self.root.children(kind)
+        return self._lists[kind]
+
+    def get(self, kind: str, by: GltfObject, key: str) -> GltfObject:
+        """Return the entry of the list ``kind`` whose number ``by`` has as its ``key``."""
+        entries = self.all(kind)
+        index = by.integer(key)
+        if index >= len(entries):
+            raise by.error(f"'{key}' is {index}, but there are {len(entries)} {kind}")
+        return entries[index]
+
+    def resource(self, by: GltfObject, uri: str) -> bytes:
+        """Return what ``uri`` stands for: data in itself, or a file beside this one.
+
+        Raises:
+            FacePoserError: If it is broken, on another computer, or cannot be read, naming it.
+        """
+        if uri.startswith("data:"):
+            head, _, body = uri.partition(",")
+            try:
+                return base64.b64decode(body) if head.endswith(";base64") else unquote_to_bytes(body)
+            except (binascii.Error, ValueError) as error:
+                raise by.error("its data URI is not base64") from error
+        name = unquote(uri)
+        if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:", name):
+            raise by.error(f"it lies at '{name[:80]}', not beside the rig")
+        path = self.path.parent / name
+        try:
+            return self._file(path, f"What the rig '{self.path}' refers to in {by.place},")
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or "it is no name of a file"
+            raise FacePoserError(
+                f"The rig '{self.path}' needs '{str(path)[:200]}' ({by.place}), which cannot be read: {reason}; "
+                "put it there or export the rig as one .glb."
+            ) from error
+
+    def _buffer(self, by: GltfObject) -> memoryview:
+        buffer = self.get("buffers", by, "buffer")
+        index = by.integer("buffer")
+        if index not in self._buffers:
+            uri = buffer.text("uri")
+            if uri:
+                data = memoryview(self.resource(buffer, uri))
+            elif index == 0 and self._binary is not None:
+                data = self._binary
+            else:
+                raise buffer.error("it has neither 'uri' nor a binary chunk")
+            length = buffer.integer("byteLength")
+            if length > len(data):
+                raise buffer.error(f"it has {len(data)} bytes, not {length}, so something is cut off")
+            self._buffers[index] = data[:length]
+        return self._buffers[index]
+
+    def view(self, by: GltfObject, key: str = "bufferView") -> tuple[memoryview, int]:
+        """Return the bytes of the buffer view whose number ``by`` has, and its stride (0: none given)."""
+        view = self.get("bufferViews", by, key)
+        if any("meshopt" in name for name in view.child("extensions").data):
+            buffer = self.get("buffers", view, "buffer")
+            if not buffer.text("uri") and (view.integer("buffer") or self._binary is None):
+                raise FacePoserError(
+                    f"The rig '{self.path}' is compressed with meshopt, which cannot be read; export it without "
+                    "compression."
+                )
+        data = self._buffer(view)
+        start = view.integer("byteOffset", 0)
+        length = view.integer("byteLength")
+        if start + length > len(data):
+            raise view.error(f"its bytes {start} to {start + length} lie outside its buffer of {len(data)}")
+        return data[start : start + length], view.integer("byteStride", 0, high=1 << 20)
+
+    def count(self, by: GltfObject, key: str) -> int:
+        """Return how many entries the accessor whose number ``by`` has as its ``key`` declares."""
+        return self.get("accessors", by, key).integer("count")
+
+    def floats(self, by: GltfObject, key: str, kind: str) -> NDArray[np.floating]:
+        """Return the numbers of the accessor of type ``kind`` whose number ``by`` has as its ``key``.
+
+        Shape (count, components); single precision as the file has it, double for whole numbers, which are scaled to
+        0..1 or -1..1 if they are normalised (3.11).
+
+        Raises:
+            FacePoserError: If it is of another type or reaches out of its data, naming it.
+        """
+        accessor = self.get("accessors", by, key)
+        values = self._values(accessor, kind)
+        if values.dtype.kind == "f":
+            return values
+        scaled = values.astype(np.float64)
+        if accessor.data.get("normalized") is True:
+            scaled = np.maximum(scaled / np.iinfo(values.dtype).max, -1.0)
+        return scaled
+
+    def integers(self, by: GltfObject, key: str, kind: str) -> NDArray[np.int64]:
+        """Return the whole numbers of an accessor, shape (count, components); for the rest like ``floats``."""
+        accessor = self.get("accessors", by, key)
+        values = self._values(accessor, kind)
+        if values.dtype.kind == "f":
+            raise accessor.error("whole numbers are needed, not floats")
+        return values.astype(np.int64)
+
+    def _values(self, accessor: GltfObject, kind: str) -> NDArray[Any]:
+        count = accessor.integer("count", high=(1 << 32) - 1)
+        if accessor.text("type") != kind:
+            raise accessor.error(f"its type is '{accessor.text('type')[:20]}' where {kind} is needed")
+        dtype = self._dtype(accessor)
+        columns = _COLUMNS[kind]
+        if accessor.data.get("bufferView") is not None:
+            values = self._array(accessor, count, columns, dtype)
+        elif count > _MAX_UNBACKED:
+            raise accessor.error(f"it has {count} entries without data, more than {_MAX_UNBACKED}")
+        else:
+            values = np.broadcast_to(np.zeros(1, dtype), (count, columns))
+        if accessor.data.get("sparse") is None:
+            return values
+        sparse = accessor.child("sparse")
+        number = sparse.integer("count", high=count)
+        places, fillings = sparse.child("indices"), sparse.child("values")
+        index = self._array(places, number, 1, self._dtype(places))[:, 0]
+        if index.dtype.kind == "f" or (number and int(index.max()) >= count):
+            raise places.error(f"an index is not one of the accessor's {count} entries")
+        values = values.copy()
+        values[index] = self._array(fillings, number, columns, dtype)
+        return values
+
+    def _dtype(self, by: GltfObject) -> np.dtype[Any]:
+        kind = by.integer("componentType")
+        if kind not in _DTYPES:
+            raise by.error(f"'componentType' is {kind}, which is none of {', '.join(map(str, _DTYPES))}")
+        return np.dtype(_DTYPES[kind])
+
+    def _array(self, by: GltfObject, count: int, columns: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+        """Return what lies in the buffer view of ``by`` as an array, which takes no memory of its own."""
+        data, stride = self.view(by)
+        start = by.integer("byteOffset", 0)
+        size = columns * dtype.itemsize
+        stride = stride or size
+        if stride < size:
+            raise by.error(f"its entries of {size} bytes overlap, being only {stride} apart")
+        end = start + (count - 1) * stride + size if count else start
+        if end > len(data):
+            raise by.error(f"its {count} entries end at byte {end} of a buffer view of {len(data)}")
+        if count == 0:
+            return np.zeros((0, columns), dtype)
+        return np.ndarray((count, columns), dtype, buffer=data, offset=start, strides=(stride, dtype.itemsize))

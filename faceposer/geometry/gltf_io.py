@@ -1,0 +1,301 @@
+"""Reading faces with morph targets from glTF 2.0: .glb, .gltf, and the avatars of .vrm."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.gltf_expressions import Bind, read_expressions, spelling_key
+from faceposer.geometry.gltf_file import GltfFile, GltfObject
+from faceposer.geometry.gltf_materials import (
+    Material,
+    material_names,
+    read_material,
+    read_textures,
+    texture_coordinates,
+)
+from faceposer.geometry.gltf_nodes import Placement, Scene, place, read_scene
+from faceposer.geometry.polygon_mesh import Group, MorphMesh, PolygonMesh, no_polygons
+
+GLTF_SUFFIXES = (".glb", ".gltf", ".vrm")
+#: What a face may have: far more than any, and less than would exhaust a usual computer.
+MAX_VERTICES = 5_000_000
+MAX_OFFSET_BYTES = 2 << 30
+_MAX_TRIANGLES = 20_000_000
+_MAX_PIECES = 10_000
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+
+
+@dataclass(eq=False)
+class _Part:
+    """Vertices that one or more primitives of a shown mesh share."""
+
+    node: int
+    mesh: int
+    primitive: GltfObject
+    material: Material
+    vertices: slice
+    names: list[str]
+    placement: Placement | None = None
+    offsets: list[NDArray[np.float32]] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A primitive of a shown mesh."""
+
+    name: str
+    primitive: GltfObject
+    material: str
+    part: _Part
+
+
+def read_gltf(path: Path) -> MorphMesh:
+    """Return all meshes with faces of the default scene as one, with the morph targets of all by name.
+
+    The nodes come in the file's order, each primitive as a group called by the node (or mesh, and by its number where
+    there are several); primitives that share vertices in the file do so here. Positions are in the world's coordinates
+    and the file's unit (the standard's is metres; avatars of VRM 0.x look along -z), skinned meshes as their joints at
+    rest carry them; default weights of targets, normals and vertex colours are not read. A target without a name is
+    called "target 1" and so on; expressions of avatars are added where no target has their name.
+
+    Args:
+        path: A .glb, .gltf or .vrm of at most 1 GB.
+
+    Raises:
+        FacePoserError: If it cannot be read, is broken or compressed, has no faces, or has two targets of one name.
+    """
+    try:
+        file = GltfFile(path)
+    except OSError as error:
+        raise FacePoserError(f"The rig '{path}' cannot be read: {error.strerror}.") from error
+    scene = read_scene(file)
+    pieces, parts = _plan(file, scene)
+    count = parts[-1].vertices.stop if parts else 0
+    if not count:
+        raise FacePoserError(f"The rig '{path}' shows no mesh with faces; export it with the face in its scene.")
+    names = dict.fromkeys(name for part in parts for name in part.names)
+    expressions = _new_expressions(file, parts, list(names))
+    size = (len(names) + len(expressions)) * count * 12
+    if size > MAX_OFFSET_BYTES:
+        raise FacePoserError(
+            f"The rig '{path}' has {len(names) + len(expressions)} targets of {count} vertices, which would take "
+            f"{size >> 20} MB; give one of less than {MAX_OFFSET_BYTES >> 20} MB."
+        )
+    vertices = np.empty((count, 3))
+    uvs: list[NDArray[np.float64] | None] = []
+    for part in parts:
+        part.placement = place(file, scene, part.node, part.primitive)
+        vertices[part.vertices] = _positions(file, part)
+        uvs.append(_uv(file, part))
+    targets = {name: np.zeros((count, 3), dtype=np.float32) for name in names}
+    for part in parts:
+        for target, name in zip(part.primitive.children("targets"), part.names, strict=True):
+            targets[name][part.vertices] = _offsets(file, part, target, name)
+    for name, shares in expressions.items():
+        blend = np.zeros((count, 3), dtype=np.float32)
+        for part, number, weight in shares:
+            blend[part.vertices] += weight * targets[part.names[number]][part.vertices]
+        targets[name] = blend
+    polygons, groups = _faces(file, pieces)
+    uv, polygon_uvs = np.zeros((0, 2)), no_polygons()
+    if any(part_uv is not None for part_uv in uvs):
+        lengths = [part.vertices.stop - part.vertices.start for part in parts]
+        uv = np.concatenate([np.zeros((n, 2)) if u is None else u for u, n in zip(uvs, lengths, strict=True)])
+        polygon_uvs = polygons
+    mesh = PolygonMesh(vertices, polygons, uv, polygon_uvs, groups=groups)
+    textures = read_textures(file, material_names(file), {group.material for group in groups})
+    return MorphMesh(mesh, targets, textures)
+
+
+def _plan(file: GltfFile, scene: Scene) -> tuple[list[_Piece], list[_Part]]:
+    """Return what is to be read, before anything is."""
+    pieces: list[_Piece] = []
+    parts: dict[tuple[object, ...], _Part] = {}
+    named = material_names(file)
+    count = 0
+    for index in scene.shown:
+        node = scene.nodes[index]
+        if node.data.get("mesh") is None:
+            continue
+        mesh = file.get("meshes", node, "mesh")
+        number = node.integer("mesh")
+        primitives = mesh.children("primitives")
+        name = node.name() or mesh.name() or f"mesh {number + 1}"
+        for i, primitive in enumerate(primitives):
+            attributes = primitive.child("attributes")
+            if primitive.integer("mode", _TRIANGLES) < _TRIANGLES or attributes.data.get("POSITION") is None:
+                continue
+            _refuse_draco(file, primitive)
+            vertices = file.count(attributes, "POSITION")
+            if not vertices:
+                continue
+            material = read_material(file, named, primitive)
+            key = (index, *_shared(primitive), material.channel, str(material.transform))
+            if key not in parts:
+                names = _target_names(file, mesh, primitive)
+                parts[key] = _Part(index, number, primitive, material, slice(count, count + vertices), names)
+                count += vertices
+            title = name if len(primitives) == 1 else f"{name} {i + 1}"
+            pieces.append(_Piece(title, primitive, material.name, parts[key]))
+            if count > MAX_VERTICES or len(pieces) > _MAX_PIECES:
+                raise FacePoserError(
+                    f"The rig '{file.path}' shows more than {MAX_VERTICES} vertices or {_MAX_PIECES} meshes; export "
+                    "the face alone."
+                )
+    return pieces, list(parts.values())
+
+
+def _shared(primitive: GltfObject) -> tuple[str, ...]:
+    """Return what is the same for primitives of a node that have the same vertices and targets."""
+    unread = ("NORMAL", "TANGENT", "COLOR_0")
+    attributes = {k: v for k, v in primitive.child("attributes").data.items() if k not in unread}
+    targets = [target.data.get("POSITION") for target in primitive.children("targets")]
+    return str(sorted(attributes.items())), str(targets)
+
+
+def _refuse_draco(file: GltfFile, primitive: GltfObject) -> None:
+    compressed = primitive.child("extensions").data.get("KHR_draco_mesh_compression") is not None
+    accessor = file.get("accessors", primitive.child("attributes"), "POSITION")
+    if compressed and accessor.data.get("bufferView") is None:
+        raise FacePoserError(
+            f"The rig '{file.path}' is compressed with Draco, which cannot be read; export it without compression."
+        )
+
+
+def _target_names(file: GltfFile, mesh: GltfObject, primitive: GltfObject) -> list[str]:
+    """Return the names of the morph targets of ``primitive``, none twice.
+
+    glTF itself has none: most exporters write ``extras.targetNames``, to the mesh or to the primitive; some name the
+    accessors.
+    """
+    targets = primitive.children("targets")
+    names = mesh.child("extras").names("targetNames") or primitive.child("extras").names("targetNames")
+    if not names:
+        accessors = [file.get("accessors", t, "POSITION") for t in targets if t.data.get("POSITION") is not None]
+        names = [accessor.name() for accessor in accessors]
+        if len(set(names)) < len(targets) or not all(names):
+            names = []
+    names = names[: len(targets)] + [""] * (len(targets) - len(names))
+    names = [name or f"target {i + 1}" for i, name in enumerate(names)]
+    first: dict[str, int] = {}
+    for i, name in enumerate(names):
+        if name in first:
+            raise FacePoserError(
+                f"The rig '{file.path}' has two targets called '{name}' in its mesh '{mesh.name()}', numbers "
+                f"{first[name] + 1} and {i + 1}; give one of them another name."
+            )
+        first[name] = i
+    return names
+
+
+def _new_expressions(file: GltfFile, parts: list[_Part], names: list[str]) -> dict[str, list[tuple[_Part, int, float]]]:
+    """Return the parts, targets and weights of the expressions that no target is called by."""
+    taken = {spelling_key(name) for name in names}
+    expressions: dict[str, list[tuple[_Part, int, float]]] = {}
+    for name, binds in read_expressions(file).items():
+        shares = [
+            (part, bind.target, bind.weight)
+            for bind in binds
+            for part in parts
+            if _holds(part, bind) and bind.target < len(part.names)
+        ]
+        if shares and spelling_key(name) not in taken:
+            expressions[name] = shares
+            taken.add(spelling_key(name))
+    return expressions
+
+
+def _holds(part: _Part, bind: Bind) -> bool:
+    return bind.index == (part.node if bind.holder == "nodes" else part.mesh)
+
+
+def _positions(file: GltfFile, part: _Part) -> NDArray[np.float64]:
+    attributes = part.primitive.child("attributes")
+    assert part.placement is not None
+    raw = file.floats(attributes, "POSITION", "VEC3")
+    if len(part.placement.matrices) not in (1, len(raw)):
+        raise attributes.error(f"joints for {len(part.placement.matrices)} vertices of {len(raw)}")
+    points = part.placement.points(raw)
+    _refuse_infinite(points, attributes, "the position")
+    return points
+
+
+def _offsets(file: GltfFile, part: _Part, target: GltfObject, name: str) -> NDArray[np.float32]:
+    count = part.vertices.stop - part.vertices.start
+    if target.data.get("POSITION") is None:
+        return np.zeros((count, 3), dtype=np.float32)
+    if (found := file.count(target, "POSITION")) != count:
+        raise target.error(f"the target '{name}' has {found} vertices, its mesh {count}")
+    assert part.placement is not None
+    with np.errstate(over="ignore"):
+        offsets = part.placement.offsets(file.floats(target, "POSITION", "VEC3")).astype(np.float32)
+    _refuse_infinite(offsets, target, f"the offset in the target '{name}'")
+    return offsets
+
+
+def _refuse_infinite(values: NDArray[np.floating], by: GltfObject, what: str) -> None:
+    finite = np.isfinite(values).all(axis=1)
+    if not finite.all():
+        raise by.error(f"{what} of vertex {int(np.argmin(finite)) + 1} is not finite")
+
+
+def _uv(file: GltfFile, part: _Part) -> NDArray[np.float64] | None:
+    count = part.vertices.stop - part.vertices.start
+    return texture_coordinates(file, part.material, part.primitive.child("attributes"), count)
+
+
+def _faces(file: GltfFile, pieces: list[_Piece]) -> tuple[NDArray[np.int32], tuple[Group, ...]]:
+    """Return the triangles of all pieces, and their groups."""
+    faces: list[NDArray[np.int32]] = []
+    groups = []
+    done = 0
+    for piece in pieces:
+        triangles = _triangles(file, piece)
+        if not len(triangles):
+            continue
+        faces.append(triangles)
+        groups.append(Group(piece.name, (done, done + len(triangles)), piece.material))
+        done += len(triangles)
+        if done > _MAX_TRIANGLES:
+            raise FacePoserError(
+                f"The rig '{file.path}' has more than {_MAX_TRIANGLES} triangles; export the face alone."
+            )
+    if not faces:
+        raise FacePoserError(f"The rig '{file.path}' shows no mesh with faces; export it with the face in its scene.")
+    return np.concatenate(faces), tuple(groups)
+
+
+def _triangles(file: GltfFile, piece: _Piece) -> NDArray[np.int32]:
+    """Return the triangles of one primitive, shape (T, 3), counter-clockwise from outside (3.7.2.1)."""
+    primitive, vertices = piece.primitive, piece.part.vertices
+    count = vertices.stop - vertices.start
+    if primitive.data.get("indices") is None:
+        index = np.arange(count)
+    else:
+        if file.count(primitive, "indices") > 3 * _MAX_TRIANGLES:
+            raise primitive.error(f"it has more than {_MAX_TRIANGLES} triangles")
+        index = file.integers(primitive, "indices", "SCALAR")[:, 0]
+        if len(index) and (int(index.max()) >= count or int(index.min()) < 0):
+            worst = int(np.argmax((index >= count) | (index < 0)))
+            raise primitive.error(f"its index {worst + 1} is vertex {index[worst]} of {count}")
+    mode = primitive.integer("mode", _TRIANGLES, high=_FAN)
+    if mode == _TRIANGLES:
+        if len(index) % 3:
+            raise primitive.error(f"its {len(index)} indices are no whole number of triangles")
+        triangles = index.reshape(-1, 3)
+    else:
+        i = np.arange(max(len(index) - 2, 0))
+        if mode == _STRIP:
+            triangles = np.stack([index[i], index[i + 1 + i % 2], index[i + 2 - i % 2]], axis=1)
+        else:
+            triangles = np.stack([index[i + 1], index[i + 2], np.broadcast_to(index[:1], i.shape)], axis=1)
+        # Strips are stitched together by triangles without area.
+        a, b, c = triangles.T
+        triangles = triangles[(a != b) & (b != c) & (c != a)]
+    assert piece.part.placement is not None
+    if piece.part.placement.mirrors:
+        triangles = triangles[:, [0, 2, 1]]
+    return (triangles + vertices.start).astype(np.int32)

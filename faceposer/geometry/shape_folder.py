@@ -1,0 +1,171 @@
+"""Reading a folder of shapes: one file for the neutral face and one for each shape, all of one topology."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.mesh_io import read_mesh
+from faceposer.geometry.obj_io import read_obj_positions
+from faceposer.geometry.polygon_mesh import MorphMesh, PolygonMesh
+
+SHAPE_SUFFIXES = (".obj", ".ply", ".stl", ".off")
+NEUTRAL_NAMES = ("neutral", "base", "rest", "generic_neutral_mesh")
+_MAX_OFFSET_BYTES = 2 << 30
+_MAX_FILE_BYTES = 1 << 30
+
+
+def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
+    """Return the meshes in ``folder`` as offsets from the neutral one, called by their files without a common prefix.
+
+    Faces, texture coordinates and groups are the neutral's.
+
+    Args:
+        folder: With OBJ, PLY, STL or OFF files, which have the same vertices in the same order.
+        neutral: The neutral's file, in the folder or elsewhere; found by its name if not given.
+
+    Raises:
+        FacePoserError: If no neutral is found, two files have one name, or a file cannot be read or is of another
+            topology, naming it.
+    """
+    try:
+        files = sorted(
+            path
+            for path in folder.iterdir()
+            if path.suffix.lower() in SHAPE_SUFFIXES and not path.name.startswith(".") and path.is_file()
+        )
+    except OSError as error:
+        raise FacePoserError(f"The folder '{folder}' cannot be read: {error.strerror}.") from error
+    if neutral is None:
+        neutral = _find_neutral(folder, files)
+    elif not neutral.is_file() and (folder / neutral).is_file():
+        neutral = folder / neutral
+    rest = read_mesh(neutral)
+    try:
+        shapes = [path for path in files if not path.samefile(neutral)]
+    except OSError as error:
+        raise FacePoserError(f"The folder '{folder}' cannot be read: {error.strerror}.") from error
+    size = len(shapes) * rest.vertices.size * 4
+    if size > _MAX_OFFSET_BYTES:
+        raise FacePoserError(
+            f"The folder '{folder}' has {len(shapes)} shapes of {len(rest.vertices)} vertices, which would take "
+            f"{size >> 20} MB; give one of less than {_MAX_OFFSET_BYTES >> 20} MB."
+        )
+    faces = _face_key(neutral, len(rest.polygons))
+    names = _shape_names(shapes, neutral)
+    targets = {}
+    for name, path in names.items():
+        positions = _positions(path, rest, neutral, faces)
+        with np.errstate(over="ignore"):
+            targets[name] = (positions - rest.vertices).astype(np.float32)
+    return MorphMesh(rest, targets)
+
+
+def _find_neutral(folder: Path, files: list[Path]) -> Path:
+    """Return the file that is called neutral, or else the one whose name ends in that word."""
+    whole = [path for path in files if path.stem.lower() in NEUTRAL_NAMES]
+    found = whole or [path for path in files if _last_word(path.stem) in NEUTRAL_NAMES]
+    if len(found) > 1:
+        raise FacePoserError(
+            f"In the folder '{folder}' both '{found[0].name}' and '{found[1].name}' may be the neutral face; rename "
+            "one or say which it is."
+        )
+    if not found:
+        raise FacePoserError(
+            f"The folder '{folder}' has no neutral face among its {len(files)} meshes; call it "
+            f"{', '.join(NEUTRAL_NAMES[:-1])} or {NEUTRAL_NAMES[-1]} ({', '.join(SHAPE_SUFFIXES)}), or say which it is."
+        )
+    return found[0]
+
+
+def _last_word(stem: str) -> str:
+    return re.split(r"[\W_]+|(?<=[a-z])(?=[A-Z])", stem)[-1].lower()
+
+
+def _shape_names(shapes: list[Path], neutral: Path) -> dict[str, Path]:
+    """Return the shapes by their names: the stems without what all files' begin with, up to a separator."""
+    stems = [path.stem for path in (*shapes, neutral)]
+    ends = [end.end() for end in re.finditer(r"[\W_]+", stems[0])]
+    cut = max((end for end in ends if all(stem.startswith(stems[0][:end]) for stem in stems)), default=0)
+    names: dict[str, Path] = {}
+    folded: dict[str, Path] = {}
+    for path in shapes:
+        name = path.stem[cut:] or path.stem
+        if name.lower() in folded:
+            raise FacePoserError(
+                f"'{folded[name.lower()]}' and '{path}' are two shapes of one name, {name}; remove or rename one."
+            )
+        folded[name.lower()] = path
+        names[name] = path
+    return names
+
+
+def _positions(path: Path, rest: PolygonMesh, neutral: Path, faces: bytes | None) -> NDArray[np.float64]:
+    """Return the vertices of a shape, after its faces have been compared with the neutral's."""
+    positions: NDArray[np.float64] | None = None
+    if faces is not None and _face_key(path, len(rest.polygons)) == faces:
+        # Reading only the positions is many times faster than reading the faces too.
+        positions = read_obj_positions(path)
+        if len(positions) != len(rest.vertices) or not np.isfinite(positions).all():
+            positions = None
+    if positions is not None:
+        return positions
+    mesh = read_mesh(path)
+    remedy = "export all shapes with the same vertices in the same order"
+    if len(mesh.vertices) != len(rest.vertices):
+        raise FacePoserError(
+            f"The shape '{path}' has {len(mesh.vertices)} vertices, but the neutral face '{neutral}' has "
+            f"{len(rest.vertices)}; {remedy}."
+        )
+    difference = _first_difference(mesh, rest)
+    if difference:
+        raise FacePoserError(
+            f"The shape '{path}' has other faces than the neutral '{neutral}': {difference}; {remedy}."
+        )
+    return mesh.vertices
+
+
+def _face_key(path: Path, count: int) -> bytes | None:
+    """Return the vertices of an OBJ's faces as text, or None for another file or if not all ``count`` are found."""
+    if path.suffix.lower() != ".obj":
+        return None
+    try:
+        if path.stat().st_size > _MAX_FILE_BYTES:
+            return None
+        lines = [line for line in path.read_bytes().splitlines() if line.startswith((b"f ", b"f\t"))]
+    except OSError as error:
+        raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
+    if len(lines) != count:
+        return None
+    # Exporters number normals anew in each file: what follows a vertex's slash does not count.
+    key = re.sub(rb"/\S*", b"", b"\n".join(lines))
+    # What an index from the end means depends on where the face stands.
+    return None if b"-" in key else key
+
+
+def _first_difference(mesh: PolygonMesh, rest: PolygonMesh) -> str:
+    """Return in words where the faces differ, nothing if they are the same."""
+    if np.array_equal(mesh.polygons, rest.polygons):
+        return ""
+    a, b = mesh.polygons, rest.polygons
+    if a.shape != b.shape:
+        # Formats other than OBJ come in triangles, whose first corners depend on who made them.
+        a, b = mesh.triangles(), rest.triangles()
+        if len(a) != len(b):
+            return f"it has {len(mesh.polygons)} faces, not {len(rest.polygons)}"
+    differing = (_turned(a) != _turned(b)).any(axis=1)
+    if not differing.any():
+        return ""
+    face = int(np.argmax(differing))
+    corners = [", ".join(str(v + 1) for v in row[face].tolist() if v >= 0) for row in (a, b)]
+    return f"face {face + 1} has the corners {corners[0]}, not {corners[1]}"
+
+
+def _turned(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return triangles with their lowest vertex first; other faces as they are."""
+    if faces.shape[1] != 3:
+        return faces
+    turn = (np.arange(3) + np.argmin(faces, axis=1)[:, None]) % 3
+    return np.take_along_axis(faces, turn, axis=1)
