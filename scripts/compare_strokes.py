@@ -43,7 +43,7 @@ if str(ROOT) not in sys.path:
 
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.strokes import resampled, smoothed
-from faceposer.model.capture import read_live_link_face
+from faceposer.model.capture import read_capture
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
@@ -207,7 +207,7 @@ def main() -> None:
         sys.exit("Set FACEPOSER_CAPTURES to the folder with the capture files.")
 
     recipe = replace(Recipe(), n_examples=options.examples)
-    train, test = (clean(read_live_link_face(Path(folder) / take), recipe) for take in (TRAIN, TEST))
+    train, test = (clean(read_capture(Path(folder) / take), recipe) for take in (TRAIN, TEST))
     subject = load_subject(options.subject)
     if subject.shape_names != ARKIT_SHAPES:
         sys.exit(f"The frames do not fit the subject '{subject.name}': its shapes are not the 52 of ARKit.")

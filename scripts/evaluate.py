@@ -32,7 +32,7 @@ import numpy as np
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.picking import SurfacePoint, pick
-from faceposer.model.capture import read_live_link_face
+from faceposer.model.capture import read_capture
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.subject import ARKIT_SHAPES
@@ -187,7 +187,7 @@ def main() -> None:
         sys.exit("Set FACEPOSER_CAPTURES to the folder with the capture files.")
 
     recipe = Recipe()
-    train, test = (clean(read_live_link_face(Path(folder) / take), recipe) for take in (TRAIN, TEST))
+    train, test = (clean(read_capture(Path(folder) / take), recipe) for take in (TRAIN, TEST))
     began = time.perf_counter()
     methods, ours = make_methods(options.subject, train, recipe)
     print(f"trained on {len(train)} frames in {time.perf_counter() - began:.0f} s, {ours.n_coefficients} coefficients")

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from faceposer.model.capture import read_live_link_face
+from faceposer.model.capture import read_capture
 from faceposer.model.expression_statistics import load_expression_statistics
 from faceposer.model.training import learn
 from faceposer.resources import asset_path
@@ -39,7 +39,7 @@ def main() -> None:
     if not folder:
         sys.exit("Set FACEPOSER_CAPTURES to the folder with the capture files.")
     began = time.perf_counter()
-    statistics = learn([read_live_link_face(Path(folder) / TAKE)], credits=CREDITS)
+    statistics = learn([read_capture(Path(folder) / TAKE)], credits=CREDITS)
     print(f"learned from {TAKE} in {time.perf_counter() - began:.1f} s")
     path = asset_path("expressions.npz")
     if not options.check:

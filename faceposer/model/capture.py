@@ -1,8 +1,17 @@
-"""Facial capture: ARKit weights over time, read from the CSV files of Epic's app Live Link Face."""
+"""Facial capture: ARKit weights over time, from Epic's app Live Link Face or Bannaflak's app Face Cap.
+
+Both write text with commas. Live Link Face has a header, in which the channels are found by their names, and a line per
+frame. In Face Cap's text export the first word of a line tells what it is: ``info`` lines are for people, ``bs`` lists
+the names of the channels, and ``k`` is a frame: milliseconds, the head's position (3) and rotation (3), the left and
+right eye's rotation (2 each), then a weight for each name.
+"""
 
 import csv
-from collections.abc import Iterable, Iterator
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +22,16 @@ from faceposer.model.subject import ARKIT_SHAPES
 
 Array = NDArray[np.float64]
 
+_Lines = Iterable[tuple[int, list[str]]]
+
 _MAX_BYTES = 256 * 2**20
+# Channels go from 0 to 1 and tracking goes a little beyond; this far beyond they are percents or something else.
+_LOWEST, _HIGHEST = -1.0, 2.0
+# In a frame of Face Cap the weights come after "k", the time, and where the head and the eyes are.
+_FACE_CAP_WEIGHTS = 12
+_FACE_CAP_LINES = ("info", "bs", "k")
+#: Shapes of both sides that some apps have once for each; the mean of the two is taken.
+_SPLIT = ("browInnerUp", "cheekPuff")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +45,19 @@ class Capture:
 
     shape_names: tuple[str, ...]
     weights: Array
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """ARKit's shapes that the take has no channel for."""
+        return tuple(name for name in ARKIT_SHAPES if name not in self.shape_names)
+
+    def with_shapes(self, shape_names: Sequence[str]) -> "Capture":
+        """Return the take with the channels ``shape_names``, in this order; those that it lacks are at rest."""
+        weights = np.zeros((len(self.weights), len(shape_names)))
+        for column, name in enumerate(shape_names):
+            if name in self.shape_names:
+                weights[:, column] = self.weights[:, self.shape_names.index(name)]
+        return Capture(tuple(shape_names), weights)
 
     def without_jumps(self, threshold: float = 0.3) -> "Capture":
         """Return the take without the frames that a channel reaches by a jump of more than ``threshold``.
@@ -48,13 +79,16 @@ class Capture:
         return replace(self, weights=np.clip(self.weights - rest, 0.0, 1.0))
 
 
-def read_live_link_face(path: Path) -> Capture:
-    """Return the take in the CSV file ``path``, its 52 channels found by their names in the header.
+def read_capture(path: Path) -> Capture:
+    """Return the take in the file ``path``, of Live Link Face or Face Cap, told apart by its first line.
 
-    Frames in which the app had lost the face, and wrote no values, are left out.
+    Channels are found by their names, in any order, spelling and number; other columns are passed over. The take has
+    those of ARKit's shapes that the file has, in ARKit's order. Frames in which the app had lost the face, and wrote no
+    values, are left out.
 
     Raises:
-        FacePoserError: If the file cannot be read, lacks channels or has a value that is not a number.
+        FacePoserError: If the file cannot be read or is too large, has no known channel, one of them twice or no frame
+            with a face, or has a line with too few or too many cells or a value that is not a weight.
     """
     try:
         if path.stat().st_size > _MAX_BYTES:
@@ -63,37 +97,111 @@ def read_live_link_face(path: Path) -> Capture:
             return _parse(csv.reader(file), path)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise FacePoserError(
-            f"The capture '{path}' cannot be read ({error}); give a CSV file of Live Link Face."
+            f"The capture '{path}' cannot be read ({error}); give a CSV file of Live Link Face or a text of Face Cap."
         ) from error
 
 
 def _parse(lines: Iterator[list[str]], path: Path) -> Capture:
-    header = [name.strip().lower() for name in next(lines, [])]
-    missing = [name for name in ARKIT_SHAPES if name.lower() not in header]
-    if missing:
-        raise FacePoserError(
-            f"The header of '{path}' lacks {_listed(missing)}; give a CSV of Live Link Face with all 52 channels."
-        )
-    columns = [header.index(name.lower()) for name in ARKIT_SHAPES]
-    frames = [
-        _frame(cells, columns, path, number) for number, cells in enumerate(lines, start=2) if len(cells) > min(columns)
-    ]
+    header: list[str]
+    rows: _Lines
+    numbered = ((number, cells) for number, cells in enumerate(lines, start=1) if any(cell.strip() for cell in cells))
+    number, first = next(numbered, (1, [""]))
+    if first[0].strip().lower() in _FACE_CAP_LINES:
+        header, rows = _face_cap(chain([(number, first)], numbered), path)
+    else:
+        header, rows = [name.strip() for name in first], numbered
+    columns = _columns(header, path)
+    frames = [frame for number, cells in rows if (frame := _frame(cells, header, columns, path, number))]
     if not frames:
         raise FacePoserError(f"The capture '{path}' has no frame with a face in it; record it anew.")
-    return Capture(ARKIT_SHAPES, np.array(frames))
+    return Capture(tuple(columns), np.array(frames))
 
 
-def _frame(cells: list[str], columns: list[int], path: Path, number: int) -> list[float]:
+def _face_cap(lines: _Lines, path: Path) -> tuple[list[str], _Lines]:
+    """Return the header and the frames of a text of Face Cap, as if it were a table."""
+    names: list[str] | None = None
+    rows = []
+    for number, cells in lines:
+        kind = cells[0].strip().lower()
+        if kind == "bs":
+            if names is not None:
+                raise FacePoserError(f"Line {number} of '{path}' names the shapes again; give one take a file.")
+            names = [name.strip() for name in cells[1:]]
+        elif kind == "k":
+            if names is None:
+                raise FacePoserError(
+                    f"Line {number} of '{path}' is a frame before the line 'bs' that names the shapes."
+                )
+            rows.append((number, cells))
+        elif kind != "info":
+            raise FacePoserError(
+                f"Line {number} of '{path}' begins with '{cells[0][:20]}', not with 'info', 'bs' or 'k' as all lines "
+                "of Face Cap do; export the take again."
+            )
+    return ["k", "time", *(_FACE_CAP_WEIGHTS - 2) * [""], *(names or [])], rows
+
+
+def _columns(header: list[str], path: Path) -> dict[str, list[int]]:
+    """Return the columns of each shape, in ARKit's order: one, or two of a shape that is split."""
+    found: defaultdict[str, list[int]] = defaultdict(list)
+    for column, name in enumerate(header):
+        shape = _channel(name)
+        if shape is not None:
+            found[shape].append(column)
+    for shape, columns in found.items():
+        names = {header[column].lower() for column in columns}
+        if len(names) < len(columns) or len(columns) > (2 if shape in _SPLIT else 1):
+            raise FacePoserError(f"'{path}' has the column {header[columns[-1]]} for {shape} more than once; keep one.")
+    if not found:
+        raise FacePoserError(
+            f"The header of '{path}' has no name of a shape such as JawOpen or eyeBlink_L; give a CSV file of Live "
+            "Link Face or a text of Face Cap."
+        )
+    return {shape: found[shape] for shape in ARKIT_SHAPES if shape in found}
+
+
+def _frame(
+    cells: list[str], header: list[str], columns: Mapping[str, list[int]], path: Path, number: int
+) -> list[float] | None:
+    """Return the weights of one line, or None where the face was lost."""
+    wanted = [column for places in columns.values() for column in places]
+    if all(column >= len(cells) or not cells[column].strip() for column in wanted):
+        return None
+    if len(cells) < len(header) or any(cell.strip() for cell in cells[len(header) :]):
+        raise FacePoserError(
+            f"Line {number} of '{path}' has {len(cells)} values, {len(header)} are needed; mend or delete the line."
+        )
+    values = {column: _weight(cells[column], header[column], path, number) for column in wanted}
+    return [sum(values[column] for column in places) / len(places) for places in columns.values()]
+
+
+def _weight(cell: str, name: str, path: Path, number: int) -> float:
     try:
-        values = [float(cells[column]) for column in columns]
-    except (IndexError, ValueError):
-        values = [np.nan]
-    if not np.isfinite(values).all():
-        raise FacePoserError(f"Line {number} of '{path}' does not have a number in each of the 52 channels; mend it.")
-    return values
+        value = float(cell)
+    except ValueError:
+        value = np.nan
+    if not _LOWEST <= value <= _HIGHEST:
+        raise FacePoserError(
+            f"Line {number} of '{path}' has '{cell.strip()[:20]}' in column {name}, which is not a weight from 0 to 1; "
+            "mend or delete the line."
+        )
+    return value
 
 
-def _listed(names: Iterable[str], at_most: int = 3) -> str:
-    names = list(names)
-    rest = len(names) - at_most
-    return ", ".join(names[:at_most]) + (f" and {rest} more" if rest > 0 else "")
+def _channel(name: str) -> str | None:
+    """Return the ARKit shape that a column is of, or None."""
+    plain = re.sub(r"_([lr])$", lambda side: {"l": "left", "r": "right"}[side[1]], name.strip().lower())
+    plain = plain.replace("_", "").replace(" ", "")
+    for shape in _SPLIT:
+        if plain in (f"{shape.lower()}left", f"{shape.lower()}right"):
+            return shape
+    return _BY_PLAIN_NAME.get(plain)
+
+
+_BY_PLAIN_NAME = {shape.lower(): shape for shape in ARKIT_SHAPES}
+
+
+def missing_shapes(captures: Iterable[Capture]) -> tuple[str, ...]:
+    """Return ARKit's shapes that none of the ``captures`` has a channel for."""
+    present = {name for capture in captures for name in capture.shape_names}
+    return tuple(name for name in ARKIT_SHAPES if name not in present)

@@ -14,6 +14,7 @@ from faceposer.model.capture import Capture
 from faceposer.model.coupling import BROWS, GAZE, LIDS, region_of_shape
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.mfa import MixtureOfFactorAnalyzers
+from faceposer.model.subject import ARKIT_SHAPES
 
 Array = NDArray[np.float64]
 
@@ -124,13 +125,25 @@ def fit_statistics(examples: Array, shape_names: Sequence[str], recipe: Recipe, 
 def learn(captures: Sequence[Capture], recipe: Recipe | None = None, credits: str = "") -> ExpressionStatistics:
     """Return the statistics of performances by ``recipe``, each with a rest of its own.
 
+    The statistics are of all shapes that some capture has, and of their counterparts on the other side. A shape rests
+    in a capture that has no channel for it; a side that no capture has learns from the mirror image of the other.
+
     Raises:
-        ValueError: If there is no capture, or they have different shapes.
+        ValueError: If there is no capture.
     """
     recipe = recipe or Recipe()
-    names = {capture.shape_names for capture in captures}
-    if len(names) != 1:
-        raise ValueError("captures of the same shapes are needed")
-    shape_names = names.pop()
-    frames = np.concatenate([clean(capture, recipe) for capture in captures])
+    if not captures:
+        raise ValueError("at least one capture is needed")
+    shape_names = _shapes_of(captures)
+    frames = np.concatenate([clean(capture.with_shapes(shape_names), recipe) for capture in captures])
     return fit_statistics(augment(frames, shape_names, recipe), shape_names, recipe, credits)
+
+
+def _shapes_of(captures: Sequence[Capture]) -> tuple[str, ...]:
+    present = dict.fromkeys(name for capture in captures for name in capture.shape_names)
+    for name in list(present):
+        for side, other in (("Left", "Right"), ("Right", "Left")):
+            if name.endswith(side):
+                present[name.removesuffix(side) + other] = None
+    known = [name for name in ARKIT_SHAPES if name in present]
+    return (*known, *(name for name in present if name not in known))

@@ -10,7 +10,7 @@ import numpy as np
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.strokes import stroke_pixels
-from faceposer.model.capture import read_live_link_face
+from faceposer.model.capture import read_capture
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.training import Recipe, augment, clean, fit_statistics
@@ -167,9 +167,7 @@ def example_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
     if not folder:
         return []
     recipe = Recipe()
-    frames = np.concatenate(
-        [clean(read_live_link_face(path), recipe) for path in sorted(Path(folder).glob("alex_rom_*.csv"))]
-    )
+    frames = np.concatenate([clean(read_capture(path), recipe) for path in sorted(Path(folder).glob("alex_rom_*.csv"))])
     rows = []
     for count in _FRAMES:
         chosen = frames[np.linspace(0, len(frames) - 1, count).round().astype(int)]

@@ -73,14 +73,27 @@ def test_statistics_have_the_moments_of_the_examples() -> None:
     assert np.linalg.eigvalsh(statistics.covariances).min() > 0.0
 
 
-def test_learning_takes_each_performers_rest_and_wants_one_set_of_shapes() -> None:
+def test_learning_takes_each_performers_rest() -> None:
     frames = performance()
     rested, shifted = (learn([Capture(tuple(NAMES), frames + offset)], RECIPE, "made up") for offset in (0.0, 0.05))
     np.testing.assert_allclose(rested.mean, shifted.mean, atol=1e-6)
-    with pytest.raises(ValueError, match="same shapes"):
-        learn([Capture(tuple(NAMES), frames), Capture(("jawOpen",), frames[:, :1])], RECIPE)
-    with pytest.raises(ValueError, match="same shapes"):
+    with pytest.raises(ValueError, match="at least one capture"):
         learn([], RECIPE)
+
+
+def test_captures_of_different_shapes_are_learned_together() -> None:
+    frames = performance()
+    without = [name for name in NAMES if name not in ("tongueOut", "mouthSmileRight", "cheekPuff")]
+    columns = [NAMES.index(name) for name in without]
+    jaw = Capture(("tongueOut", "jawOpen"), frames[:, [NAMES.index("jawOpen")] * 2])
+    recipe = replace(RECIPE, extras=0.0, jump=np.inf)
+    statistics = learn([Capture(tuple(without), frames[:, columns]), jaw], recipe)
+    # cheekPuff is in neither; mouthSmileRight learns from the mirrored left.
+    assert statistics.shape_names == tuple(name for name in ARKIT_SHAPES if name != "cheekPuff")
+    mean = dict(zip(statistics.shape_names, statistics.mean, strict=True))
+    assert mean["mouthSmileRight"] == pytest.approx(mean["mouthSmileLeft"], rel=0.2)
+    # In half of the frames the tongue rests, since their capture does not have it.
+    assert mean["tongueOut"] == pytest.approx(0.5 * mean["jawOpen"], rel=0.1)
 
 
 def test_statistics_survive_their_file(tmp_path: Path) -> None:
