@@ -20,9 +20,9 @@ Array = NDArray[np.float64]
 
 # A subspace is grown until each shape (gaze aside) loses at most this share of its displacement.
 LEAVE_AT_MOST = 0.10
-# In the metric of the PCA, motion counts relative to how much its place moves at all; this share of the head height
-# keeps nearly motionless places from counting.
-_STILL_MOTION = 0.004
+# In the metric of the PCA, motion counts relative to how much its place moves at all; this much, in centimetres, keeps
+# nearly motionless places from counting.
+_STILL_MOTION = 0.117
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +216,6 @@ def _vertex_metric(subject: Subject) -> NDArray[np.float32]:
     areas = 0.5 * np.sqrt(np.einsum("ij,ij->i", cross, cross))
     area = np.bincount(subject.triangles.ravel(), np.repeat(areas / 3.0, 3), minlength=len(subject.vertices))
     motion = np.einsum("snd,snd->n", subject.shapes, subject.shapes) / len(subject.shapes)
-    still = (_STILL_MOTION * float(np.ptp(subject.vertices[:, 1]))) ** 2
-    weights = area / (motion + still)
+    weights = area / (motion + _STILL_MOTION**2)
     metric: NDArray[np.float32] = (weights / weights.sum()).astype(np.float32)
     return metric

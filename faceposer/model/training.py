@@ -134,12 +134,13 @@ def learn(captures: Sequence[Capture], recipe: Recipe | None = None, credits: st
     recipe = recipe or Recipe()
     if not captures:
         raise ValueError("at least one capture is needed")
-    shape_names = _shapes_of(captures)
+    shape_names = shapes_of(captures)
     frames = np.concatenate([clean(capture.with_shapes(shape_names), recipe) for capture in captures])
     return fit_statistics(augment(frames, shape_names, recipe), shape_names, recipe, credits)
 
 
-def _shapes_of(captures: Sequence[Capture]) -> tuple[str, ...]:
+def shapes_of(captures: Sequence[Capture]) -> tuple[str, ...]:
+    """Return the shapes that some of the ``captures`` have, with their counterparts on the other side."""
     present = dict.fromkeys(name for capture in captures for name in capture.shape_names)
     for name in list(present):
         for side, other in (("Left", "Right"), ("Right", "Left")):

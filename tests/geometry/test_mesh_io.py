@@ -7,7 +7,7 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_io import read_mesh
-from faceposer.geometry.obj_io import read_obj_positions, write_obj
+from faceposer.geometry.obj_io import read_obj_positions, read_obj_positions_and_digest, write_obj
 from faceposer.geometry.polygon_mesh import Group
 
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0.1, 1 / 3]], dtype=np.float32)
@@ -97,7 +97,13 @@ def test_polygons_of_many_corners_and_groups_of_blender(tmp_path: Path) -> None:
 def test_positions_alone_are_those_of_the_whole_file(tmp_path: Path) -> None:
     path = tmp_path / "a.obj"
     write_obj(path, VERTICES, POLYGONS, UV, POLYGONS)
-    np.testing.assert_array_equal(read_obj_positions(path), read_mesh(path).vertices)
+    vertices, digest = read_obj_positions_and_digest(path)
+    np.testing.assert_array_equal(vertices, read_mesh(path).vertices)
+    moved = tmp_path / "moved.obj"
+    write_obj(moved, VERTICES + 1.0, POLYGONS, UV, POLYGONS)
+    assert read_obj_positions_and_digest(moved)[1] == digest
+    write_obj(moved, VERTICES, POLYGONS[:, ::-1], UV, POLYGONS)
+    assert read_obj_positions_and_digest(moved)[1] != digest
     path.write_text("v 0 0 0\nv 1 0 oops\n")
     with pytest.raises(FacePoserError, match="broken at line 2"):
         read_obj_positions(path)

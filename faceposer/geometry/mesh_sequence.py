@@ -1,0 +1,249 @@
+"""Many meshes of one topology: a folder of files, or arrays, read one after another in bounded memory."""
+
+import re
+import zipfile
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_mesh
+from faceposer.geometry.obj_io import read_obj_positions_and_digest
+from faceposer.geometry.polygon_mesh import PolygonMesh
+
+Array = NDArray[np.float64]
+
+ARRAY_SUFFIX = ".npz"
+_NEUTRAL_WORDS = ("neutral", "rest", "base")
+_MAX_FRAMES = 1_000_000
+_MAX_FILE_BYTES = 1 << 30
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A file with the frames ``first`` to ``first + count - 1`` of a sequence."""
+
+    path: Path
+    first: int
+    count: int
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSequence:
+    """Examples of one mesh, to be read as often as one likes; it can be sent to other processes.
+
+    Attributes:
+        neutral: The mesh that all are compared with.
+        neutral_name: Where it comes from.
+        sources: The files, in order.
+        face_digest: Of the neutral's OBJ text of faces, "" if it has none.
+    """
+
+    neutral: PolygonMesh
+    neutral_name: str
+    sources: tuple[_Source, ...]
+    face_digest: str = ""
+
+    def __len__(self) -> int:
+        return self.sources[-1].first + self.sources[-1].count if self.sources else 0
+
+    def read(self, first: int, stop: int) -> Iterator[Array]:
+        """Yield the vertices, (N, 3), of the frames from ``first`` to the one before ``stop``.
+
+        Raises:
+            FacePoserError: If a file is damaged or has another topology than the neutral.
+        """
+        for source in self.sources:
+            begin, end = max(first, source.first), min(stop, source.first + source.count)
+            if begin >= end:
+                continue
+            if source.path.suffix.lower() == ARRAY_SUFFIX:
+                yield from self._read_arrays(source, begin - source.first, end - source.first)
+            else:
+                yield self._read_mesh(source.path)
+
+    def name_of(self, frame: int) -> str:
+        """Return what to call a frame: its file, with its number in it where it has several."""
+        source = next(s for s in self.sources if s.first <= frame < s.first + s.count)
+        return f"'{source.path}'" if source.count == 1 else f"frame {frame - source.first + 1} of '{source.path}'"
+
+    def _read_mesh(self, path: Path) -> Array:
+        if path.suffix.lower() == ".obj" and self.face_digest:
+            vertices, digest = _obj_positions(path)
+            if digest == self.face_digest:
+                self._check_count(str(path), len(vertices))
+                self._check_finite(f"'{path}'", vertices)
+                return vertices
+        mesh = read_mesh(path)
+        self._check_count(str(path), len(mesh.vertices))
+        ours = self.neutral.polygons
+        if mesh.polygons.shape != ours.shape or not np.array_equal(mesh.polygons, ours):
+            n = min(len(mesh.polygons), len(ours))
+            width = min(mesh.polygons.shape[1], ours.shape[1])
+            differs = np.flatnonzero((mesh.polygons[:n, :width] != ours[:n, :width]).any(axis=1))
+            place = f"face {differs[0] + 1} differs" if len(differs) else f"{len(mesh.polygons)} faces, not {len(ours)}"
+            raise FacePoserError(
+                f"'{path}' has another topology than {self.neutral_name}: {place}; export all meshes from one, with "
+                "the order of vertices and faces kept."
+            )
+        return mesh.vertices
+
+    def _check_count(self, name: str, count: int) -> None:
+        if count != len(self.neutral.vertices):
+            raise FacePoserError(
+                f"'{name}' has {count} vertices, but {self.neutral_name} has {len(self.neutral.vertices)}; export all "
+                "meshes from one, with the order of vertices kept."
+            )
+
+    def _check_finite(self, name: str, vertices: Array) -> None:
+        finite = np.isfinite(vertices).all(axis=1)
+        if not finite.all():
+            raise FacePoserError(
+                f"{name[:1].upper()}{name[1:]} has a vertex that is not finite, number {int(np.argmin(finite)) + 1}; "
+                "export it anew."
+            )
+
+    def _read_arrays(self, source: _Source, first: int, stop: int) -> Iterator[Array]:
+        try:
+            with zipfile.ZipFile(source.path) as archive, archive.open("vertices.npy") as stream:
+                shape, dtype = _array_header(stream, source.path)
+                count = shape[-2]
+                self._check_count(str(source.path), count)
+                size = count * 3 * dtype.itemsize
+                if first:
+                    stream.seek(first * size, 1)
+                for frame in range(first, stop):
+                    data = stream.read(size)
+                    if len(data) < size:
+                        raise EOFError
+                    vertices = np.frombuffer(data, dtype=dtype).reshape(count, 3).astype(np.float64)
+                    self._check_finite(f"frame {frame + 1} of '{source.path}'", vertices)
+                    yield vertices
+        except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, OSError) as error:
+            raise FacePoserError(f"'{source.path}' is damaged or cut off; write it again.") from error
+
+
+def open_sequence(path: Path, neutral: Path | None = None) -> MeshSequence:
+    """Return the meshes in the folder ``path``, or in the one ``.npz`` file, in the natural order of their names.
+
+    A ``.npz`` has ``vertices`` of shape (F, N, 3) or (N, 3) and may have ``faces`` of shape (T, 3) or (T, 4).
+
+    Args:
+        path: Folder of OBJ, PLY, STL, GLB, OFF or NPZ files, or one NPZ file.
+        neutral: The neutral mesh; if None, the file whose name says neutral, rest or base, else the first.
+
+    Raises:
+        FacePoserError: If there are no meshes, or the neutral cannot be read.
+    """
+    if path.is_dir():
+        allowed = (*MESH_SUFFIXES, ARRAY_SUFFIX)
+        files = sorted((f for f in path.iterdir() if f.suffix.lower() in allowed and f.is_file()), key=_natural)
+    elif path.suffix.lower() == ARRAY_SUFFIX and path.is_file():
+        files = [path]
+    else:
+        raise FacePoserError(f"'{path}' is no folder of meshes and no .npz file; give one of them.")
+    if not files:
+        raise FacePoserError(f"The folder '{path}' has no meshes; put OBJ, PLY, STL, GLB or NPZ files there.")
+    chosen = neutral or _neutral_among(files)
+    sources: list[_Source] = []
+    for file in files:
+        count = _frames_in(file) if file.suffix.lower() == ARRAY_SUFFIX else 1
+        sources.append(_Source(file, sources[-1].first + sources[-1].count if sources else 0, count))
+    total = sources[-1].first + sources[-1].count
+    if total > _MAX_FRAMES:
+        raise FacePoserError(f"'{path}' has {total} frames, more than {_MAX_FRAMES}; leave some out.")
+    meshes = [s.path for s in sources if s.path.suffix.lower() != ARRAY_SUFFIX]
+    base = _neutral_mesh(chosen, meshes)
+    digest = _obj_positions(chosen)[1] if chosen.suffix.lower() == ".obj" else ""
+    return MeshSequence(base, f"the neutral '{chosen}'", tuple(sources), digest)
+
+
+def _neutral_among(files: list[Path]) -> Path:
+    def says_neutral(file: Path) -> bool:
+        words = re.split(r"[^a-z]+", file.stem.lower())
+        return any(word in words for word in _NEUTRAL_WORDS)
+
+    return next((file for file in files if says_neutral(file)), files[0])
+
+
+def _neutral_mesh(path: Path, meshes: list[Path]) -> PolygonMesh:
+    if path.suffix.lower() != ARRAY_SUFFIX:
+        return read_mesh(path)
+    vertices, faces = _first_frame(path)
+    if faces is not None:
+        return PolygonMesh(vertices, faces)
+    if not meshes:
+        raise FacePoserError(
+            f"'{path}' has no 'faces' of shape (T, 3) or (T, 4); store them beside 'vertices', or give the neutral "
+            "mesh with --neutral."
+        )
+    return read_mesh(meshes[0])
+
+
+def _frames_in(path: Path) -> int:
+    try:
+        with zipfile.ZipFile(path) as archive, archive.open("vertices.npy") as stream:
+            shape, _ = _array_header(stream, path)
+    except KeyError:
+        raise FacePoserError(f"'{path}' has no array 'vertices' of shape (frames, vertices, 3); store it so.") from None
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
+        raise FacePoserError(f"'{path}' is damaged or no .npz file; write it again.") from error
+    return 1 if len(shape) == 2 else shape[0]
+
+
+def _first_frame(path: Path) -> tuple[Array, NDArray[np.int32] | None]:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            with archive.open("vertices.npy") as stream:
+                shape, dtype = _array_header(stream, path)
+                data = stream.read(shape[-2] * 3 * dtype.itemsize)
+                vertices = np.frombuffer(data, dtype=dtype).reshape(-1, 3).astype(np.float64)
+            if "faces.npy" not in archive.namelist():
+                return vertices, None
+            if archive.getinfo("faces.npy").file_size > _MAX_FILE_BYTES:
+                raise FacePoserError(f"The faces in '{path}' are too many; give a smaller mesh.")
+            with archive.open("faces.npy") as stream:
+                faces = np.lib.format.read_array(stream, allow_pickle=False)
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError) as error:
+        raise FacePoserError(f"'{path}' is damaged or no .npz file; write it again.") from error
+    sound = faces.ndim == 2 and faces.shape[1] in (3, 4) and faces.dtype.kind in "iu" and len(faces)
+    if not sound or faces.max() >= len(vertices) or faces.min() < -1 or (faces[:, :3] < 0).any():
+        raise FacePoserError(f"The faces in '{path}' must be vertex numbers from 0, shape (T, 3) or (T, 4).")
+    return vertices, faces.astype(np.int32)
+
+
+def _array_header(stream: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Read the header of the array of vertices and return its shape and type."""
+    try:
+        version = np.lib.format.read_magic(stream)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, fortran, dtype = read(stream)
+    except ValueError as error:
+        raise FacePoserError(f"'{path}' is damaged: its vertices have no readable header; write it again.") from error
+    if dtype.kind != "f" or fortran or len(shape) not in (2, 3) or shape[-1] != 3 or 0 in shape:
+        raise FacePoserError(
+            f"The vertices in '{path}' must be real numbers of shape (frames, vertices, 3) in C order, not "
+            f"{dtype} of shape {shape}."
+        )
+    if shape[-2] * 3 * dtype.itemsize > _MAX_FILE_BYTES:
+        raise FacePoserError(f"'{path}' claims {shape[-2]} vertices; give a smaller mesh.")
+    return shape, dtype
+
+
+def _obj_positions(path: Path) -> tuple[Array, str]:
+    try:
+        if path.stat().st_size > _MAX_FILE_BYTES:
+            raise FacePoserError(f"The mesh '{path}' is larger than {_MAX_FILE_BYTES >> 30} GB; give a smaller one.")
+        return read_obj_positions_and_digest(path)
+    except OSError as error:
+        raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
+
+
+def _natural(path: Path) -> list[Any]:
+    """Return what to sort names by, so that frame 10 comes after frame 9."""
+    return [(1, int(word), "") if word.isdigit() else (0, 0, word) for word in re.split(r"(\d+)", path.name.lower())]

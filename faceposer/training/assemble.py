@@ -1,0 +1,120 @@
+"""Puts a subject together from a file's mesh."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.geometry.alignment import Similarity
+from faceposer.geometry.polygon_mesh import PolygonMesh
+from faceposer.model.origin import Origin
+from faceposer.model.subject import Part
+from faceposer.model.subject_file import load_subject
+from faceposer.training.eyes import eye_uv
+from faceposer.training.parts import PartedMesh, into_parts
+
+Array = NDArray[np.float64]
+
+# Numbers by which vertices that lie at one place are told apart by how they move.
+_FINGERPRINTS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class UprightMesh:
+    """A file's mesh in the program's axes, unit and order, with the way back.
+
+    Attributes:
+        vertices: Upright, in centimetres, shape (N, 3).
+        polygons: Shape (F, 4).
+        uv: Texture coordinates, shape (U, 2).
+        polygon_uvs: Shape (F, 4).
+        parts: Pieces of the mesh.
+        textures: Encoded images by part or material.
+        origin: How the file has it.
+        file_ids: One of the file's vertices for each, shape (N,).
+    """
+
+    vertices: NDArray[np.float32]
+    polygons: NDArray[np.int32]
+    uv: NDArray[np.float32]
+    polygon_uvs: NDArray[np.int32]
+    parts: tuple[Part, ...]
+    textures: Mapping[str, bytes]
+    origin: Origin
+    file_ids: NDArray[np.int32]
+
+    def displacements(self, of_file: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Return displacements of the file's vertices, (..., M, 3), as those of this mesh, (..., N, 3)."""
+        turned = of_file[..., self.file_ids, :] @ np.linalg.inv(self.origin.linear).T
+        return turned.astype(np.float32)
+
+
+def assemble(
+    mesh: PolygonMesh, upright: Similarity, motion: NDArray[np.floating], textures: Mapping[str, bytes]
+) -> UprightMesh:
+    """Return ``mesh`` as the program has it.
+
+    Args:
+        mesh: As the file has it, M vertices.
+        upright: From the file's axes and unit to upright centimetres.
+        motion: Some displacements of its vertices, shape (k, M, 3).
+        textures: Encoded images by the file's names of materials.
+    """
+    vertices = upright.apply(mesh.vertices)
+    parted = into_parts(mesh, vertices, fingerprints(motion))
+    positions = vertices[parted.file_ids]
+    uv = mesh.uv if len(mesh.uv) else np.zeros((1, 2))
+    uv, corner_uvs, images = _with_looks(parted, positions, uv, textures)
+    inverse = upright.inverse()
+    origin = Origin(
+        float(inverse.scale) * inverse.rotation,
+        mesh.vertices,
+        parted.vertex_ids,
+        mesh.polygons,
+        mesh.uv,
+        mesh.polygon_uvs,
+        mesh.groups,
+    )
+    return UprightMesh(
+        positions.astype(np.float32),
+        parted.polygons,
+        uv.astype(np.float32),
+        corner_uvs,
+        parted.parts,
+        images,
+        origin,
+        parted.file_ids,
+    )
+
+
+def fingerprints(motion: NDArray[np.floating]) -> Array:
+    """Return a few numbers per vertex, (M, k), that differ where the displacements ``motion``, (f, M, 3), do."""
+    rng = np.random.default_rng(0)
+    directions = rng.standard_normal((len(motion), 3, _FINGERPRINTS))
+    numbers: Array = np.einsum("fmd,fdk->mk", motion, directions, optimize=True)
+    return numbers
+
+
+def _with_looks(
+    parted: PartedMesh, vertices: Array, uv: Array, textures: Mapping[str, bytes]
+) -> tuple[Array, NDArray[np.int32], dict[str, bytes]]:
+    """Return texture coordinates, their ids and images; eyes without an image get those of the program's own man."""
+    corner_uvs = parted.corner_uvs.copy()
+    images: dict[str, bytes] = {}
+    for part, material in zip(parted.parts, parted.materials, strict=True):
+        if material in textures:
+            images[part.name] = textures[material]
+        elif part.material == "eye":
+            corners = parted.polygons[slice(*part.polygons)]
+            rows = np.where(corners >= 0, corners - part.vertices[0] + len(uv), -1)
+            corner_uvs[slice(*part.polygons)] = rows
+            uv = np.vstack([uv, eye_uv(vertices[slice(*part.vertices)])])
+            images["eye"] = _eye_picture()
+    return uv, corner_uvs, images
+
+
+@lru_cache(maxsize=1)
+def _eye_picture() -> bytes:
+    return load_subject("man").textures["eye"]

@@ -1,0 +1,221 @@
+"""Example meshes of one topology become a subject: its controls are the principal modes of its regions."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.alignment import Similarity, rigid_alignment
+from faceposer.geometry.mesh_sequence import MeshSequence, open_sequence
+from faceposer.model.subject import Subject
+from faceposer.training.assemble import UprightMesh, assemble
+from faceposer.training.frames import AlignedReader, FrameStore, sample_of, spooled, steady_vertices
+from faceposer.training.measures import Curves, curves_of
+from faceposer.training.mode_statistics import statistics_of_modes
+from faceposer.training.modes import Modes, learn_modes, local_metric
+from faceposer.training.progress import Progress
+from faceposer.training.segments import Segments, face_segments, find_segments, whole_face
+from faceposer.training.upright import upright_by_motion
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+
+# Room beyond the examples' own extremes that a mode may go, as a share of their range.
+_MARGIN = 0.1
+_MOST_CURVE = 40
+# With fewer examples nothing can be said of how well others would be met.
+_FEW = 12
+# Examples left out that come nearer than this share of their distance from neutral are met.
+_POOR = 0.5
+
+
+@dataclass(frozen=True)
+class ExampleOptions:
+    """What to make of examples.
+
+    Attributes:
+        name: Short name of the subject.
+        title: Name to show.
+        neutral: File of the neutral mesh, if no name tells.
+        segments: Regions that get modes of their own: "face" for brows, eyes, cheeks and mouth, "whole" for one, or how
+            many to find by what moves together.
+        n_dimensions: Number of modes in all, as many as the energy asks for if None.
+        n_components: Number of factor analyzers, chosen by blocks left out if None.
+        n_factors: Number of factors of each, likewise.
+        scheduler: Address of a Dask scheduler, for more frames than one machine can hold.
+        credits: Where the character comes from, and its licence.
+    """
+
+    name: str
+    title: str
+    neutral: Path | None = None
+    segments: str | int = "face"
+    n_dimensions: int | None = None
+    n_components: int | None = None
+    n_factors: int | None = None
+    scheduler: str | None = None
+    credits: str = ""
+
+
+def subject_from_examples(path: Path, options: ExampleOptions, progress: Progress | None = None) -> Subject:
+    """Return the character that the meshes in ``path``, a folder or a .npz file, are examples of.
+
+    Raises:
+        FacePoserError: If a file cannot be used, naming it, the place and the remedy.
+    """
+    progress = progress or Progress()
+    progress.at("Looking at the files")
+    return subject_from_sequence(open_sequence(path, options.neutral), path.name, options, progress)
+
+
+def subject_from_sequence(
+    sequence: MeshSequence, source: str, options: ExampleOptions, progress: Progress, upright: Similarity | None = None
+) -> Subject:
+    """Return the character that the meshes of ``sequence`` are examples of.
+
+    Args:
+        sequence: The examples.
+        source: Where they come from, for the summary.
+        options: What to make of them.
+        progress: Told how far it is.
+        upright: From the files' axes and unit to upright centimetres; found from what moves if None.
+
+    Raises:
+        FacePoserError: If the examples cannot be used, naming the place.
+    """
+    if len(sequence) < 2:
+        raise FacePoserError(f"'{source}' has a single mesh; give at least two, one of them neutral.")
+    neutral = sequence.neutral.vertices
+    raw = sample_of(sequence, progress)
+    try:
+        steady = steady_vertices(raw, neutral)
+        sample = (rigid_alignment(raw[:, steady], neutral[steady]).apply(raw) - neutral).astype(np.float32)
+    except ValueError as error:
+        raise FacePoserError(f"The meshes of '{source}' cannot be laid on each other: {error}.") from error
+    motion = np.einsum("fmd,fmd->m", sample, sample, dtype=np.float64) / len(sample)
+    size = float(np.ptp(neutral, axis=0).max())
+    if not motion.max() > (1e-5 * size) ** 2:
+        raise FacePoserError(f"The meshes of '{source}' are all the same; give examples of different expressions.")
+    if upright is None:
+        upright = upright_by_motion(neutral, sequence.neutral.triangles(), motion)
+    mesh = assemble(sequence.neutral, upright, sample, {})
+
+    progress.at("Finding the regions")
+    triangles = _triangles(mesh)
+    vertices = mesh.vertices.astype(np.float64)
+    own_sample = sample[:, mesh.file_ids]
+    segments = _segments(options.segments, vertices, triangles, mesh.displacements(sample))
+    metric = local_metric(vertices, triangles, motion[mesh.file_ids])
+    with _store(AlignedReader(sequence, steady), options.scheduler, progress) as store:
+        modes = learn_modes(store, sample, segments, metric, mesh.file_ids, options.n_dimensions)
+    progress.at("Choosing the size of the prior")
+    statistics, choice = statistics_of_modes(modes, options.n_components, options.n_factors, progress)
+    lower, upper = np.minimum(modes.weights.min(axis=0), 0.0), np.maximum(modes.weights.max(axis=0), 0.0)
+    room = _MARGIN * (upper - lower)
+    shapes = mesh.displacements(modes.fields)
+    progress.at("Measuring what was learned")
+    inner = np.einsum("fmd,gmd->fg", own_sample, own_sample, optimize=True).astype(np.float64)
+    curves = curves_of(inner * float(upright.scale) ** 2, len(mesh.vertices), _MOST_CURVE)
+    summary: dict[str, Any] = {
+        "kind": "examples",
+        "source": source,
+        "neutral": sequence.neutral_name,
+        "examples": len(sequence),
+        "vertices": len(neutral),
+        "parts": [part.name for part in mesh.parts],
+        "dimensions": len(modes.names),
+        **_kept_energy(shapes, mesh.displacements(sample), modes, segments),
+        "settled": modes.settled,
+        "prior": {"from": "examples", **choice.as_json()},
+        "curves": curves.as_json(),
+        "warnings": _warnings(len(sequence), curves, modes),
+    }
+    return Subject(
+        name=options.name,
+        title=options.title,
+        vertices=mesh.vertices,
+        polygons=mesh.polygons,
+        uv=mesh.uv,
+        polygon_uvs=mesh.polygon_uvs,
+        parts=mesh.parts,
+        shape_names=modes.names,
+        shapes=shapes,
+        regions={
+            name: np.flatnonzero(mask > 0.5).astype(np.int32)
+            for name, mask in zip(segments.names, segments.masks, strict=True)
+        },
+        textures=mesh.textures,
+        credits=options.credits,
+        shape_limits=np.stack([lower - room, upper + room], axis=1).astype(np.float32),
+        statistics=statistics,
+        origin=mesh.origin,
+        summary=summary,
+    )
+
+
+@contextmanager
+def _store(reader: AlignedReader, scheduler: str | None, progress: Progress) -> Iterator[FrameStore]:
+    if scheduler is None:
+        with spooled(reader, progress) as frames:
+            yield frames
+    else:
+        from faceposer.training.cluster import clustered
+
+        with clustered(reader, scheduler, progress) as distributed:
+            yield distributed
+
+
+def _segments(wanted: str | int, vertices: Array, triangles: NDArray[np.int32], sample: Floats) -> Segments:
+    if wanted == "face":
+        return face_segments(vertices, triangles)
+    return whole_face(len(vertices)) if isinstance(wanted, str) else find_segments(vertices, triangles, sample, wanted)
+
+
+def _triangles(mesh: UprightMesh) -> NDArray[np.int32]:
+    corners = mesh.polygons
+    quads = corners[corners[:, 3] >= 0]
+    return np.concatenate([corners[:, :3], quads[:, [0, 2, 3]]])
+
+
+def _kept_energy(shapes: Floats, sample: Floats, modes: Modes, segments: Segments) -> dict[str, Any]:
+    """Return the share of the sample's squared displacement that the modes make, of all and of each region."""
+    flat = shapes.reshape(len(shapes), -1).astype(np.float64)
+    data = sample.reshape(len(sample), -1).astype(np.float64)
+    weights = np.linalg.lstsq(flat @ flat.T, flat @ data.T, rcond=1e-10)[0]
+    left = ((data.T - flat.T @ weights) ** 2).sum(axis=1).reshape(-1, 3).sum(axis=1)
+    total = (data**2).sum(axis=0).reshape(-1, 3).sum(axis=1)
+    tiny = np.finfo(float).tiny
+    shares = {
+        name: round(1.0 - float(mask @ left) / max(float(mask @ total), tiny), 5)
+        for name, mask in zip(segments.names, segments.masks.astype(np.float64), strict=True)
+    }
+    worst = min(shares, key=lambda name: shares[name])
+    return {
+        "kept_energy": round(1.0 - float(left.sum()) / max(float(total.sum()), tiny), 5),
+        "kept_by_region": shares,
+        "kept_in_metric": {name: round(share, 5) for name, share in modes.kept.items()},
+        "worst": {"region": worst, "kept_energy": shares[worst]},
+    }
+
+
+def _warnings(count: int, curves: Curves, modes: Modes) -> list[str]:
+    """Return in plain words what the data is too little for."""
+    found = []
+    if count < _FEW:
+        found.append(
+            f"{count} examples are too few to judge the model: it can make little else than what lies between them."
+        )
+    if curves.generalization and curves.generalization[-1] > _POOR * curves.neutral:
+        share = 100.0 * curves.generalization[-1] / max(curves.neutral, 1e-12)
+        found.append(
+            f"Examples that were left out are missed by {share:.0f} % of their distance from the neutral face: there "
+            "are too few examples, or they have too little in common."
+        )
+    if not modes.settled:
+        found.append("The principal components had not settled after the last pass over the frames.")
+    return found

@@ -1,0 +1,84 @@
+"""Eyes of characters from files: a look and a gaze for those that have none."""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.model.subject import Part
+
+Array = NDArray[np.float64]
+
+# How far the eyes of the program's own characters turn at full strength, in degrees (assets/README.md).
+_TURN = {"LookIn": 30.0, "LookOut": 30.0, "LookUp": 22.0, "LookDown": 25.0}
+# The eye's picture is seen along the gaze axis: this share of its width is 100 degrees from the middle.
+_WIDTH_PER_DEGREE = 0.49 / 100.0
+_MIDDLE_CM = 0.3
+
+
+def ball_of(points: Array) -> tuple[Array, float]:
+    """Return centre, (3,), and radius of the sphere nearest to ``points``, (n, 3), by linear least squares."""
+    middle = points.mean(axis=0)
+    moved = points - middle
+    system = np.hstack([2.0 * moved, np.ones((len(points), 1))])
+    solution = np.linalg.lstsq(system, (moved**2).sum(axis=1), rcond=None)[0]
+    centre = middle + solution[:3]
+    return centre, float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
+
+
+def side_of(part: Part, vertices: NDArray[np.floating]) -> str:
+    """Return on which side, "Left" or "Right", an eye lies: by its place, in the middle by its name."""
+    x = float(vertices[slice(*part.vertices), 0].mean())
+    if abs(x) < _MIDDLE_CM and re.search(r"(?i:right)|[\W_]r\d*$|R$", part.name):
+        return "Right"
+    return "Left" if x > -_MIDDLE_CM else "Right"
+
+
+def add_gaze(vertices: Array, parts: Sequence[Part], names: Sequence[str], shapes: NDArray[np.float32]) -> list[str]:
+    """Turn the eyes that no eyeLook shape moves, in ``shapes`` of shape (S, N, 3), and return their parts' names.
+
+    In many files the eyes are turned by bones; as shapes they follow the gaze here.
+
+    Args:
+        vertices: Upright, shape (N, 3).
+        parts: Pieces of the mesh.
+        names: Of the shapes, ARKit's, S of them.
+        shapes: Offsets; changed in place.
+    """
+    turned = []
+    for part in parts:
+        ids = slice(*part.vertices)
+        looks = [i for i, name in enumerate(names) if name.startswith("eyeLook")]
+        if part.material != "eye" or not looks or np.any(shapes[looks, ids]):
+            continue
+        centre, _ = ball_of(vertices[ids])
+        side = side_of(part, vertices)
+        for i in looks:
+            if names[i].endswith(side):
+                action = names[i].removeprefix("eye").removesuffix(side)
+                shapes[i, ids] = _turned(vertices[ids] - centre, action, side) - (vertices[ids] - centre)
+        turned.append(part.name)
+    return turned
+
+
+def _turned(points: Array, action: str, side: str) -> Array:
+    angle = np.deg2rad(_TURN[action])
+    cosine, sine = np.cos(angle), np.sin(angle)
+    x, y, z = points.T
+    if action in ("LookUp", "LookDown"):
+        up = 1.0 if action == "LookUp" else -1.0
+        return np.stack([x, cosine * y + up * sine * z, cosine * z - up * sine * y], axis=1)
+    outward = 1.0 if side == "Left" else -1.0
+    to_left = outward if action == "LookOut" else -outward
+    return np.stack([cosine * x + to_left * sine * z, y, cosine * z - to_left * sine * x], axis=1)
+
+
+def eye_uv(points: Array) -> Array:
+    """Return texture coordinates, (n, 2), of an eye's ``points``, (n, 3), for a picture seen along the gaze axis."""
+    centre, radius = ball_of(points)
+    directions = (points - centre) / max(radius, np.finfo(float).tiny)
+    across = np.hypot(directions[:, 0], directions[:, 1])
+    degrees = np.rad2deg(np.arctan2(across, directions[:, 2]))
+    scale = np.minimum(_WIDTH_PER_DEGREE * degrees, 0.49) / np.maximum(across, 1e-9)
+    return 0.5 + scale[:, None] * directions[:, :2]

@@ -1,0 +1,201 @@
+"""Example meshes as displacements from the neutral face, without head motion, kept where memory does not matter.
+
+What is learned from examples needs only sums over frames. A store lets a function run over all chunks of frames and
+gives its results; whether the chunks lie in a file on this machine or in the memory of many is its own affair.
+"""
+
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.alignment import rigid_alignment
+from faceposer.geometry.mesh_sequence import MeshSequence
+from faceposer.training.progress import Progress
+
+Array = NDArray[np.float64]
+Frames = NDArray[np.float32]
+Result = TypeVar("Result")
+
+#: Share of the vertices that count as those that a face's expressions move least.
+STEADY_SHARE = 0.3
+#: Frames from which it is found what moves, and in what regions: as many as fit into memory anywhere.
+SAMPLE_FRAMES = 192
+_CHUNK_BYTES = 24 * 2**20
+_ROUNDS = 12
+# Below this many numbers it takes longer to start other processes than to read the files.
+_WORTH_PROCESSES = 6_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class AlignedReader:
+    """Reads frames of a sequence as displacements; it can be sent to other processes and machines.
+
+    Attributes:
+        sequence: Where the frames come from.
+        steady: Ids of the vertices by which frames are laid on the neutral.
+    """
+
+    sequence: MeshSequence
+    steady: NDArray[np.intp]
+
+    def read(self, first: int, stop: int) -> Frames:
+        """Return the displacements of all vertices in the frames from ``first`` to before ``stop``, (n, N, 3).
+
+        Each frame is laid on the neutral face by the vertices that move least (Lau et al. 2009, section 3.1).
+
+        Raises:
+            FacePoserError: If a frame cannot be read or aligned.
+        """
+        neutral = self.sequence.neutral.vertices
+        frames = np.empty((stop - first, len(neutral), 3), dtype=np.float32)
+        for i, vertices in enumerate(self.sequence.read(first, stop)):
+            try:
+                alignment = rigid_alignment(vertices[self.steady], neutral[self.steady])
+            except ValueError as error:
+                name = self.sequence.name_of(first + i)
+                raise FacePoserError(f"The neutral face and {name} cannot be laid on each other: {error}.") from error
+            frames[i] = alignment.apply(vertices) - neutral
+        return frames
+
+
+class FrameStore(Protocol):
+    """Displacements of all examples, in chunks of some frames each."""
+
+    n_frames: int
+    n_vertices: int
+
+    def run(self, function: Callable[..., Result], *arguments: Any) -> Iterator[Result]:
+        """Yield ``function(chunk, *arguments)`` of each chunk, (n, N, 3), in order; both can be sent elsewhere."""
+        ...
+
+
+class SpooledFrames:
+    """Displacements in one file of single precision, read chunk by chunk with two threads."""
+
+    def __init__(self, path: Path, n_frames: int, n_vertices: int, progress: Progress) -> None:
+        self.n_frames, self.n_vertices = n_frames, n_vertices
+        self._path, self._progress = path, progress
+
+    def run(self, function: Callable[..., Result], *arguments: Any) -> Iterator[Result]:
+        """Yield ``function(chunk, *arguments)`` of each chunk, (n, N, 3), in order."""
+        chunks = chunk_ranges(self.n_frames, self.n_vertices)
+
+        def work(bounds: tuple[int, int]) -> Result:
+            return function(self.read(*bounds), *arguments)
+
+        # Two chunks at a time: NumPy leaves the interpreter free while it multiplies.
+        with ThreadPoolExecutor(2) as pool:
+            for i, result in enumerate(_in_order(pool, work, chunks)):
+                self._progress.at("Principal components", (i + 1) / len(chunks))
+                yield result
+
+    def read(self, first: int, stop: int) -> Frames:
+        """Return the frames from ``first`` to before ``stop``, shape (n, N, 3)."""
+        width = 3 * self.n_vertices
+        data = np.fromfile(self._path, dtype=np.float32, count=(stop - first) * width, offset=4 * first * width)
+        return data.reshape(-1, self.n_vertices, 3)
+
+
+def chunk_ranges(n_frames: int, n_vertices: int) -> list[tuple[int, int]]:
+    """Return the first frame and the one after the last of each chunk."""
+    size = max(1, _CHUNK_BYTES // (12 * n_vertices))
+    return [(first, min(first + size, n_frames)) for first in range(0, n_frames, size)]
+
+
+def sample_of(sequence: MeshSequence, progress: Progress, most: int = SAMPLE_FRAMES) -> Array:
+    """Return the vertices of at most ``most`` frames, evenly chosen, as they are in the files, shape (n, N, 3)."""
+    chosen = np.unique(np.linspace(0, len(sequence) - 1, min(most, len(sequence))).round().astype(int))
+    frames: list[Array] = []
+    for i, frame in enumerate(chosen.tolist()):
+        progress.at("Reading a sample of the meshes", i / len(chosen))
+        frames.extend(sequence.read(frame, frame + 1))
+    return np.array(frames)
+
+
+def steady_vertices(sample: Array, neutral: Array) -> NDArray[np.intp]:
+    """Return the ids of the vertices that move least once head motion is taken out.
+
+    Frames are laid on the neutral by all vertices, then again and again by those that were farthest from moving.
+
+    Args:
+        sample: Some frames, shape (n, N, 3).
+        neutral: Shape (N, 3).
+
+    Raises:
+        ValueError: If the vertices do not determine an alignment.
+    """
+    count = max(3, round(STEADY_SHARE * len(neutral)))
+    steady = np.arange(len(neutral))
+    for _ in range(_ROUNDS):
+        aligned = rigid_alignment(sample[:, steady], neutral[steady]).apply(sample)
+        residual = ((aligned - neutral) ** 2).sum(axis=2).mean(axis=0)
+        calmest = np.sort(np.argsort(residual, kind="stable")[:count])
+        if np.array_equal(calmest, steady):
+            break
+        steady = calmest
+    return steady
+
+
+@contextmanager
+def spooled(reader: AlignedReader, progress: Progress) -> Iterator[SpooledFrames]:
+    """Write all frames of ``reader`` to a temporary file that is gone afterwards, and yield them.
+
+    Raises:
+        FacePoserError: If a frame cannot be read, or the disk is full.
+    """
+    count, width = len(reader.sequence), len(reader.sequence.neutral.vertices)
+    try:
+        with tempfile.TemporaryDirectory(prefix="faceposer-") as folder:
+            path = Path(folder) / "frames"
+            with path.open("wb") as file:
+                file.truncate(12 * count * width)
+            chunks = chunk_ranges(count, width)
+            with _workers(3 * count * width) as pool:
+                jobs = ((reader, path, first, stop) for first, stop in chunks)
+                for i, _ in enumerate(_in_order(pool, _spool_chunk, jobs)):
+                    progress.at("Reading and aligning", (i + 1) / len(chunks))
+            yield SpooledFrames(path, count, width, progress)
+    except OSError as error:
+        raise FacePoserError(
+            f"The meshes cannot be copied to '{tempfile.gettempdir()}' ({error.strerror}); make "
+            f"{12 * count * width / 1e9:.1f} GB free there, or set TMPDIR to another folder."
+        ) from error
+
+
+def _spool_chunk(job: tuple[AlignedReader, Path, int, int]) -> None:
+    reader, path, first, stop = job
+    frames = reader.read(first, stop)
+    with path.open("r+b") as file:
+        file.seek(first * frames[0].nbytes)
+        file.write(frames.tobytes())
+
+
+def _workers(numbers: int) -> Executor:
+    if numbers < _WORTH_PROCESSES or (os.cpu_count() or 1) < 2:
+        return ThreadPoolExecutor(1)
+    return ProcessPoolExecutor(min(os.cpu_count() or 1, 8), mp_context=get_context("spawn"))
+
+
+def _in_order(pool: Executor, function: Callable[[Any], Result], jobs: Any) -> Iterator[Result]:
+    """Yield results in order with only a few jobs ahead, so that finished ones do not fill the memory."""
+    waiting = []
+    try:
+        for job in jobs:
+            waiting.append(pool.submit(function, job))
+            if len(waiting) > 3:
+                yield waiting.pop(0).result()
+        while waiting:
+            yield waiting.pop(0).result()
+    finally:
+        for future in waiting:
+            future.cancel()

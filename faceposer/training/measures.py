@@ -1,0 +1,112 @@
+"""How good a model of shapes is: compactness, generalization and specificity (Davies, "Learning shape", 2002).
+
+All three are judged on a sample of the examples. Distances are root mean squares over vertices, in centimetres.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_BLOCKS = 8
+_DRAWS = 200
+
+
+@dataclass(frozen=True)
+class Curves:
+    """The three curves by the number of components.
+
+    Attributes:
+        components: 1, 2, ..., shape (m,).
+        compactness: Share of the energy that so many components have.
+        generalization: Distance of examples left out, in contiguous blocks, from what so many components can make; none
+            where there are too few examples.
+        specificity: Distance of faces drawn from a Gaussian over so many components from the nearest example.
+        neutral: Distance of the examples from the neutral face, to compare with.
+    """
+
+    components: tuple[int, ...]
+    compactness: tuple[float, ...]
+    generalization: tuple[float, ...]
+    specificity: tuple[float, ...]
+    neutral: float
+
+    def as_json(self) -> dict[str, object]:
+        """Return the curves for a JSON file."""
+        return {
+            "components": list(self.components),
+            "compactness": [round(value, 6) for value in self.compactness],
+            "generalization_cm": [round(value, 6) for value in self.generalization],
+            "specificity_cm": [round(value, 6) for value in self.specificity],
+            "neutral_cm": round(self.neutral, 6),
+        }
+
+
+def contiguous_blocks(count: int, most: int = _BLOCKS) -> list[NDArray[np.intp]]:
+    """Return the numbers 0 to ``count`` - 1 in at most ``most`` runs: neighbouring frames are not independent."""
+    return [block for block in np.array_split(np.arange(count), min(most, count)) if len(block)]
+
+
+def curves_of(inner: Array, n_vertices: int, most: int, seed: int = 0) -> Curves:
+    """Return the curves of examples of which only the inner products are known.
+
+    Args:
+        inner: Inner products of the examples' displacements from the neutral face, cm², in order of time, shape (n, n).
+        n_vertices: Of the mesh.
+        most: Largest number of components.
+        seed: Of the draws.
+    """
+    n = len(inner)
+    most = max(1, min(most, n))
+    total = float(np.trace(inner))
+    energies, axes = _eigen(inner)
+    compact = np.cumsum(energies[:most]) / max(total, np.finfo(float).tiny)
+    return Curves(
+        tuple(range(1, most + 1)),
+        tuple(np.minimum(compact, 1.0).tolist()),
+        tuple(_generalization(inner, n_vertices, most)) if n >= 4 else (),
+        tuple(_specificity(energies, axes, inner, n_vertices, most, seed)),
+        float(np.sqrt(np.diag(inner).clip(0.0) / n_vertices).mean()),
+    )
+
+
+def _eigen(inner: Array) -> tuple[Array, Array]:
+    values, axes = np.linalg.eigh(inner)
+    return np.maximum(values[::-1], 0.0), axes[:, ::-1]
+
+
+def _generalization(inner: Array, n_vertices: int, most: int) -> list[float]:
+    n = len(inner)
+    errors = np.zeros((n, most))
+    for block in contiguous_blocks(n):
+        kept = np.setdiff1d(np.arange(n), block)
+        values, axes = _eigen(inner[np.ix_(kept, kept)])
+        real = values > 1e-10 * max(values[0], np.finfo(float).tiny)
+        scores = inner[np.ix_(block, kept)] @ (axes[:, real] / np.sqrt(values[real]))
+        explained = np.cumsum(scores**2, axis=1)[:, :most]
+        if explained.shape[1] < most:
+            last = explained[:, -1:] if explained.shape[1] else np.zeros((len(block), 1))
+            explained = np.hstack([explained, np.repeat(last, most - explained.shape[1], axis=1)])
+        errors[block] = np.sqrt((np.diag(inner)[block, None] - explained).clip(0.0) / n_vertices)
+    return errors.mean(axis=0).tolist()
+
+
+def _specificity(energies: Array, axes: Array, inner: Array, n_vertices: int, most: int, seed: int) -> list[float]:
+    n = len(inner)
+    scores = axes * np.sqrt(energies)
+    rng = np.random.default_rng(seed)
+    # The examples' own spread about their mean, since displacements are from the neutral face.
+    mean = scores.mean(axis=0)
+    results = []
+    for m in range(1, most + 1):
+        covariance = np.cov(scores[:, :m].T, bias=True).reshape(m, m)
+        values, vectors = np.linalg.eigh(covariance)
+        draws = mean[:m] + (rng.standard_normal((_DRAWS, m)) * np.sqrt(values.clip(0.0))) @ vectors.T
+        # A draw has nothing along the other components; the example's share there adds to the distance.
+        rest = (np.diag(inner) - (scores[:, :m] ** 2).sum(axis=1)).clip(0.0)
+        squared = ((draws**2).sum(axis=1)[:, None] - 2.0 * draws @ scores[:, :m].T) + (scores[:, :m] ** 2).sum(axis=1)
+        nearest = (squared + rest).min(axis=1).clip(0.0)
+        results.append(float(np.sqrt(nearest / n_vertices).mean()))
+    return results if n > 1 else [0.0] * most

@@ -1,0 +1,55 @@
+"""How the principal modes of example meshes move together: the prior of a character that is known by examples."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.model.expression_statistics import ExpressionStatistics
+from faceposer.model.mfa import MixtureOfFactorAnalyzers
+from faceposer.training.modes import Modes
+from faceposer.training.progress import Progress
+from faceposer.training.selection import Choice, block_folds, calm_covariance, choose_mixture
+
+Array = NDArray[np.float64]
+
+_BLOCKS = 5
+_MOST_TO_CHOOSE = 4000
+_MOST_TO_FIT = 20_000
+_SHRINKAGE = 0.1
+
+
+def statistics_of_modes(
+    modes: Modes, n_components: int | None, n_factors: int | None, progress: Progress
+) -> tuple[ExpressionStatistics, Choice]:
+    """Return the statistics of the weights of ``modes``, and how the size of their mixture was chosen.
+
+    Args:
+        modes: With the examples' weights, in units of their standard deviations.
+        n_components: Number of factor analyzers, chosen by contiguous blocks left out if None.
+        n_factors: Number of factors of each, likewise.
+        progress: Told how far it is.
+    """
+    samples = modes.weights
+    step = max(1, len(samples) // _MOST_TO_CHOOSE)
+    folds = block_folds(samples[::step], _BLOCKS)
+    choice = choose_mixture(folds, progress, n_components, n_factors, _SHRINKAGE)
+    progress.at("Learning the prior")
+    fitted = MixtureOfFactorAnalyzers(
+        choice.n_components,
+        choice.n_factors,
+        shrinkage=_SHRINKAGE,
+        reg_covar=1e-5,
+        max_iter=60,
+        tol=1e-3,
+        random_state=0,
+    ).fit(samples[:: max(1, len(samples) // _MOST_TO_FIT)])
+    covariance = calm_covariance(samples)
+    statistics = ExpressionStatistics(
+        modes.names,
+        fitted.weights_,
+        fitted.means_,
+        (1.0 - choice.blend) * fitted.covariances_ + choice.blend * covariance,
+        samples.mean(axis=0),
+        covariance,
+        "Learned from example meshes of the user.",
+    )
+    return statistics, choice

@@ -1,0 +1,127 @@
+"""Principal modes of a face's regions: the controls of a character that is known by examples alone."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.training.frames import FrameStore
+from faceposer.training.segments import Segments
+from faceposer.training.streaming_pca import Components, Region, regional_pca, scores_of
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+
+#: A region gets as many modes as have this share of its energy, at most so many.
+KEEP = 0.995
+MOST_MODES = 12
+# What moves less than this share of the most moving vertex counts as if it moved so much.
+_STILL = 0.04
+# A vertex of which a region has less than this is none of its.
+_NO_SHARE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Displacements that add up to the examples.
+
+    Attributes:
+        names: Such as "upper 1", r of them.
+        regions: Segment of each.
+        fields: Displacements of all vertices in the file's axes and unit at a weight of one standard deviation (about
+            zero, the neutral face), shape (r, M, 3).
+        weights: Of the examples, shape (F, r).
+        kept: Share of the energy that the modes of each segment have, by segment, in the metric of the components.
+        settled: Whether the iteration for the components had converged.
+    """
+
+    names: tuple[str, ...]
+    regions: tuple[str, ...]
+    fields: Floats
+    weights: Array
+    kept: dict[str, float]
+    settled: bool
+
+
+def local_metric(vertices: Array, triangles: NDArray[np.integer], motion: Array) -> Floats:
+    """Return the weight of each vertex in the components, (N,): its area over the square of how far it moves.
+
+    In the plain metric the jaw has nearly all the energy, and a brow is dropped as noise.
+
+    Args:
+        vertices: Shape (N, 3).
+        triangles: Vertex ids, shape (T, 3).
+        motion: Mean squared displacement of each vertex, shape (N,).
+    """
+    corners = vertices[triangles]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = 0.5 * np.sqrt(np.einsum("ij,ij->i", cross, cross))
+    area = np.bincount(np.ravel(triangles), np.repeat(areas / 3.0, 3), minlength=len(vertices))
+    still = _STILL**2 * max(float(motion.max(initial=0.0)), np.finfo(float).tiny)
+    weights = area / (motion + still)
+    return (weights / max(float(weights.sum()), np.finfo(float).tiny)).astype(np.float32)
+
+
+def learn_modes(
+    store: FrameStore,
+    sample: Floats,
+    segments: Segments,
+    metric: Floats,
+    ids: NDArray[np.integer],
+    n_dimensions: int | None = None,
+) -> Modes:
+    """Return the modes of all ``segments``.
+
+    Args:
+        store: Displacements of the file's M vertices in all examples.
+        sample: Some of them, shape (s, M, 3).
+        segments: Of N vertices.
+        metric: Weights of these, shape (N,).
+        ids: The file's vertex of each, shape (N,).
+        n_dimensions: Number of modes in all; as many as ``KEEP`` asks for if None.
+    """
+    chosen = [np.flatnonzero(mask > _NO_SHARE) for mask in segments.masks]
+    regions = [
+        Region(np.asarray(ids[vertices], dtype=np.intp), mask[vertices], metric[vertices])
+        for vertices, mask in zip(chosen, segments.masks, strict=True)
+    ]
+    most = min(MOST_MODES if n_dimensions is None else n_dimensions, store.n_frames)
+    if len(regions) == 1 and n_dimensions is None:
+        most = min(4 * MOST_MODES, store.n_frames)
+    found = regional_pca(store, regions, sample, most)
+    counts = _counts(found, n_dimensions)
+    kept = {name: part.kept(count) for name, part, count in zip(segments.names, found, counts, strict=True)}
+    found = [
+        Components(part.directions[:count], part.energies[:count], part.total, part.settled)
+        for part, count in zip(found, counts, strict=True)
+    ]
+    scores = scores_of(store, regions, found)
+    sizes = np.sqrt((scores**2).mean(axis=0)).clip(np.finfo(np.float32).tiny)
+    fields = np.zeros((len(sizes), store.n_vertices, 3), dtype=np.float32)
+    row = 0
+    for region, part in zip(regions, found, strict=True):
+        unscaled = part.directions.reshape(len(part.directions), -1, 3) / np.sqrt(region.metric)[None, :, None]
+        fields[row : row + len(unscaled), region.ids] = unscaled * sizes[row : row + len(unscaled), None, None]
+        row += len(unscaled)
+    names = [f"{name} {i + 1}" for name, count in zip(segments.names, counts, strict=True) for i in range(count)]
+    owners = [name for name, count in zip(segments.names, counts, strict=True) for _ in range(count)]
+    return Modes(tuple(names), tuple(owners), fields, scores / sizes, kept, all(part.settled for part in found))
+
+
+def _counts(found: Sequence[Components], n_dimensions: int | None) -> list[int]:
+    """Return how many components of each region to keep."""
+    if n_dimensions is None:
+        shares = [np.cumsum(part.energies) / max(part.total, np.finfo(float).tiny) for part in found]
+        return [min(int(np.searchsorted(share, KEEP)) + 1, len(share)) for share in shares]
+    # One each, then always where most energy is still left out.
+    counts = [1] * len(found)
+    while sum(counts) < n_dimensions:
+        gains = [
+            part.energies[count] if count < len(part.energies) else 0.0
+            for part, count in zip(found, counts, strict=True)
+        ]
+        if max(gains) <= 0.0:
+            break
+        counts[int(np.argmax(gains))] += 1
+    return counts

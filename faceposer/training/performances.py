@@ -1,0 +1,87 @@
+"""What performances in front of a telephone teach: how ARKit's weights move together, for a character's own prior."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.model.capture import Capture, read_capture
+from faceposer.model.expression_statistics import ExpressionStatistics
+from faceposer.model.training import Recipe, augment, clean, learn, shapes_of
+from faceposer.training.progress import Progress
+from faceposer.training.selection import Choice, Fold, choose_mixture
+
+Array = NDArray[np.float64]
+
+# Sizes are compared on fewer examples than the fit gets: the order is the same, the time is not.
+_EXAMPLES_TO_CHOOSE = 3000
+_BLOCKS = 3
+_FRAMES_LEFT_OUT = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """What was learned from performances.
+
+    Attributes:
+        statistics: For the character.
+        choice: The size of the mixture.
+        takes: Name and number of frames of each take.
+        missing: ARKit's shapes that no take has.
+    """
+
+    statistics: ExpressionStatistics
+    choice: Choice
+    takes: tuple[tuple[str, int], ...]
+    missing: tuple[str, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it for the summary of a subject."""
+        return {
+            "from": "captures",
+            "takes": [{"file": name, "frames": frames} for name, frames in self.takes],
+            "missing_channels": list(self.missing),
+            **self.choice.as_json(),
+        }
+
+
+def statistics_of_captures(
+    paths: Sequence[Path], n_components: int | None, n_factors: int | None, progress: Progress
+) -> Learned:
+    """Return what the performances in the files ``paths`` teach; the size of the mixture is chosen where it is None.
+
+    Raises:
+        FacePoserError: If a file cannot be used.
+    """
+    captures = []
+    for i, path in enumerate(paths):
+        progress.at("Reading the performances", i / len(paths))
+        captures.append(read_capture(path))
+    names = shapes_of(captures)
+    recipe = Recipe()
+    choice = choose_mixture(_folds(captures, names, recipe), progress, n_components, n_factors, recipe.fit_shrinkage)
+    progress.at("Learning the prior", 0.0)
+    recipe = replace(
+        recipe, n_components=choice.n_components, n_factors=choice.n_factors, blend=max(choice.blend, recipe.blend)
+    )
+    statistics = learn(captures, recipe, "Learned from performances of the user.")
+    missing = tuple(name for name in captures[0].missing if all(name in capture.missing for capture in captures))
+    takes = tuple((path.name, len(capture.weights)) for path, capture in zip(paths, captures, strict=True))
+    return Learned(statistics, choice, takes, missing)
+
+
+def _folds(captures: Sequence[Capture], names: Sequence[str], recipe: Recipe) -> list[Fold]:
+    """Return folds that leave out a take each, or a third of the only one."""
+    cleaned = [clean(capture.with_shapes(names), recipe) for capture in captures]
+    pieces = cleaned if len(cleaned) > 1 else np.array_split(cleaned[0], _BLOCKS)
+    fewer = replace(recipe, n_examples=_EXAMPLES_TO_CHOOSE)
+    folds = []
+    for i, left_out in enumerate(pieces[:_BLOCKS]):
+        rest = np.concatenate([piece for j, piece in enumerate(pieces) if j != i])
+        if len(rest) and len(left_out):
+            step = max(1, len(left_out) // _FRAMES_LEFT_OUT)
+            folds.append((augment(rest, names, fewer), left_out[::step]))
+    return folds

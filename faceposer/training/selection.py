@@ -1,0 +1,144 @@
+"""The size of a mixture of factor analyzers, chosen by what it makes of frames that it did not see."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.model.mfa import MixtureOfFactorAnalyzers
+from faceposer.model.mixture import GaussianMixture
+from faceposer.training.progress import Progress
+
+Array = NDArray[np.float64]
+Fold = tuple[Array, Array]
+
+_COMPONENTS = (1, 2, 4, 8, 16, 24)
+_FACTORS = (3, 6, 10)
+_BLENDS = (0.2, 0.5, 0.8, 0.95)
+# Fewer samples than this for each component, on average, and most of what it learns is noise.
+_SAMPLES_PER_COMPONENT = 25
+# A larger mixture must be better by this much per frame, or the smaller one is taken.
+_WORTH = 0.02
+_NOISE = 1e-5
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The size of a mixture.
+
+    Attributes:
+        n_components: Number of factor analyzers.
+        n_factors: Number of factors of each.
+        blend: Share of the covariance of all samples in each component's.
+        held_out: Mean log-likelihood of frames that were left out.
+        one_gaussian: The same of a single Gaussian.
+        tried: All sizes that were tried, with their results.
+        fixed: Whether the user set the size.
+    """
+
+    n_components: int
+    n_factors: int
+    blend: float
+    held_out: float
+    one_gaussian: float
+    tried: tuple[dict[str, Any], ...] = ()
+    fixed: bool = False
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the choice for a JSON file."""
+        return {
+            "components": self.n_components,
+            "factors": self.n_factors,
+            "blend": self.blend,
+            "held_out_log_likelihood": round(self.held_out, 3),
+            "one_gaussian": round(self.one_gaussian, 3),
+            "fixed_by_user": self.fixed,
+            "tried": list(self.tried),
+        }
+
+
+def choose_mixture(
+    folds: Sequence[Fold],
+    progress: Progress,
+    n_components: int | None = None,
+    n_factors: int | None = None,
+    shrinkage: float = 0.1,
+) -> Choice:
+    """Return the size of mixture that gives the frames left out the greatest mean log-likelihood.
+
+    First the number of components is chosen, then that of factors; of sizes that are as good the smaller is taken.
+
+    Args:
+        folds: Pairs of samples to learn from, (n, d), and samples left out, (m, d): takes, or contiguous blocks.
+        progress: Told how far it is.
+        n_components: Taken as it is if given.
+        n_factors: Likewise.
+        shrinkage: Of the fit; see ``MixtureOfFactorAnalyzers``.
+    """
+    n_samples, n_dimensions = min(len(train) for train, _ in folds), folds[0][0].shape[1]
+    most = max(1, n_samples // _SAMPLES_PER_COMPONENT)
+    sizes = [k for k in _COMPONENTS if k <= most] if n_components is None else [min(n_components, n_samples)]
+    factors = [q for q in _FACTORS if q < n_dimensions] or [max(1, n_dimensions - 1)]
+    usual = factors[-1] if n_factors is None else min(n_factors, n_dimensions)
+    tried: list[dict[str, Any]] = []
+    best: tuple[float, int, int, float] | None = None
+    gaussian = _judge(folds, 1, usual, shrinkage)
+    plan = [(k, usual) for k in sizes]
+    done = 0
+    while plan:
+        k, q = plan.pop(0)
+        score, blend = gaussian if (k, q) == (1, usual) else _judge(folds, k, q, shrinkage)
+        done += 1
+        progress.at("Choosing the size of the prior", done / (len(sizes) + len(factors)))
+        tried.append({"components": k, "factors": q, "blend": blend, "held_out": round(score, 3)})
+        smaller = best is not None and k * q < best[1] * best[2]
+        if best is None or score > best[0] + (-_WORTH if smaller else _WORTH):
+            best = (score, k, q, blend)
+        if not plan and n_factors is None and done == len(sizes):
+            plan = [(best[1], other) for other in factors if other != usual]
+    assert best is not None
+    score, k, q, blend = best
+    return Choice(
+        k, q, blend, score, gaussian[0], tuple(tried), fixed=n_components is not None and n_factors is not None
+    )
+
+
+def _judge(folds: Sequence[Fold], n_components: int, n_factors: int, shrinkage: float) -> tuple[float, float]:
+    """Return the mean log-likelihood of the frames left out and the blend that gives it."""
+    totals = np.zeros(len(_BLENDS))
+    count = sum(len(left_out) for _, left_out in folds)
+    for train, left_out in folds:
+        fitted = MixtureOfFactorAnalyzers(
+            min(n_components, len(train)),
+            n_factors,
+            shrinkage=shrinkage,
+            reg_covar=_NOISE,
+            max_iter=30,
+            tol=1e-2,
+            random_state=0,
+        ).fit(train)
+        calm = calm_covariance(train)
+        for i, blend in enumerate(_BLENDS):
+            mixed = (1.0 - blend) * fitted.covariances_ + blend * calm
+            mixture = GaussianMixture(fitted.weights_, fitted.means_, mixed)
+            totals[i] += sum(mixture.log_density(sample) for sample in left_out)
+    best = int(np.argmax(totals))
+    return float(totals[best] / count), _BLENDS[best]
+
+
+def block_folds(samples: Array, n_blocks: int) -> list[Fold]:
+    """Return folds that leave out one of ``n_blocks`` contiguous blocks of ``samples``, (n, d), each."""
+    blocks = np.array_split(np.arange(len(samples)), min(n_blocks, len(samples)))
+    return [(np.delete(samples, block, axis=0), samples[block]) for block in blocks if len(block)]
+
+
+def calm_covariance(samples: Array) -> Array:
+    """Return the covariance of ``samples``, (n, d), with the dimensions half as dependent, shape (d, d).
+
+    Few samples say little of how two dimensions go together, and nothing of what lies across their span.
+    """
+    covariance = np.cov(samples.T, bias=True).reshape(samples.shape[1], -1) + _NOISE * np.eye(samples.shape[1])
+    halved: Array = 0.5 * covariance + 0.5 * np.diag(np.diag(covariance))
+    return halved

@@ -1,0 +1,137 @@
+"""Principal components of meshes too many for memory, of one or of several regions at once.
+
+Subspace iteration on the second moments of the displacements from the neutral face, with Rayleigh-Ritz steps, started
+from the components of a sample (Halko, Martinsson and Tropp, "Finding structure with randomness", SIAM Review 53, 2011,
+algorithm 4.4). A pass multiplies each chunk of frames twice and adds up; nothing of the size of all frames is held.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.training.frames import FrameStore
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+
+_MOST_PASSES = 8
+# The iteration ends when no kept energy rises by more than this share in a pass.
+_SETTLED = 1e-5
+_SPARE = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A part of the face with a metric of its own.
+
+    Attributes:
+        ids: Its vertices, shape (n,).
+        mask: How much of each vertex's displacement is the region's, 0 to 1, shape (n,).
+        metric: Weight of each vertex's squared displacement, shape (n,).
+    """
+
+    ids: NDArray[np.intp]
+    mask: Floats
+    metric: Floats
+
+    def weigh(self, frames: Floats) -> Floats:
+        """Return masked displacements in the region's metric, shape (f, 3 n), of ``frames``, (f, N, 3)."""
+        scaled = frames[:, self.ids] * (self.mask * np.sqrt(self.metric))[None, :, None]
+        return scaled.reshape(len(frames), -1)
+
+
+@dataclass(frozen=True, eq=False)
+class Components:
+    """Principal components of one region.
+
+    Attributes:
+        directions: Orthonormal in the weighted displacements, shape (k, 3 n).
+        energies: Mean squared score along each, descending, shape (k,).
+        total: Mean squared length of all weighted displacements.
+        settled: Whether the iteration had converged.
+    """
+
+    directions: Floats
+    energies: Array
+    total: float
+    settled: bool = True
+
+    def kept(self, count: int) -> float:
+        """Return the share of the energy that the first ``count`` components have."""
+        return float(self.energies[:count].sum() / self.total) if self.total > 0 else 1.0
+
+
+def regional_pca(store: FrameStore, regions: Sequence[Region], sample: Floats, n_components: int) -> list[Components]:
+    """Return the leading ``n_components`` principal components of each region, or as many as the frames have.
+
+    Args:
+        store: All frames.
+        regions: Whose components are wanted.
+        sample: Some of the frames, from which the iteration starts, shape (s, N, 3).
+        n_components: At most how many of each region.
+    """
+    rng = np.random.default_rng(0)
+    bases = []
+    for region in regions:
+        width = 3 * len(region.ids)
+        wanted = min(n_components + _SPARE, store.n_frames, width)
+        _, _, rows = np.linalg.svd(region.weigh(sample), full_matrices=False)
+        start = rows[:wanted]
+        if len(start) < wanted:
+            start = np.vstack([start, rng.standard_normal((wanted - len(start), width)).astype(np.float32)])
+        bases.append(np.linalg.qr(start.T)[0].astype(np.float32))
+    found = [Components(basis.T, np.zeros(basis.shape[1]), 0.0, False) for basis in bases]
+    for _ in range(_MOST_PASSES):
+        sums = None
+        for result in store.run(_pass, regions, bases):
+            sums = result if sums is None else [_added(a, b) for a, b in zip(sums, result, strict=True)]
+        assert sums is not None
+        settled = True
+        for i, (product, inner, total) in enumerate(sums):
+            energies, rotation = np.linalg.eigh(inner / store.n_frames)
+            energies, rotation = np.maximum(energies[::-1], 0.0), rotation[:, ::-1]
+            before = found[i].energies[:n_components].sum()
+            rise = energies[:n_components].sum() - before
+            settled &= bool(rise <= _SETTLED * max(total / store.n_frames, np.finfo(float).tiny))
+            directions = (bases[i].astype(np.float64) @ rotation).T.astype(np.float32)
+            found[i] = Components(directions, energies, total / store.n_frames, settled)
+            # What lies along the leading directions already need not be found again.
+            bases[i] = np.linalg.qr(product @ rotation)[0].astype(np.float32)
+        if settled:
+            break
+    return [_leading(components, n_components) for components in found]
+
+
+def scores_of(store: FrameStore, regions: Sequence[Region], components: Sequence[Components]) -> Array:
+    """Return the scores of all frames on all components, region by region, shape (F, sum of k)."""
+    bases = [np.ascontiguousarray(part.directions.T) for part in components]
+    return np.concatenate(list(store.run(_project, regions, bases))).astype(np.float64)
+
+
+def _leading(components: Components, most: int) -> Components:
+    # Directions without energy are what the numbers of single precision are rounded to.
+    real = int((components.energies > 1e-9 * max(components.total, np.finfo(float).tiny)).sum())
+    count = max(1, min(most, real))
+    return Components(components.directions[:count], components.energies[:count], components.total, components.settled)
+
+
+def _pass(frames: Floats, regions: Sequence[Region], bases: Sequence[Floats]) -> list[tuple[Array, Array, float]]:
+    """Return of each region X^T X Q, Q^T X^T X Q and the squared length of its weighted displacements X."""
+    sums = []
+    for region, basis in zip(regions, bases, strict=True):
+        weighted = region.weigh(frames)
+        scores = weighted @ basis
+        squared = float(np.einsum("fd,fd->", weighted, weighted, dtype=np.float64))
+        inner = scores.T.astype(np.float64) @ scores
+        sums.append(((weighted.T @ scores).astype(np.float64), inner, squared))
+    return sums
+
+
+def _added(one: tuple[Array, Array, float], other: tuple[Array, Array, float]) -> tuple[Array, Array, float]:
+    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
+
+
+def _project(frames: Floats, regions: Sequence[Region], bases: Sequence[Floats]) -> Floats:
+    return np.hstack([region.weigh(frames) @ basis for region, basis in zip(regions, bases, strict=True)])

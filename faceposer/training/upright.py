@@ -1,0 +1,204 @@
+"""Where a character's face looks: from the axes and the unit of its file to upright centimetres.
+
+The program wants a face that looks along +z with its left at +x, in centimetres. Files come in metres or inches, with z
+up, turned or shifted. What moves tells the rest: brows lie above the mouth, the left smile on the left.
+"""
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from faceposer.geometry.alignment import Similarity, determines_rotation, rigid_alignment
+from faceposer.geometry.mesh import VertexNormals
+from faceposer.model.subject_file import load_subject
+
+Array = NDArray[np.float64]
+
+#: Root mean square distance of what moves from its middle, in centimetres, that a face without known shapes is given.
+_FACE_RADIUS = 4.0
+#: A mesh whose halves differ by more than this share of the face's radius has no plane of symmetry to find.
+_SYMMETRIC = 0.12
+_SAMPLES = 3000
+_FEW = 500
+#: Where the middle of what moves is on the program's own man, in centimetres.
+_FACE_MIDDLE = np.array([0.0, -5.3, 7.4])
+# What moves by less than this share of the most moving vertex, squared, is not taken for the face.
+_MOVING = 0.02
+# Nods from which the search for the best place starts, in degrees, and the share of the points that counts in it.
+_BENDS = (-40.0, -30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0, 40.0)
+_TRIMMED = 0.8
+_MIRROR = np.array([-1.0, 1.0, 1.0])
+
+
+def upright_by_shapes(vertices: Array, shapes: Mapping[str, NDArray[np.float32]]) -> Similarity | None:
+    """Return what brings a face with ARKit's shapes upright, or None if they are too few to tell.
+
+    The middles of what each shape moves are laid on those of the program's own man; then the plane of symmetry is made
+    exact.
+
+    Args:
+        vertices: In the file's unit and axes, shape (N, 3).
+        shapes: Offsets, (N, 3), by ARKit's names.
+    """
+    reference = _reference_middles()
+    names = [name for name in shapes if name in reference and np.any(shapes[name])]
+    if len(names) < 4:
+        return None
+    middles = np.array([_middle(vertices, shapes[name]) for name in names])
+    targets = np.array([reference[name] for name in names])
+    if not determines_rotation(middles):
+        return None
+    return _made_symmetric(vertices, rigid_alignment(middles, targets, scale=True))
+
+
+def upright_by_motion(vertices: Array, triangles: NDArray[np.integer], motion: Array) -> Similarity:
+    """Return what brings a face upright of which only is known how much each vertex moves.
+
+    What moves faces forward; the plane of symmetry gives the sides; which way is up and how far the head is bent shows
+    where its face lies best on that of the program's own man, by iterated closest points.
+
+    Args:
+        vertices: In the file's unit and axes, shape (N, 3).
+        triangles: Vertex ids, shape (T, 3).
+        motion: Mean squared distance that each vertex moves, shape (N,).
+    """
+    weights = motion / max(float(motion.sum()), np.finfo(float).tiny)
+    middle = weights @ vertices
+    normals = VertexNormals(triangles, len(vertices))(vertices).astype(np.float64)
+    forward = _unit(weights @ normals)
+    sideways = min(np.eye(3), key=lambda axis: abs(float(axis @ forward)))
+    up = _unit(sideways - (sideways @ forward) * forward)
+    turned = np.stack([np.cross(up, forward), up, forward])
+    radius = float(np.sqrt(weights @ ((vertices - middle) ** 2).sum(axis=1)))
+    scale = np.array(_FACE_RADIUS / max(radius, np.finfo(float).tiny))
+    centred = _sample(vertices) - middle
+
+    def rolled(angle: float) -> Similarity:
+        return Similarity(_rotation(np.array([0.0, 0.0, 1.0]), angle) @ turned, np.zeros(3), scale)
+
+    angles = np.deg2rad(np.arange(0, 180, 5))
+    errors = [_mirror_distance(rolled(angle).apply_to_directions(centred)) for angle in angles]
+    roll = float(angles[int(np.argmin(errors))])
+    upright = [_centred_on(rolled(angle), middle) for angle in (roll, roll + np.pi)]
+    upright = [_made_symmetric(vertices, start) for start in upright]
+    moving = _sample(vertices[motion > _MOVING * motion.max()])
+    everything = _sample(vertices)
+    tree = KDTree(everything)
+    few = moving[:: max(1, len(moving) // _FEW)]
+    starts = [_bent(start, np.deg2rad(angle)) for start in upright for angle in _BENDS]
+    fits = [_laid_on_the_man(few, everything, tree, start, 12) for start in starts]
+    best, _ = min(fits, key=lambda fit: fit[1])
+    return _laid_on_the_man(moving, everything, tree, best, 30)[0]
+
+
+def _centred_on(turn: Similarity, middle: Array) -> Similarity:
+    """Return ``turn`` with the ``middle`` of what moves put where it is on the program's own man."""
+    return Similarity(turn.rotation, _FACE_MIDDLE - turn.apply_to_directions(middle[None])[0], turn.scale)
+
+
+def _bent(start: Similarity, angle: float) -> Similarity:
+    """Return ``start`` followed by a nod by ``angle`` about the middle of the face."""
+    nod = _rotation(np.array([1.0, 0.0, 0.0]), angle)
+    return Similarity(nod @ start.rotation, nod @ (start.translation - _FACE_MIDDLE) + _FACE_MIDDLE, start.scale)
+
+
+def _laid_on_the_man(
+    moving: Array, everything: Array, tree: KDTree, start: Similarity, rounds: int
+) -> tuple[Similarity, float]:
+    """Return ``start`` after iterated closest points with the man's face, and how far apart the faces are.
+
+    What moves looks for the man's face and the man's face for the head, so that neither shrinks into the other. Points
+    and their mirror images are fitted together, so that the plane of symmetry stays where it is.
+    """
+    surface, surface_tree = _face_of_man()
+    similarity, distance = start, np.inf
+    for _ in range(rounds):
+        there, onto = surface_tree.query(similarity.apply(moving))
+        back, of = tree.query(similarity.inverse().apply(surface))
+        near, close = there <= np.quantile(there, _TRIMMED), back <= np.quantile(back, _TRIMMED)
+        source = similarity.apply(np.vstack([moving[near], everything[of[close]]]))
+        target = np.vstack([surface[onto[near]], surface[close]])
+        weights = np.repeat([1.0 / near.sum(), 1.0 / close.sum()], [near.sum(), close.sum()])
+        distance = 0.5 * float(weights @ np.linalg.norm(source - target, axis=1))
+        if not determines_rotation(target):
+            return similarity, np.inf
+        both = np.vstack([source, source * _MIRROR]), np.vstack([target, target * _MIRROR])
+        step = rigid_alignment(*both, np.tile(weights, 2), scale=True)
+        similarity = Similarity(
+            step.rotation @ similarity.rotation,
+            step.apply(similarity.translation[None])[0],
+            step.scale * similarity.scale,
+        )
+    return similarity, distance
+
+
+@lru_cache(maxsize=1)
+def _face_of_man() -> tuple[Array, KDTree]:
+    """Return the points of the man's face that expressions move, and a tree of them."""
+    man = load_subject("man")
+    skin = slice(*man.part("skin").vertices)
+    motion = np.einsum("snd,snd->n", man.shapes[:, skin], man.shapes[:, skin])
+    surface = _sample(man.vertices[skin][motion > 0.25 * _MOVING * motion.max()].astype(np.float64))
+    return surface, KDTree(surface)
+
+
+def _made_symmetric(vertices: Array, start: Similarity) -> Similarity:
+    """Return ``start`` turned and shifted so that x = 0 is the face's plane of symmetry, if it has one."""
+    similarity = start
+    points = _sample(vertices)
+    for _ in range(12):
+        placed = similarity.apply(points)
+        distances, partners = KDTree(placed).query(placed * _MIRROR)
+        near = distances <= np.quantile(distances, 0.7)
+        if distances[near].mean() > _SYMMETRIC * _FACE_RADIUS:
+            return start
+        across = placed[near] - placed[partners[near]]
+        halfway = 0.5 * (placed[near] + placed[partners[near]])
+        normal = np.linalg.eigh(across.T @ across)[1][:, -1]
+        normal = normal * np.sign(normal[0])
+        axis = np.cross(normal, (1.0, 0.0, 0.0))
+        turn = _rotation(axis, float(np.arcsin(min(float(np.linalg.norm(axis)), 1.0))))
+        shift = np.array([-float((halfway @ turn.T)[:, 0].mean()), 0.0, 0.0])
+        similarity = Similarity(turn @ similarity.rotation, turn @ similarity.translation + shift, similarity.scale)
+        if np.linalg.norm(axis) < 1e-9 and abs(shift[0]) < 1e-9:
+            break
+    return similarity
+
+
+def _mirror_distance(placed: Array) -> float:
+    """Return how far the mirror image of points, (n, 3), is from them; few one-sided points do not spoil it."""
+    distances, _ = KDTree(placed).query(placed * _MIRROR)
+    return float(np.sort(distances)[: int(0.7 * len(distances))].mean())
+
+
+def _sample(vertices: Array) -> Array:
+    step = max(1, len(vertices) // _SAMPLES)
+    return vertices[::step]
+
+
+@lru_cache(maxsize=1)
+def _reference_middles() -> dict[str, Array]:
+    man = load_subject("man")
+    pairs = zip(man.shape_names, man.shapes, strict=True)
+    return {name: _middle(man.vertices.astype(np.float64), shape) for name, shape in pairs if np.any(shape)}
+
+
+def _middle(vertices: Array, offsets: NDArray[np.float32]) -> Array:
+    weights = np.einsum("nd,nd->n", offsets, offsets, dtype=np.float64)
+    middle: Array = weights @ vertices / weights.sum()
+    return middle
+
+
+def _unit(vector: Array) -> Array:
+    length = float(np.linalg.norm(vector))
+    return vector / length if length > 0 else np.array([0.0, 0.0, 1.0])
+
+
+def _rotation(axis: Array, angle: float) -> Array:
+    """Return the turn by ``angle`` about ``axis`` (Rodrigues' formula)."""
+    x, y, z = _unit(axis)
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * (skew @ skew)
