@@ -16,10 +16,10 @@ from faceposer.geometry.picking import SurfacePoints
 
 
 def dome(n: int = 17) -> TriangleMesh:
-    """A bowl of a face: 12 wide, 2 deep."""
+    """A bowl of a face: 12 wide, 7 deep."""
     u = np.linspace(-6.0, 6.0, n)
     x, y = np.meshgrid(u, u)
-    vertices = np.stack([x.ravel(), 1.3 * y.ravel(), (2.0 - 0.03 * (x**2 + y**2)).ravel()], axis=1)
+    vertices = np.stack([x.ravel(), 1.3 * y.ravel(), (6.0 - 0.1 * (x**2 + y**2)).ravel()], axis=1)
     a = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
     return TriangleMesh(
         vertices, np.concatenate([np.stack([a, a + 1, a + n + 1], 1), np.stack([a, a + n + 1, a + n], 1)])
@@ -73,7 +73,7 @@ def test_a_face_of_other_proportions_keeps_its_own() -> None:
     meshes = np.array(list(result))
     np.testing.assert_allclose(meshes[0], narrow, atol=1e-9)
     scale = 10.0 * result.report.scale
-    np.testing.assert_allclose(meshes[:, PLACES] - narrow[PLACES], scale * moves, atol=0.01)
+    np.testing.assert_allclose(meshes[:, PLACES] - narrow[PLACES], scale * moves, atol=0.05)
 
 
 def test_gaps_are_filled_completed_or_left_out_and_reported() -> None:
