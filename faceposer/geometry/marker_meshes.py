@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 #: Frames in which more than this share of the markers is missing are left out.
 MOST_MISSING = 0.2
 # Without markers on bone, this share of all markers, the least moving, stands for it.
-_HELD_SHARE = 1.0 / 3.0
+_HELD_SHARE = 0.15
 _FEWEST_HELD = 4
 # Evenly spread frames that tell which markers these are.
 _ENOUGH_FRAMES = 2_000
