@@ -56,7 +56,7 @@ class SurfaceMirror:
             places = points.subset(~on_vertex).positions(self._vertices, self._triangles) * _ACROSS
             _, candidates = self._centres.query(places, k=min(16, len(self._triangles)))
             candidates = np.asarray(candidates).reshape(len(places), -1)
-            inside, distances = _nearest_on(self._vertices[self._triangles[candidates]], places)
+            inside, distances = nearest_on_triangles(self._vertices[self._triangles[candidates]], places)
             best = np.argmin(distances, axis=1)
             rows = np.arange(len(places))
             if (distances[rows, best] > self._tolerance).any():
@@ -66,7 +66,7 @@ class SurfaceMirror:
         return SurfacePoints(faces, weights)
 
 
-def _nearest_on(
+def nearest_on_triangles(
     corners: NDArray[np.float64], places: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return weights (n, k, 3) of the points of triangles ``corners`` (n, k, 3, 3) near ``places`` (n, 3), and how far.

@@ -1,0 +1,192 @@
+"""A surface that follows handles: the smoothest displacement that takes each of them where it should be.
+
+Linear variational deformation (Botsch and Sorkine, "On linear variational surface deformation methods", TVCG 14, 2008,
+section 3): of all displacements that interpolate the handles, the one that bends and stretches the surface least, by
+the integrals of its squared Laplacian and gradient. It knows the surface, not space: lips part although they touch.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+from scipy.sparse import csgraph, linalg
+
+from faceposer.geometry.mesh import Floats, Ints
+from faceposer.geometry.picking import SurfacePoints
+
+Array = NDArray[np.float64]
+
+# Cotangents of angles below three degrees tell of slivers, not of the surface.
+_LARGEST_COTANGENT = 20.0
+_SMALLEST_WEIGHT = 1e-3
+_SMALLEST_AREA = 1e-3
+# Share of the box's diagonal that the surface follows beyond the outermost handles, and how stiff it is against
+# stretching over that distance: measured, see docs/training.md.
+_REACH = 1.0 / 6.0
+_STRETCHING = 8.0
+
+
+class MarkerDeformer:
+    """Deforms one surface by handles, for any number of frames.
+
+    The displacements of all vertices are linear in those of the handles. The system is factorised once, and solved once
+    for each handle; after that a frame is one product of an (N, H) matrix.
+
+    Attributes:
+        weights: Displacement of each vertex per displacement of each handle, shape (N, H).
+        places: Where the handles are at rest, shape (H, 3).
+        n_handles: Number H.
+    """
+
+    def __init__(
+        self,
+        vertices: Floats,
+        triangles: Ints,
+        handles: SurfacePoints | ArrayLike,
+        reach: float | None = None,
+    ) -> None:
+        """Prepare a surface.
+
+        Vertices at the same place, as meshes have along the seams of their texture, move as one. Pieces of the surface
+        without a handle stay.
+
+        Args:
+            vertices: Shape (N, 3).
+            triangles: Shape (T, 3).
+            handles: H places on the surface, or vertex ids, shape (H,).
+            reach: Vertices farther than this from every handle, along edges, stay. By default a sixth of the diagonal
+                of the box around all handles, or more where they are far apart; infinite lets everything move.
+
+        Raises:
+            ValueError: If there is no handle, or one is not on the surface, or two are at the same place.
+        """
+        points = handles if isinstance(handles, SurfacePoints) else SurfacePoints.at_vertices(np.asarray(handles))
+        self._vertices = np.asarray(vertices, dtype=np.float64)
+        corners, weights = _corners(points, np.asarray(triangles), len(vertices))
+        nodes, node_of = np.unique(self._vertices, axis=0, return_inverse=True)
+        node_of = node_of.reshape(-1)
+        faces = node_of[np.asarray(triangles)]
+        whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+        faces = faces[whole]
+
+        self.n_handles = len(corners)
+        self.places: Array = np.einsum("hc,hck->hk", weights, self._vertices[corners])
+        if len(np.unique(self.places, axis=0)) < self.n_handles:
+            raise ValueError("two handles are at the same place")
+        rows = np.repeat(np.arange(self.n_handles), 3)
+        select = sparse.csr_array(
+            (weights.ravel(), (rows, node_of[corners].ravel())), shape=(self.n_handles, len(nodes))
+        )
+        reach = _default_reach(self.places) if reach is None else reach
+        energy = _energy(nodes, faces, _STRETCHING / reach**2)
+        distances = _distances(nodes, faces, np.unique(node_of[corners[weights > 0.0]]))
+        free = np.flatnonzero((distances <= reach) & np.isfinite(distances))
+        self.weights = np.zeros((len(nodes), self.n_handles))
+        self.weights[free], self._stiffness = _responses(energy[free][:, free], select[:, free])
+        self.weights = self.weights[node_of]
+
+    def complete(self, displacements: ArrayLike) -> Array:
+        """Return the handles' ``displacements``, (..., H, 3), with NaN replaced by what the others make of these.
+
+        A handle that is missing is free: it goes where the surface goes that the others pull.
+
+        Raises:
+            ValueError: If the shape does not fit, or all handles are missing at once.
+        """
+        filled = np.array(displacements, dtype=np.float64)
+        if filled.shape[-2:] != (self.n_handles, 3):
+            raise ValueError(f"displacements must be (..., {self.n_handles}, 3), not {filled.shape}")
+        frames = filled.reshape(-1, self.n_handles, 3)
+        missing = np.asarray(~np.isfinite(frames).all(axis=2))
+        for pattern in np.unique(missing[missing.any(axis=1)], axis=0):
+            of_pattern = (missing == pattern).all(axis=1)
+            if pattern.all():
+                raise ValueError("a frame without any handle cannot be completed")
+            pull = self._stiffness[np.ix_(pattern, ~pattern)]
+            gain = -np.linalg.solve(self._stiffness[np.ix_(pattern, pattern)], pull)
+            frames[np.ix_(of_pattern, pattern)] = gain @ frames[np.ix_(of_pattern, ~pattern)]
+        return filled
+
+    def displaced(self, displacements: ArrayLike) -> Array:
+        """Return the vertices, (..., N, 3), for ``displacements`` of the handles, (..., H, 3), NaN where unknown."""
+        filled = self.complete(displacements)
+        frames = filled.reshape(-1, self.n_handles, 3)
+        # One product of large matrices is several times faster than one per frame with three columns.
+        moved = self.weights @ np.moveaxis(frames, 1, 0).reshape(self.n_handles, -1)
+        vertices = np.moveaxis(moved.reshape(len(self.weights), len(frames), 3), 1, 0) + self._vertices
+        return vertices.reshape(*filled.shape[:-2], -1, 3)
+
+    def __call__(self, targets: ArrayLike) -> Array:
+        """Return the vertices, (..., N, 3), with the handles at ``targets``, (..., H, 3), NaN where unknown."""
+        return self.displaced(np.asarray(targets, dtype=np.float64) - self.places)
+
+
+def _corners(points: SurfacePoints, triangles: Ints, n_vertices: int) -> tuple[NDArray[np.intp], Array]:
+    faces = points.faces
+    if not len(faces):
+        raise ValueError("at least one handle is needed")
+    if faces.max() >= len(triangles) or (-1 - faces.min()) >= n_vertices:
+        raise ValueError("a handle is on no triangle and no vertex of the surface")
+    is_vertex = faces < 0
+    corners = np.empty((len(faces), 3), dtype=np.intp)
+    corners[is_vertex] = -1 - faces[is_vertex, None]
+    corners[~is_vertex] = triangles[faces[~is_vertex]]
+    return corners, np.asarray(points.barycentric, dtype=np.float64)
+
+
+def _distances(nodes: Array, faces: Ints, sources: Ints) -> Array:
+    """Return the length of the shortest way along edges to any of the ``sources``, infinite where there is none."""
+    edges = np.unique(np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1), axis=0)
+    lengths = np.linalg.norm(nodes[edges[:, 0]] - nodes[edges[:, 1]], axis=1)
+    graph = sparse.csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(nodes), len(nodes)))
+    distances: Array = csgraph.dijkstra(graph, directed=False, indices=sources, min_only=True)
+    return distances
+
+
+def _default_reach(places: Array) -> float:
+    """Return a share of the handles' extent, but so much that they share the surface between them."""
+    if len(places) == 1:
+        return np.inf
+    between = np.linalg.norm(places[:, None] - places[None], axis=2)
+    np.fill_diagonal(between, np.inf)
+    return max(_REACH * float(np.linalg.norm(np.ptp(places, axis=0))), float(np.median(between.min(axis=1))))
+
+
+def _energy(nodes: Array, faces: Ints, stretching: float) -> sparse.csr_array:
+    """Return L' M^-1 L + ``stretching`` L, with cotangent weights L and lumped areas M, shape (n, n)."""
+    n = len(nodes)
+    weights = np.zeros(0)
+    ends = np.zeros((0, 2), dtype=np.intp)
+    areas = np.zeros(n)
+    for corner in range(3):
+        at, a, b = (faces[:, (corner + k) % 3] for k in range(3))
+        u, v = nodes[a] - nodes[at], nodes[b] - nodes[at]
+        twice_area = np.linalg.norm(np.cross(u, v), axis=1)
+        dots = np.einsum("tk,tk->t", u, v)
+        floor = np.maximum(np.abs(dots) / _LARGEST_COTANGENT, np.finfo(float).tiny)
+        weights = np.concatenate([weights, 0.5 * dots / np.maximum(twice_area, floor)])
+        ends = np.concatenate([ends, np.stack([a, b], axis=1)])
+        areas += np.bincount(at, twice_area / 6.0, minlength=n)
+    graph = sparse.coo_array((weights, (ends[:, 0], ends[:, 1])), shape=(n, n)).tocsr()
+    graph = (graph + graph.T).tocsr()
+    # Negative weights, of edges between obtuse corners, would let the field oscillate.
+    graph.data = np.maximum(graph.data, _SMALLEST_WEIGHT)
+    laplacian = sparse.dia_array((graph.sum(axis=1)[None, :], [0]), shape=(n, n)).tocsr() - graph
+    used = areas > 0.0
+    least = _SMALLEST_AREA * float(areas[used].mean()) if used.any() else 1.0
+    masses = sparse.dia_array((1.0 / np.maximum(areas, least)[None, :], [0]), shape=(n, n))
+    return (laplacian.T @ masses @ laplacian + stretching * laplacian).tocsr()
+
+
+def _responses(energy: sparse.csr_array, select: sparse.csr_array) -> tuple[Array, Array]:
+    """Return the fields of least ``energy`` for one handle at a time, (n, H), and the energy over handles, (H, H).
+
+    With A = energy + w S'S the least energy under S x = d is at x = A^-1 S' (S A^-1 S')^-1 d, whatever w is: the
+    handles add the same to all candidates. A is positive definite, which the energy alone is not.
+    """
+    stiff = float(energy.diagonal().mean())
+    system = (energy + stiff * (select.T @ select)).tocsc()
+    factors = linalg.splu(system, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    reactions = factors.solve(select.T.toarray())
+    compliance = select @ reactions
+    stiffness = np.linalg.inv(0.5 * (compliance + compliance.T))
+    return reactions @ stiffness, stiffness - stiff * np.eye(len(stiffness))

@@ -1,0 +1,214 @@
+"""Markers are read from C3D and tables of several programs, gaps are filled, and bad files refused in one sentence."""
+
+import contextlib
+import importlib
+import warnings
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.marker_io import MarkerMotion, fill_gaps, read_markers
+
+NAMES = ("LipLeft", "LipRight", "Brow")
+
+
+def write_c3d(path: Path, positions: np.ndarray, labels: tuple[str, ...], rate: float = 120.0) -> Path:
+    """Write with the library; a marker that is NaN is marked as not seen, as C3D does: by a residual of -1."""
+    c3d = pytest.importorskip("c3d")
+    writer = c3d.Writer(point_rate=rate, analog_rate=0.0)
+    frames = []
+    for frame in positions:
+        points = np.zeros((len(labels), 5), dtype=np.float32)
+        seen = np.isfinite(frame).all(axis=1)
+        points[seen, :3] = frame[seen]
+        points[~seen, :3] = 7.0
+        points[~seen, 3] = -1.0
+        frames.append((points, np.zeros((0, 0))))
+    writer.add_frames(frames)
+    writer.set_point_labels(list(labels))
+    with path.open("wb") as file, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        writer.write(file)
+    return path
+
+
+def moving(n_frames: int = 5, n_markers: int = 3, seed: int = 0) -> np.ndarray:
+    positions = np.random.default_rng(seed).normal(size=(n_frames, n_markers, 3)).round(3) * 100.0
+    positions[1, 2] = np.nan
+    return positions
+
+
+def cells(values: np.ndarray) -> str:
+    return ",".join("" if np.isnan(x) else f"{x:.6f}" for x in values.ravel())
+
+
+def test_c3d_keeps_names_rate_unit_and_what_was_not_seen(tmp_path: Path) -> None:
+    positions = moving()
+    path = write_c3d(tmp_path / "a.c3d", positions, tuple(f"Anna:{name}" for name in NAMES))
+    motion = read_markers(path)
+    assert motion.names == NAMES
+    np.testing.assert_allclose(motion.positions, positions, rtol=1e-5)
+    assert motion.rate == 120.0
+    assert motion.unit_scale == pytest.approx(0.1)
+    np.testing.assert_array_equal(motion.seen, np.isfinite(positions).all(axis=2))
+
+
+def test_c3d_points_without_a_label_are_left_out(tmp_path: Path) -> None:
+    positions = moving(4, 5)
+    motion = read_markers(write_c3d(tmp_path / "a.c3d", positions, ("A:x", "*12", "B:x", "", "C")))
+    assert motion.names == ("A:x", "B:x", "C")
+    np.testing.assert_allclose(motion.positions, positions[:, [0, 2, 4]], rtol=1e-5)
+
+
+def test_damaged_c3d_is_refused(tmp_path: Path) -> None:
+    data = write_c3d(tmp_path / "a.c3d", moving(200, 55, 1), tuple(f"M{i}" for i in range(55))).read_bytes()
+    rng = np.random.default_rng(0)
+    for size in (0, 10, 512, 1000, 5000, len(data) - 4000):
+        path = tmp_path / "cut.c3d"
+        path.write_bytes(data[:size])
+        with pytest.raises(FacePoserError, match=r"cut\.c3d' (is damaged|ends after frame|has 0 points)") as caught:
+            read_markers(path)
+        assert "\n" not in str(caught.value)
+    for _ in range(40):
+        bad = bytearray(data)
+        for place in rng.integers(0, 2000, 20):
+            bad[place] = rng.integers(0, 256)
+        path = tmp_path / "bad.c3d"
+        path.write_bytes(bad)
+        # It may be read or refused, but nothing else.
+        with contextlib.suppress(FacePoserError):
+            read_markers(path)
+
+
+def test_without_the_package_the_sentence_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(name: str) -> ModuleType:
+        raise ImportError(name)
+
+    (tmp_path / "a.c3d").write_bytes(b"\0" * 1024)
+    monkeypatch.setattr(importlib, "import_module", none)
+    with pytest.raises(FacePoserError, match=r"pip install 'faceposer\[markers\]'"):
+        read_markers(tmp_path / "a.c3d")
+
+
+@pytest.mark.parametrize("form", ["{}.x,{}.y,{}.z", "{}_X,{}_Y,{}_Z", "{}:x,{}:y,{}:z", "{} z,{} y,{} x"])
+def test_plain_tables(tmp_path: Path, form: str) -> None:
+    positions = moving()
+    header = ",".join(form.format(name, name, name) for name in NAMES)
+    order = positions[:, :, ::-1] if form.startswith("{} z") else positions
+    lines = [f"{i},{i / 60:.6f},{cells(frame)}" for i, frame in enumerate(order)]
+    path = tmp_path / "a.csv"
+    path.write_text("frame,time," + header + "\n" + "\n".join(lines) + "\n")
+    motion = read_markers(path)
+    assert motion.names == NAMES
+    np.testing.assert_allclose(motion.positions, positions)
+    assert motion.rate == pytest.approx(60.0, rel=1e-4)
+    assert motion.unit_scale is None
+
+
+def test_tables_need_neither_frame_nor_time_and_the_origin_is_not_seen(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("A.x,A.y,A.z,B.x,B.y,B.z\n1,2,3,0,0,0\n1,2,3,0,0,4\n")
+    motion = read_markers(path)
+    assert motion.rate is None
+    np.testing.assert_array_equal(motion.positions[:, 0], [[1, 2, 3], [1, 2, 3]])
+    np.testing.assert_array_equal(motion.seen, [[True, False], [True, True]])
+
+
+def test_export_of_vicon_nexus(tmp_path: Path) -> None:
+    positions = moving()
+    lines = ["Trajectories", "100", ",,Anna:LipLeft,,,Anna:LipRight,,,Anna:Brow,,", "Frame,Sub Frame" + ",X,Y,Z" * 3]
+    lines += [",," + ",".join(["mm"] * 9)]
+    lines += [f"{i},0,{cells(frame)}" for i, frame in enumerate(positions, start=1)]
+    path = tmp_path / "a.csv"
+    path.write_text("\r\n".join([*lines, "", "Model Outputs", "100"]) + "\r\n")
+    motion = read_markers(path)
+    assert motion.names == NAMES
+    np.testing.assert_allclose(motion.positions, positions)
+    assert motion.rate == 100.0
+    assert motion.unit_scale == pytest.approx(0.1)
+
+
+def test_export_of_optitrack_motive(tmp_path: Path) -> None:
+    positions = moving()
+    lines = [
+        "Format Version,1.23,Take Name,smile x,Capture Frame Rate,240.0,Export Frame Rate,120.0,Length Units,Meters",
+        "",
+        ",Type" + ",Rigid Body" * 3 + ",Marker" * 12,
+        ",Name" + ",Head" * 3 + "".join(3 * f",Face:{name}" for name in (*NAMES[:2], "Unlabeled 8", NAMES[2])),
+        ",ID" + ',"A1"' * 15,
+        "," + ",Position" * 15,
+        "Frame,Time (Seconds)" + ",X,Y,Z" * 5,
+    ]
+    other = np.ones(3)
+    for i, frame in enumerate(positions):
+        lines.append(f"{i},{i / 120:.6f},{cells(other)},{cells(frame[:2])},{cells(other)},{cells(frame[2])}")
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(lines) + "\n")
+    motion = read_markers(path)
+    assert motion.names == NAMES
+    np.testing.assert_allclose(motion.positions, positions)
+    assert motion.rate == 120.0
+    assert motion.unit_scale == 100.0
+
+
+def test_bad_tables_are_refused_by_place(tmp_path: Path) -> None:
+    texts = {
+        "no header of markers": "time,value\n1,2\n",
+        "no header of markers ": "",
+        r"no column A\.z": "A.x,A.y\n1,2\n",
+        r"Line 1 of .* names the column A\.x twice": "A.x,A.y,A.z,A.x\n1,2,3,4\n",
+        "Line 3 of .* has 2 values, 3 are needed": "A.x,A.y,A.z\n1,2,3\n1,2\n",
+        "Line 2 of .* has 4 values, 3 are needed": "A.x,A.y,A.z\n1,2,3,4\n",
+        r"Line 2 of .* has 'up' in column A\.y": "A.x,A.y,A.z\n1,up,3\n",
+        r"Line 2 of .* has 'inf' in column A\.y": "A.x,A.y,A.z\n1,inf,3\n",
+        "has no frame below its header": "A.x,A.y,A.z\n\n",
+        "No marker is seen in any frame": "A.x,A.y,A.z\n,,\n0,0,0\n",
+        "two markers with the name A": "Trajectories\n9\n,,A,,,A,,\nFrame,,X,Y,Z,X,Y,Z\n,,mm\n1,0,1,2,3,4,5,6\n",
+        "no marker with a name": "Trajectories\n100\n,,,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n1,0,1,2,3\n",
+    }
+    for i, (what, text) in enumerate(texts.items()):
+        path = tmp_path / f"{i}.csv"
+        path.write_text(text)
+        with pytest.raises(FacePoserError, match=what) as caught:
+            read_markers(path)
+        assert str(path) in str(caught.value)
+        assert "\n" not in str(caught.value)
+    (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "a.txt").write_text("x")
+    for name, what in (("gone.csv", "cannot be read"), ("binary.csv", "cannot be read"), ("a.txt", "ends in .c3d or")):
+        with pytest.raises(FacePoserError, match=what):
+            read_markers(tmp_path / name)
+
+
+def test_short_gaps_are_filled_and_long_ones_stay() -> None:
+    times = np.arange(40.0)
+    positions = np.stack([np.stack([times, 2.0 * times, -times], axis=1), np.full((40, 3), 5.0)], axis=1)
+    whole = positions.copy()
+    positions[3:6, 0] = np.nan
+    positions[10:20, 1] = np.nan
+    positions[:2, 1] = np.nan
+    positions[38:, 0] = np.nan
+    motion, n_filled = fill_gaps(MarkerMotion(("A", "B"), positions, 60.0), longest=3)
+    assert n_filled == 3
+    np.testing.assert_allclose(motion.positions[3:6], whole[3:6])
+    assert np.isnan(motion.positions[10:20, 1]).all()
+    assert np.isnan(motion.positions[38:, 0]).all()
+    assert np.isnan(positions[3:6, 0]).all()
+    # Across a step the filled values stay between both sides.
+    step = np.zeros((20, 1, 3))
+    step[10:] = 1.0
+    step[8:12] = np.nan
+    filled = fill_gaps(MarkerMotion(("A",), step), longest=4)[0].positions
+    assert filled.min() == 0.0
+    assert filled.max() == 1.0
+    assert (np.diff(filled[:, 0, 0]) >= 0.0).all()
+
+
+def test_motion_checks_its_shape() -> None:
+    with pytest.raises(ValueError, match="cannot be"):
+        MarkerMotion(("A",), np.zeros((3, 2, 3)))
+    with pytest.raises(ValueError, match="same name"):
+        MarkerMotion(("A", "A"), np.zeros((3, 2, 3)))
