@@ -3,7 +3,7 @@
 import re
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -161,6 +161,29 @@ def open_sequence(path: Path, neutral: Path | None = None) -> MeshSequence:
     base = _neutral_mesh(chosen, meshes)
     digest = _obj_positions(chosen)[1] if chosen.suffix.lower() == ".obj" else ""
     return MeshSequence(base, f"the neutral '{chosen}'", tuple(sources), digest)
+
+
+def write_frames(path: Path, frames: Iterable[NDArray[np.floating]], count: int, n_vertices: int) -> None:
+    """Write ``count`` frames of shape (N, 3) to the ``.npz`` file ``path``, one after another, in single precision.
+
+    Raises:
+        OSError: If the file cannot be written.
+        ValueError: If there are not as many frames.
+    """
+    header = {"descr": "<f4", "fortran_order": False, "shape": (count, n_vertices, 3)}
+    written = 0
+    with zipfile.ZipFile(path, "w") as archive, archive.open("vertices.npy", "w", force_zip64=True) as stream:
+        np.lib.format.write_array_header_1_0(stream, header)
+        for frame in frames:
+            stream.write(np.ascontiguousarray(frame, dtype="<f4").tobytes())
+            written += 1
+    if written != count:
+        raise ValueError(f"{written} frames were given, not {count}")
+
+
+def frames_of(path: Path, neutral: PolygonMesh, name: str) -> MeshSequence:
+    """Return the frames in the ``.npz`` file ``path`` as examples of the mesh ``neutral``, called ``name``."""
+    return MeshSequence(neutral, name, (_Source(path, 0, _frames_in(path)),))
 
 
 def _neutral_among(files: list[Path]) -> Path:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.model.shape_names import SPLIT_SHAPES, canonical_shape
 from faceposer.model.subject import ARKIT_SHAPES
 
 Array = NDArray[np.float64]
@@ -190,15 +191,10 @@ def _weight(cell: str, name: str, path: Path, number: int) -> float:
 
 def _channel(name: str) -> str | None:
     """Return the ARKit shape that a column is of, or None."""
-    plain = re.sub(r"_([lr])$", lambda side: {"l": "left", "r": "right"}[side[1]], name.strip().lower())
-    plain = plain.replace("_", "").replace(" ", "")
-    for shape in _SPLIT:
-        if plain in (f"{shape.lower()}left", f"{shape.lower()}right"):
-            return shape
-    return _BY_PLAIN_NAME.get(plain)
-
-
-_BY_PLAIN_NAME = {shape.lower(): shape for shape in ARKIT_SHAPES}
+    shape = canonical_shape(name)
+    if shape in SPLIT_SHAPES:
+        return re.sub("(Left|Right)$", "", shape)
+    return shape
 
 
 def missing_shapes(captures: Iterable[Capture]) -> tuple[str, ...]:

@@ -1,9 +1,9 @@
 """Regions of a face that move by themselves, each with modes of its own.
 
 Blanz and Vetter ("A morphable model for the synthesis of 3D faces", 1999, section 3.2) cut the face into segments and
-blend them at their borders. The cut is that of the program's own man, on whom an upright face lies; or it comes from the
-examples: vertices whose movements go together belong together. The masks add up to one everywhere, so that the sum of
-all segments is the face again.
+blend them at their borders. The cut is that of the program's own man, on whom an upright face lies; or it comes from
+the examples: vertices whose movements go together belong together. The masks add up to one everywhere, so
+that the sum of all segments is the face again.
 """
 
 from dataclasses import dataclass
@@ -32,14 +32,14 @@ _BORDER = 0.14
 
 
 _FACE_RADIUS_CM = 4.0
-#: The segments of a face, with the man's regions that make them; the last has all that is left.
+#: The segments of a face, with the man's regions that make them.
 _FACE = (
     ("brow left", ("brow_left",)),
     ("brow right", ("brow_right",)),
     ("eye left", ("lids_left", "eye_left")),
     ("eye right", ("lids_right", "eye_right")),
     ("cheeks", ("cheek_left", "cheek_right", "nose")),
-    ("mouth", ("mouth", "lip_upper", "lip_lower", "jaw")),
+    ("mouth", ("mouth", "lip_upper", "lip_lower", "jaw", "neck", "ear_left", "ear_right", "scalp")),
 )
 
 
@@ -69,7 +69,7 @@ def face_segments(vertices: Array, triangles: NDArray[np.integer]) -> Segments:
         triangles: Vertex ids, shape (T, 3).
     """
     man = load_subject("man")
-    label_of = np.full(len(man.vertices), len(_FACE) - 1, dtype=np.intp)
+    label_of = np.full(len(man.vertices), -1, dtype=np.intp)
     for label, (_, regions) in enumerate(_FACE):
         for region in regions:
             label_of[man.regions[region]] = label
@@ -77,8 +77,9 @@ def face_segments(vertices: Array, triangles: NDArray[np.integer]) -> Segments:
     on_left = man.vertices[forehead, 0] > 0.0
     names = [name for name, _ in _FACE]
     label_of[forehead] = np.where(on_left, names.index("brow left"), names.index("brow right"))
-    _, nearest = KDTree(man.vertices).query(vertices)
-    labels = _whole_pieces(label_of[nearest], triangles)
+    known = np.flatnonzero(label_of >= 0)
+    _, nearest = KDTree(man.vertices[known]).query(vertices)
+    labels = _whole_pieces(label_of[known[nearest]], triangles)
     labels, used = _without_gaps(labels)
     masks = _smooth(labels, vertices, triangles, (_BORDER * _FACE_RADIUS_CM) ** 2)
     return Segments(tuple(names[label] for label in used), masks)
