@@ -22,6 +22,8 @@ _ENDIANS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _MAX_HEADER = 1 << 16
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 _MAX_CORNERS = 255
+#: Of a table of lists, which the longest widens for all.
+_MAX_ENTRIES = 1 << 28
 
 
 @dataclass(frozen=True)
@@ -71,11 +73,13 @@ def _parse_header(data: bytes) -> tuple[bool, str, list[_Element], int]:
         try:
             if keyword == "format":
                 form = words[1]
-            elif keyword == "element":
-                elements.append(_Element(words[1], int(words[2])))
+            elif keyword == "element" and words[2].isdecimal():
                 # Every element takes at least a byte.
-                if not 0 <= elements[-1].count <= len(data):
+                if len(words[2]) > 12 or int(words[2]) > len(data):
                     raise ValueError(f"the file is too short for {words[2][:20]} of '{words[1]}'")
+                elements.append(_Element(words[1], int(words[2])))
+            elif keyword == "element":
+                raise IndexError
             elif keyword == "property" and words[1] == "list":
                 elements[-1].properties.append(_Property(words[4], _TYPES[words[3]], _TYPES[words[2]]))
             elif keyword == "property":
@@ -90,12 +94,7 @@ def _parse_header(data: bytes) -> tuple[bool, str, list[_Element], int]:
 def _read(body: memoryview, text: bool, endian: str, elements: list[_Element]) -> dict[tuple[str, str], NDArray[Any]]:
     """Return the columns by the names of element and property; lists as arrays padded with -1, then their lengths."""
     if text:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)
-            try:
-                numbers = np.fromstring(bytes(body), dtype=np.float64, sep=" ")
-            except DeprecationWarning as error:
-                raise ValueError("something among its numbers is no number") from error
+        numbers = _numbers(bytes(body))
         # All numbers are now alike, so that the rest is as in a binary file of doubles.
         body, endian = memoryview(numbers.tobytes()), "="
         double = [_Property(p.name, "f8", "f8" if p.counter else "") for e in elements for p in e.properties]
@@ -108,6 +107,22 @@ def _read(body: memoryview, text: bool, endian: str, elements: list[_Element]) -
             continue
         at = _read_element(body, at, endian, element, columns)
     return columns
+
+
+def _numbers(text: bytes) -> NDArray[np.float64]:
+    """Return all numbers of ``text``."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)
+        try:
+            return np.fromstring(text, dtype=np.float64, sep=" ")
+        except (DeprecationWarning, ValueError):
+            pass
+    for number, line in enumerate(text.splitlines(), 1):
+        try:
+            [float(word) for word in line.split()]
+        except ValueError as error:
+            raise ValueError(f"line {number} after its header is not all numbers") from error
+    return np.array(text.split(), dtype=np.float64)
 
 
 def _read_element(
@@ -142,6 +157,8 @@ def _read_element(
             columns[element.name, column.name] = np.concatenate([table[f"p{i}"] for table in rows])
             continue
         wide = max(lengths[lists.index(i)] for lengths in kinds)
+        if element.count * wide > _MAX_ENTRIES:
+            raise ValueError(f"its {element.count} lists of up to {wide} in '{element.name}' are too many")
         values = np.full((element.count, wide), -1.0)
         counts = np.zeros(element.count, dtype=np.intp)
         row = 0
