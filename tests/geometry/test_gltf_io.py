@@ -269,6 +269,22 @@ def test_names_of_targets_wherever_they_are(tmp_path: Path) -> None:
         read_gltf(builder.write(path))
 
 
+def test_the_deformers_of_several_meshes_share_their_targets(tmp_path: Path) -> None:
+    builder = face()
+    builder.json["meshes"][0]["extras"]["targetNames"] = ["blendShape1.jawOpen", "blendShape1.eyeBlink_L"]
+    path = tmp_path / "a.glb"
+    assert list(read_gltf(builder.write(path)).targets) == ["blendShape1.jawOpen", "blendShape1.eyeBlink_L"]
+    lashes = builder.mesh(builder.primitive(targets=(FROWN,)), names=["blendShape2.eyeBlink_L"])
+    builder.node(mesh=lashes)
+    builder.json.pop("buffers")
+    rig = read_gltf(builder.write(path))
+    assert list(rig.targets) == ["jawOpen", "eyeBlink_L"]
+    np.testing.assert_array_equal(rig.targets["eyeBlink_L"], np.vstack([FROWN, FROWN]))
+    builder.json["meshes"][1]["extras"]["targetNames"] = ["eyeBlink.L"]
+    builder.json["meshes"][0]["extras"]["targetNames"] = ["jawOpen", "eyeBlink.L"]
+    assert list(read_gltf(builder.write(path)).targets) == ["jawOpen", "eyeBlink.L"]
+
+
 def skinned(joint_matrices: list[list[float]], inverse_bind: NDArray[np.float32]) -> Builder:
     builder = face(translation=[100, 0, 0], skin=0)
     attributes = builder.json["meshes"][0]["primitives"][0]["attributes"]

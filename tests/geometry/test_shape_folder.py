@@ -114,6 +114,9 @@ def test_other_topologies_are_refused_with_the_place(tmp_path: Path) -> None:
     write_obj(tmp_path / "frown.obj", VERTICES, np.array([[0, 1, 2, 3], [1, 4, 3, -1]]))
     with pytest.raises(FacePoserError, match=r"face 2 has the corners 2, 5, 4, not 2, 5, 3"):
         read_rig(tmp_path)
+    (tmp_path / "frown.obj").write_text((tmp_path / "smile.obj").read_text().replace("\nf", "\nf 1 2 3\nf", 1))
+    with pytest.raises(FacePoserError, match="it has 3 faces, not 2"):
+        read_rig(tmp_path)
     (tmp_path / "frown.obj").write_text((tmp_path / "smile.obj").read_text().replace("v 2 ", "v nan "))
     with pytest.raises(FacePoserError, match=r"frown\.obj' has a vertex that is not finite, number 5"):
         read_rig(tmp_path)
