@@ -299,7 +299,7 @@ def skinned(joint_matrices: list[list[float]], inverse_bind: NDArray[np.float32]
 def test_skinned_meshes_stand_where_their_joints_carry_them(tmp_path: Path) -> None:
     eye = np.eye(4)
     lift, away = eye.copy(), eye.copy()
-    lift[1, 3], away[0, 3] = 5, 1 / 3
+    lift[1, 3], away[0, 3] = 1 / 3, 1 / 7
     columns = lambda *matrices: [matrix.T.ravel().tolist() for matrix in matrices]  # noqa: E731
     back = np.array(columns(np.linalg.inv(lift), np.linalg.inv(away)), dtype=np.float32)
     path = tmp_path / "a.glb"

@@ -75,6 +75,21 @@ def test_a_prefix_that_all_names_have(prefix: str) -> None:
 
 
 @pytest.mark.parametrize(
+    "names",
+    [
+        # Corrections of one shape in company with others, and a few of something among much else.
+        ["jawOpen_mouthClose", "jawOpen_mouthSmile_L"],
+        ["Joy", "Anger", "Sorrow", "fix_jawOpen", "fix_mouthLeft"],
+        ["mouthSmile_jawOpen"],
+    ],
+)
+def test_a_prefix_that_means_something_is_kept(names: list[str]) -> None:
+    match = match_arkit(names, "It")
+    assert match.others == tuple(names)
+    assert not match.shapes
+
+
+@pytest.mark.parametrize(
     "name",
     [
         *("", "_", "L", "Left", "mouth", "jaw", "smile", "mouthSmile", "eyeBlink", "Joy", "A", "neutral", "HeadYaw"),
