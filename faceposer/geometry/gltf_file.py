@@ -155,7 +155,10 @@ class GltfFile:
                 f"({error.msg}); export it again."
             ) from error
         except (ValueError, RecursionError) as error:
-            raise FacePoserError(f"The rig '{path}' is not glTF: its JSON cannot be read; export it again.") from error
+            place = f" at byte {error.start} of it" if isinstance(error, UnicodeDecodeError) else ""
+            raise FacePoserError(
+                f"The rig '{path}' is not glTF: its JSON cannot be read{place}; export it again."
+            ) from error
         if not isinstance(document, dict) or not isinstance(document.get("asset"), dict):
             raise FacePoserError(f"The rig '{path}' is not glTF: it has no 'asset'; export it again as glTF 2.")
         self.root = GltfObject(path, "", document)

@@ -145,7 +145,19 @@ def _plan(file: GltfFile, scene: Scene) -> tuple[list[_Piece], list[_Part]]:
                     f"The rig '{file.path}' shows more than {MAX_VERTICES} vertices or {_MAX_PIECES} meshes; export "
                     "the face alone."
                 )
+    _drop_owners([part for part in parts.values() if part.names])
     return pieces, list(parts.values())
+
+
+def _drop_owners(parts: list[_Part]) -> None:
+    """Take the deformer's name out of targets' names where it keeps those of several meshes apart.
+
+    Maya calls the same shape blendShape1.jawOpen in the head and blendShape2.jawOpen in the lashes.
+    """
+    owners = [{name.rpartition(".")[0] for name in part.names} for part in parts]
+    if all(len(owner) == 1 for owner in owners) and len(set.union(set(), *owners)) > 1:
+        for part in parts:
+            part.names = [name.rpartition(".")[2] or name for name in part.names]
 
 
 def _shared(primitive: GltfObject) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Reading meshes of any common format: OBJ by ``obj_io``, everything else through trimesh."""
+"""Reading meshes of any common format: OBJ by ``obj_io``, PLY by ``ply_io``, everything else through trimesh."""
 
 from pathlib import Path
 from typing import Any
@@ -7,14 +7,16 @@ import numpy as np
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.obj_io import read_obj
+from faceposer.geometry.ply_io import read_ply
 from faceposer.geometry.polygon_mesh import PolygonMesh
 
 _MAX_BYTES = 1 << 30
+_READERS = {".obj": read_obj, ".ply": read_ply}
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
 
 
 def read_mesh(path: Path) -> PolygonMesh:
-    """Return the mesh in ``path``: OBJ with its order kept, or what trimesh reads.
+    """Return the mesh in ``path``: OBJ and PLY with their order and polygons kept, or what trimesh reads.
 
     Raises:
         FacePoserError: If the file cannot be read as a mesh, naming the place.
@@ -22,7 +24,7 @@ def read_mesh(path: Path) -> PolygonMesh:
     try:
         if path.stat().st_size > _MAX_BYTES:
             raise FacePoserError(f"The mesh '{path}' is larger than {_MAX_BYTES >> 30} GB; give a smaller one.")
-        mesh = read_obj(path) if path.suffix.lower() == ".obj" else _read_with_trimesh(path)
+        mesh = _READERS.get(path.suffix.lower(), _read_with_trimesh)(path)
     except OSError as error:
         raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
     if len(mesh.vertices) == 0 or len(mesh.polygons) == 0:

@@ -53,11 +53,13 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
             f"The folder '{folder}' has {len(shapes)} shapes of {len(rest.vertices)} vertices, which would take "
             f"{size >> 20} MB; give one of less than {_MAX_OFFSET_BYTES >> 20} MB."
         )
-    faces = _face_key(neutral, len(rest.polygons))
+    text = _obj_text(neutral)
+    faces = _face_key(text, len(rest.polygons))
+    tail = _face_tail(text, len(rest.polygons))
     names = _shape_names(shapes, neutral)
     targets = {}
     for name, path in names.items():
-        positions = _positions(path, rest, neutral, faces)
+        positions = _positions(path, rest, neutral, faces, tail)
         with np.errstate(over="ignore"):
             targets[name] = (positions - rest.vertices).astype(np.float32)
     return MorphMesh(rest, targets)
@@ -102,12 +104,18 @@ def _shape_names(shapes: list[Path], neutral: Path) -> dict[str, Path]:
     return names
 
 
-def _positions(path: Path, rest: PolygonMesh, neutral: Path, faces: bytes | None) -> NDArray[np.float64]:
+def _positions(path: Path, rest: PolygonMesh, neutral: Path, faces: bytes | None, tail: bytes) -> NDArray[np.float64]:
     """Return the vertices of a shape, after its faces have been compared with the neutral's."""
     positions: NDArray[np.float64] | None = None
-    if faces is not None and _face_key(path, len(rest.polygons)) == faces:
+    text = _obj_text(path) if faces is not None else b""
+    before = len(text) - len(tail)
+    same = bool(tail) and text.endswith(tail) and not any(0 <= text.find(b"\nf" + c) < before for c in (b" ", b"\t"))
+    if text and (same or _face_key(text, len(rest.polygons)) == faces):
         # Reading only the positions is many times faster than reading the faces too.
-        positions = read_obj_positions(path)
+        try:
+            positions = read_obj_positions(path)
+        except OSError as error:
+            raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
         if len(positions) != len(rest.vertices) or not np.isfinite(positions).all():
             positions = None
     if positions is not None:
@@ -127,22 +135,30 @@ def _positions(path: Path, rest: PolygonMesh, neutral: Path, faces: bytes | None
     return mesh.vertices
 
 
-def _face_key(path: Path, count: int) -> bytes | None:
-    """Return the vertices of an OBJ's faces as text, or None for another file or if not all ``count`` are found."""
-    if path.suffix.lower() != ".obj":
-        return None
+def _obj_text(path: Path) -> bytes:
+    """Return what is in an OBJ file, nothing for another one or one that is too large."""
     try:
-        if path.stat().st_size > _MAX_FILE_BYTES:
-            return None
-        lines = [line for line in path.read_bytes().splitlines() if line.startswith((b"f ", b"f\t"))]
+        return path.read_bytes() if path.suffix.lower() == ".obj" and path.stat().st_size <= _MAX_FILE_BYTES else b""
     except OSError as error:
         raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
-    if len(lines) != count:
-        return None
+
+
+def _face_tail(text: bytes, count: int) -> bytes:
+    """Return an OBJ's ``text`` from the first of its ``count`` faces on, if that means the same whatever stands before.
+
+    That is compared at once. It means the same unless vertices follow or an index counts from the end.
+    """
+    tail = text[text.find(b"\nf ") :]
+    return b"" if b"\nv " in tail or b"-" in tail or tail.count(b"\nf ") != count else tail
+
+
+def _face_key(text: bytes, count: int) -> bytes | None:
+    """Return the vertices of an OBJ's faces as text, None if there are not ``count`` faces or any is relative."""
+    lines = [line for line in text.splitlines() if line.startswith((b"f ", b"f\t"))]
     # Exporters number normals anew in each file: what follows a vertex's slash does not count.
     key = re.sub(rb"/\S*", b"", b"\n".join(lines))
     # What an index from the end means depends on where the face stands.
-    return None if b"-" in key else key
+    return None if b"-" in key or len(lines) != count else key
 
 
 def _first_difference(mesh: PolygonMesh, rest: PolygonMesh) -> str:

@@ -42,12 +42,9 @@ def test_obj_without_uvs_and_with_relative_indices(tmp_path: Path) -> None:
 
 
 def test_other_formats_keep_their_order(tmp_path: Path) -> None:
-    path = tmp_path / "a.ply"
+    path = tmp_path / "a.off"
     rows = "\n".join(" ".join(map(str, row)) for row in VERTICES.tolist())
-    path.write_text(
-        "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
-        f"element face 2\nproperty list uchar int vertex_indices\nend_header\n{rows}\n3 0 1 2\n3 1 4 2\n"
-    )
+    path.write_text(f"OFF\n5 2 0\n{rows}\n3 0 1 2\n3 1 4 2\n")
     mesh = read_mesh(path)
     np.testing.assert_allclose(mesh.vertices, VERTICES)
     assert mesh.polygons.tolist() == [[0, 1, 2], [1, 4, 2]]
@@ -62,7 +59,8 @@ def test_other_formats_keep_their_order(tmp_path: Path) -> None:
         ("a.obj", "v 0 0 0\nf 1 1\n", "at least 3 corners"),
         ("a.obj", "", "no faces"),
         ("a.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not finite, number 1"),
-        ("a.ply", "ply\nnonsense", "cannot be read"),
+        ("a.ply", "ply\nnonsense", "does not begin with a header of PLY"),
+        ("a.off", "nonsense", "cannot be read"),
         ("a.txt", "hello", "not a mesh"),
     ],
 )

@@ -1,0 +1,243 @@
+"""Reading PLY, text and binary, with the order of vertices and the corners of faces as the file has them."""
+
+import re
+import warnings
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.polygon_mesh import PolygonMesh, no_polygons, pad_polygons
+
+_CODES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
+_TYPES = {
+    **dict(zip(("char", "uchar", "short", "ushort", "int", "uint", "float", "double"), _CODES, strict=True)),
+    **dict(zip(("int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"), _CODES, strict=True)),
+}
+_ENDIANS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_MAX_HEADER = 1 << 16
+_UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
+_MAX_CORNERS = 255
+#: Of a table of lists, which the longest widens for all.
+_MAX_ENTRIES = 1 << 28
+
+
+@dataclass(frozen=True)
+class _Property:
+    """A column of an element: a number of type ``dtype``, or a list of them counted by a ``counter``."""
+
+    name: str
+    dtype: str
+    counter: str = ""
+
+
+@dataclass(frozen=True)
+class _Element:
+    name: str
+    count: int
+    properties: list[_Property] = field(default_factory=list)
+
+
+def read_ply(path: Path) -> PolygonMesh:
+    """Return the mesh in the PLY file ``path``, with texture coordinates of vertices or of faces' corners.
+
+    Source: G. Turk, The PLY Polygon File Format (1994).
+
+    Raises:
+        OSError: If the file cannot be read.
+        FacePoserError: If it is broken or cut off, naming the element.
+    """
+    data = path.read_bytes()
+    try:
+        text, endian, elements, body = _parse_header(data)
+        columns = _read(memoryview(data)[body:], text, endian, elements)
+        return _mesh(columns)
+    except ValueError as error:
+        raise FacePoserError(f"The mesh '{path}' is broken: {error}; export it again.") from error
+
+
+def _parse_header(data: bytes) -> tuple[bool, str, list[_Element], int]:
+    """Return whether the numbers are text, their byte order, the elements, and where their numbers begin."""
+    head = re.match(rb"ply\r?\n(.*?\n)?end_header[ \t]*(\r\n|\n)", data[:_MAX_HEADER], re.DOTALL)
+    if head is None:
+        raise ValueError("it does not begin with a header of PLY")
+    form = ""
+    elements: list[_Element] = []
+    for number, line in enumerate(head[0].decode("latin-1").splitlines(), 1):
+        words = line.split()
+        keyword = words[0] if words else ""
+        try:
+            if keyword == "format":
+                form = words[1]
+            elif keyword == "element" and words[2].isdecimal():
+                # Every element takes at least a byte.
+                if len(words[2]) > 12 or int(words[2]) > len(data):
+                    raise ValueError(f"the file is too short for {words[2][:20]} of '{words[1]}'")
+                elements.append(_Element(words[1], int(words[2])))
+            elif keyword == "element":
+                raise IndexError
+            elif keyword == "property" and words[1] == "list":
+                elements[-1].properties.append(_Property(words[4], _TYPES[words[3]], _TYPES[words[2]]))
+            elif keyword == "property":
+                elements[-1].properties.append(_Property(words[2], _TYPES[words[1]]))
+        except (IndexError, KeyError) as error:
+            raise ValueError(f"its header cannot be understood at line {number}") from error
+    if form not in _ENDIANS:
+        raise ValueError(f"its format is '{form[:30]}', none of {', '.join(_ENDIANS)}")
+    return form == "ascii", _ENDIANS[form], elements, head.end()
+
+
+def _read(body: memoryview, text: bool, endian: str, elements: list[_Element]) -> dict[tuple[str, str], NDArray[Any]]:
+    """Return the columns by the names of element and property; lists as arrays padded with -1, then their lengths."""
+    if text:
+        numbers = _numbers(bytes(body))
+        # All numbers are now alike, so that the rest is as in a binary file of doubles.
+        body, endian = memoryview(numbers.tobytes()), "="
+        double = [_Property(p.name, "f8", "f8" if p.counter else "") for e in elements for p in e.properties]
+        kept = iter(double)
+        elements = [_Element(e.name, e.count, [next(kept) for _ in e.properties]) for e in elements]
+    columns: dict[tuple[str, str], NDArray[Any]] = {}
+    at = 0
+    for element in elements:
+        if not element.count or not element.properties:
+            continue
+        at = _read_element(body, at, endian, element, columns)
+    return columns
+
+
+def _numbers(text: bytes) -> NDArray[np.float64]:
+    """Return all numbers of ``text``."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)
+        try:
+            return np.fromstring(text, dtype=np.float64, sep=" ")
+        except (DeprecationWarning, ValueError):
+            pass
+    for number, line in enumerate(text.splitlines(), 1):
+        try:
+            [float(word) for word in line.split()]
+        except ValueError as error:
+            raise ValueError(f"line {number} after its header is not all numbers") from error
+    return np.array(text.split(), dtype=np.float64)
+
+
+def _read_element(
+    body: memoryview, at: int, endian: str, element: _Element, columns: dict[tuple[str, str], NDArray[Any]]
+) -> int:
+    """Add the columns of ``element``, which begins at byte ``at``, and return where it ends."""
+    lists = [i for i, p in enumerate(element.properties) if p.counter]
+    starts = at
+    kinds: list[tuple[int, ...]] = []
+    rows: list[NDArray[np.void]] = []
+    done = 0
+    # Rows are taken in runs of those with lists of the same lengths, nearly always few runs.
+    while done < element.count:
+        lengths = _lengths(body, starts, endian, element, done)
+        dtype = _row_type(tuple(element.properties), endian, lengths)
+        most = min(element.count - done, (len(body) - starts) // dtype.itemsize)
+        if most < 1:
+            raise ValueError(f"it is cut off in '{element.name}' {done + 1} of {element.count}")
+        # Looking ahead further only after runs have been long keeps mixed faces from being looked at again and again.
+        run = min(most, 2 * len(rows[-1]) + 16 if rows else most)
+        table = np.frombuffer(body, dtype, run, starts)
+        same = np.ones(run, dtype=bool)
+        for i, length in zip(lists, lengths, strict=True):
+            same &= table[f"n{i}"] == length
+        run = run if same.all() else int(np.argmin(same))
+        rows.append(table[:run])
+        kinds.append(lengths)
+        done += run
+        starts += run * dtype.itemsize
+    for i, column in enumerate(element.properties):
+        if i not in lists:
+            columns[element.name, column.name] = np.concatenate([table[f"p{i}"] for table in rows])
+            continue
+        wide = max(lengths[lists.index(i)] for lengths in kinds)
+        if element.count * wide > _MAX_ENTRIES:
+            raise ValueError(f"its {element.count} lists of up to {wide} in '{element.name}' are too many")
+        values = np.full((element.count, wide), -1.0)
+        counts = np.zeros(element.count, dtype=np.intp)
+        row = 0
+        for table, lengths in zip(rows, kinds, strict=True):
+            length = lengths[lists.index(i)]
+            values[row : row + len(table), :length] = table[f"p{i}"].reshape(len(table), length)
+            counts[row : row + len(table)] = length
+            row += len(table)
+        columns[element.name, column.name] = values
+        columns[element.name, f"{column.name} lengths"] = counts
+    return starts
+
+
+@cache
+def _row_type(properties: tuple[_Property, ...], endian: str, lengths: tuple[int, ...]) -> np.dtype[np.void]:
+    """Return the type of a row with lists of such ``lengths``, as far as these are known."""
+    fields: list[Any] = []
+    known = iter(lengths)
+    for i, column in enumerate(properties):
+        if not column.counter:
+            fields.append((f"p{i}", endian + column.dtype))
+            continue
+        fields.append((f"n{i}", endian + column.counter))
+        length = next(known, None)
+        if length is None:
+            break
+        fields.append((f"p{i}", endian + column.dtype, (length,)))
+    return np.dtype(fields)
+
+
+def _lengths(body: memoryview, at: int, endian: str, element: _Element, row: int) -> tuple[int, ...]:
+    """Return the lengths of the lists in the row that begins at byte ``at``."""
+    lengths: list[int] = []
+    for i, column in enumerate(element.properties):
+        if not column.counter:
+            continue
+        dtype = _row_type(tuple(element.properties), endian, tuple(lengths))
+        if at + dtype.itemsize > len(body):
+            raise ValueError(f"it is cut off in '{element.name}' {row + 1} of {element.count}")
+        length = np.frombuffer(body, dtype, 1, at)[f"n{i}"][0]
+        if not 0 <= length <= 2 * _MAX_CORNERS or length != int(length):
+            raise ValueError(f"'{element.name}' {row + 1} has a list of {length}")
+        lengths.append(int(length))
+    return tuple(lengths)
+
+
+def _mesh(columns: dict[tuple[str, str], NDArray[Any]]) -> PolygonMesh:
+    vertices = _table(columns, ("x", "y", "z"))
+    if vertices is None:
+        raise ValueError("it has no vertices with x, y and z")
+    name = next((n for n in ("vertex_indices", "vertex_index") if ("face", n) in columns), None)
+    if name is None:
+        return PolygonMesh(vertices, no_polygons())
+    polygons, lengths = columns["face", name], columns["face", f"{name} lengths"]
+    if lengths.min() < 3:
+        raise ValueError(f"face {int(np.argmin(lengths)) + 1} has fewer than 3 corners")
+    inside = np.arange(polygons.shape[1]) < lengths[:, None]
+    wrong = (inside & ((polygons < 0) | (polygons >= len(vertices)) | (polygons % 1 != 0))).any(axis=1)
+    if wrong.any():
+        raise ValueError(f"face {int(np.argmax(wrong)) + 1} has a corner that is none of the {len(vertices)} vertices")
+    faces = polygons.astype(np.int32)
+    uv, polygon_uvs = np.zeros((0, 2)), no_polygons()
+    for names in _UV_NAMES:
+        of_vertices = _table(columns, names)
+        if of_vertices is not None:
+            uv, polygon_uvs = of_vertices, faces
+            break
+    corners = columns.get(("face", "texcoord"))
+    if corners is not None and np.array_equal(columns["face", "texcoord lengths"], 2 * lengths):
+        uv = corners.reshape(len(faces), -1, 2)[inside]
+        ends = np.cumsum(lengths).tolist()
+        polygon_uvs = pad_polygons([tuple(range(end - n, end)) for end, n in zip(ends, lengths.tolist(), strict=True)])
+    normals = _table(columns, ("nx", "ny", "nz"))
+    return PolygonMesh(vertices, faces, uv, polygon_uvs, np.zeros((0, 3)) if normals is None else normals)
+
+
+def _table(columns: dict[tuple[str, str], NDArray[Any]], names: tuple[str, ...]) -> NDArray[np.float64] | None:
+    """Return columns of the vertices side by side, None if one is missing."""
+    found = [columns.get(("vertex", name)) for name in names]
+    if any(column is None or column.ndim != 1 for column in found):
+        return None
+    return np.stack([np.asarray(column, dtype=np.float64) for column in found], axis=1)
