@@ -10,9 +10,11 @@ from importlib import metadata
 from pathlib import Path
 from typing import NoReturn
 
+from faceposer import cli_training
+from faceposer.cli_training import check_output
 from faceposer.errors import FacePoserError, NoWindowError
 
-_COMMANDS = ("solve", "render", "subjects", "demo")
+_COMMANDS = ("solve", "render", "subjects", "demo", *cli_training.COMMANDS)
 _VIEWS = ("front", "three-quarter", "left", "right")
 _MAX_SIDE = 8192
 
@@ -25,6 +27,8 @@ examples:
   faceposer render woman -o woman.png        draw without a window
   faceposer subjects                         list the faces that come with the program
   faceposer demo -o DIR                      watch the program being used, as files
+  faceposer train --rig me.glb -o me.npz     make a character of your own; also --examples, --markers
+  faceposer subject info me.npz              say what is in a subject file; also check, rename
 
 'faceposer COMMAND --help' tells more of a command."""
 
@@ -58,6 +62,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _run(words: list[str]) -> int:
     if words and words[0] in _COMMANDS:
         options = _command_parser().parse_args(words)
+        if options.command in cli_training.COMMANDS:
+            return cli_training.run(options)
         return {"solve": _solve, "render": _render, "subjects": _subjects, "demo": _demo}[options.command](options)
     options = _window_parser().parse_args(words)
     return _window(options)
@@ -112,6 +118,7 @@ def _command_parser() -> argparse.ArgumentParser:
         description="Play a scripted pose through the real program, without a display, and write what it shows.",
     )
     demo.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder to write into")
+    cli_training.add_parsers(commands)
     return parser
 
 
@@ -123,20 +130,10 @@ def _size(text: str) -> tuple[int, int]:
     return (sides[0], sides[1])
 
 
-def _check_output(path: Path, suffix: str) -> None:
-    """Refuse an output that could not be written before any work is done for it."""
-    if path.suffix.lower() != suffix:
-        raise FacePoserError(f"The output '{path}' must end in '{suffix}'.")
-    if path.is_dir():
-        raise FacePoserError(f"The output '{path}' is a folder; give the name of a file.")
-    if not path.parent.is_dir():
-        raise FacePoserError(f"The folder '{path.parent}' of the output does not exist; make it first.")
-
-
 def _solve(options: argparse.Namespace) -> int:
-    _check_output(options.output, ".obj")
+    check_output(options.output, ".obj")
     if options.report is not None:
-        _check_output(options.report, ".json")
+        check_output(options.report, ".json")
     from faceposer.session.document import write_text
     from faceposer.session.export import write_posed_obj
     from faceposer.session.opening import open_session
@@ -162,7 +159,7 @@ def _solve(options: argparse.Namespace) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
-    _check_output(options.output, ".png")
+    check_output(options.output, ".png")
     import numpy as np
     from numpy.typing import ArrayLike
 

@@ -13,6 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.polygon_mesh import Group, PolygonMesh, no_polygons, pad_polygons
 
+# All faces are kept as wide as the widest.
+_MOST_CORNERS = 128
+
 
 def write_obj(
     path: Path,
@@ -107,7 +110,8 @@ def read_obj(path: Path) -> PolygonMesh:
 
     with path.open(encoding="utf-8", errors="replace") as file:
         for number, line in enumerate(file, 1):
-            keyword, _, rest = line.partition("#")[0].strip().partition(" ")
+            keyword, *words = line.partition("#")[0].split(None, 1) or [""]
+            rest = words[0] if words else ""
             try:
                 if keyword in tables:
                     width = 2 if keyword == "vt" else 3
@@ -119,6 +123,8 @@ def read_obj(path: Path) -> PolygonMesh:
                     corners = [corner.split("/") for corner in rest.split()]
                     if len(corners) < 3:
                         raise ValueError("a face needs at least 3 corners")
+                    if len(corners) > _MOST_CORNERS:
+                        raise ValueError(f"a face of {len(corners)} corners is too large; cut it into smaller ones")
                     polygons.append(tuple(_index(c[0], len(tables["v"])) for c in corners))
                     if all(len(c) > 1 and c[1] for c in corners):
                         polygon_uvs.append(tuple(_index(c[1], len(tables["vt"])) for c in corners))

@@ -1,0 +1,178 @@
+"""What was learned and how well, in words, as JSON and as pictures."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from faceposer.errors import FacePoserError
+from faceposer.model.face_model import FaceModel
+from faceposer.model.shape_names import match_arkit
+from faceposer.model.subject import Subject
+
+_MANY = 6
+# A shape of which the subspace leaves more than this is worth a word.
+_UNREACHED = 0.15
+
+
+def description_of(subject: Subject) -> dict[str, Any]:
+    """Return what is in a subject, for JSON: names, sizes and the summary of its training."""
+    return {
+        "name": subject.name,
+        "title": subject.title,
+        "credits": subject.credits,
+        "vertices": len(subject.vertices),
+        "polygons": len(subject.polygons),
+        "parts": [{"name": part.name, "material": part.material} for part in subject.parts],
+        "shapes": list(subject.shape_names),
+        "regions": sorted(subject.regions),
+        "feature_points": len(subject.feature_points),
+        "textures": sorted(subject.textures),
+        "statistics": "own" if subject.statistics is not None else "shipped",
+        "file_vertices": len(subject.origin.neutral) if subject.origin else len(subject.vertices),
+        "summary": dict(subject.summary),
+    }
+
+
+def text_of_summary(subject: Subject) -> str:
+    """Return what a user wants to know of a subject, a few lines."""
+    about = description_of(subject)
+    lines = [
+        f"{subject.title} ('{subject.name}'): {about['file_vertices']} vertices, {len(subject.polygons)} faces, "
+        f"parts: {', '.join(part.name for part in subject.parts)}",
+    ]
+    summary = subject.summary
+    if summary.get("kind") == "rig":
+        lines.append(f"{summary['shapes']} of ARKit's shapes, {summary['dimensions']} dimensions")
+        for key, words in (
+            ("missing", "done without"),
+            ("empty", "empty, move nothing"),
+            ("not_arkit", "not ARKit's, left out"),
+            ("eyes_turned", "eyes that no shape turned, now following the gaze"),
+        ):
+            if summary.get(key):
+                lines.append(f"{words}: {_listed(summary[key])}")
+        if summary["worst"]["shape"]:
+            share = 100 * summary["worst"]["unreached"]
+            lines.append(
+                f"kept energy {_percent(summary['kept_energy'])}; worst shape {summary['worst']['shape']}, "
+                f"{share:.1f} % of it not reached"
+            )
+    elif summary:
+        lines.append(f"{summary['examples']} examples, {summary['dimensions']} modes; neutral: {summary['neutral']}")
+        worst = summary["worst"]
+        lines.append(
+            f"kept energy {_percent(summary['kept_energy'])}; worst region {worst['region']}, "
+            f"{_percent(worst['kept_energy'])}"
+        )
+        if "markers" in summary:
+            marked = summary["markers"]
+            lines.append(
+                f"{marked['frames']} frames of markers, {marked['frames_left_out']} left out, "
+                f"{marked['gaps_filled']} gaps filled"
+            )
+    else:
+        lines.append(f"{len(subject.shape_names)} shapes")
+    lines += _prior_lines(summary.get("prior", {}))
+    curves = summary.get("curves", {})
+    if curves.get("generalization_cm"):
+        lines.append(
+            f"left-out expressions are met to {10 * curves['generalization_cm'][-1]:.2f} mm "
+            f"(neutral: {10 * curves['neutral_cm']:.2f} mm), by {curves['components'][-1]} components"
+        )
+    lines += [f"Note: {warning}" for warning in summary.get("warnings", [])]
+    if subject.credits:
+        lines.append(subject.credits)
+    return "\n".join(lines)
+
+
+def _prior_lines(prior: dict[str, Any]) -> list[str]:
+    if "components" not in prior:
+        return [f"prior: {prior['from']}"] if prior else []
+    lines = [
+        f"prior: {prior['components']} factor analyzers of {prior['factors']} factors"
+        f"{', as you said' if prior['fixed_by_user'] else ', chosen by data left out'} (log-likelihood "
+        f"{prior['held_out_log_likelihood']:.1f}; one Gaussian {prior['one_gaussian']:.1f})"
+    ]
+    if prior.get("takes"):
+        lines.append(
+            "learned from " + ", ".join(f"{take['file']} ({take['frames']} frames)" for take in prior["takes"])
+        )
+    if prior.get("missing_channels"):
+        lines.append(f"no channel in the performances: {_listed(prior['missing_channels'])}")
+    return lines
+
+
+def findings_of(subject: Subject, model: FaceModel) -> list[str]:
+    """Return what could be better about a sound subject, a sentence each."""
+    found = []
+    if subject.summary.get("kind") not in ("examples", "markers"):
+        missing = match_arkit(subject.shape_names, f"The subject '{subject.name}'").missing
+        if missing:
+            found.append(f"It has no {_listed(missing)}: the face cannot make them.")
+    empty = [name for name, shape in zip(subject.shape_names, subject.shapes, strict=True) if not shape.any()]
+    if empty:
+        found.append(f"Nothing moves in {_listed(empty)}.")
+    hard = [f"{name} ({100 * share:.0f} %)" for name, share in model.unreached().items() if share > _UNREACHED]
+    if hard:
+        found.append(f"Only partly within reach (share that is not): {_listed(hard)}.")
+    if not subject.feature_points:
+        found.append("It has no feature points: places have no names, and no buttons for mouth and eyes.")
+    return found + [str(warning) for warning in subject.summary.get("warnings", [])]
+
+
+def write_summary(folder: Path, subject: Subject) -> None:
+    """Write ``summary.json`` and, where matplotlib is there, ``summary.png`` into ``folder``, made if it is missing.
+
+    Raises:
+        FacePoserError: If they cannot be written, or there is no matplotlib for the picture.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(description_of(subject), indent=1, ensure_ascii=False)
+        temporary = folder / ".summary.json.tmp"
+        temporary.write_text(text + "\n", encoding="utf-8")
+        temporary.replace(folder / "summary.json")
+        _plot(folder / "summary.png", subject)
+    except OSError as error:
+        raise FacePoserError(f"The summary cannot be written to '{folder}': {error.strerror}.") from error
+
+
+def _plot(path: Path, subject: Subject) -> None:
+    curves = subject.summary.get("curves")
+    if not curves:
+        return
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise FacePoserError(
+            "The picture of the summary needs matplotlib (summary.json and the subject are written): "
+            "pip install 'faceposer[plots]'."
+        ) from None
+    figure = Figure(figsize=(12, 3.6), layout="constrained")
+    panels = figure.subplots(1, 3)
+    components = curves["components"]
+    for axes, key, title, unit in (
+        (panels[0], "compactness", "Compactness", "share of the energy"),
+        (panels[1], "generalization_cm", "Generalization", "cm, examples left out"),
+        (panels[2], "specificity_cm", "Specificity", "cm to the nearest example"),
+    ):
+        if curves[key]:
+            axes.plot(components, curves[key], marker=".", color="#c8703a")
+        axes.set_title(title)
+        axes.set_xlabel("components")
+        axes.set_ylabel(unit)
+        axes.set_ylim(bottom=0.0)
+        axes.grid(alpha=0.3)
+    figure.suptitle(subject.title)
+    temporary = path.with_name(".summary.tmp.png")
+    figure.savefig(temporary, dpi=110)
+    temporary.replace(path)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2f} %"
+
+
+def _listed(names: list[str] | tuple[str, ...]) -> str:
+    rest = len(names) - _MANY
+    return ", ".join(names[:_MANY]) + (f" and {rest} more" if rest > 0 else "")
