@@ -48,6 +48,22 @@ def build_eye(side: str, centre: Floats, radius: float, shape_names: tuple[str, 
     return Piece(f"eye_{side.lower()}", "eye", local + centre, quads, 0.5 + flat * reach[:, None], quads.copy(), shapes)
 
 
+def turned_eye(vertices: Floats, side: str, strengths: dict[str, float]) -> Floats:
+    """Return the offsets, shape (N, 3), of the eyeball ``vertices`` of `build_eye`, turned by gaze shapes together.
+
+    Args:
+        vertices: The eyeball, shape (N, 3); its poles are its first and last vertices.
+        side: "Left" or "Right".
+        strengths: Strength of each gaze shape ("LookUp", ...).
+    """
+    sign = 1.0 if side == "Left" else -1.0
+    about_x = sum(strength * _GAZE[action][0] for action, strength in strengths.items())
+    about_y = sum(strength * _GAZE[action][1] for action, strength in strengths.items())
+    back, front = vertices[-1], vertices[0]
+    centre = back + (front - back) / (2.0 + _CORNEA_HEIGHT)
+    return (vertices - centre) @ (_rotation(about_x, sign * about_y) - np.eye(3)).T
+
+
 def place_eye(rest_lids: Floats, lids: Floats, rest_centre: Floats) -> tuple[Floats, float]:
     """Return the centre an eyeball needs to sit between ``lids`` (n, 3) as it sat between ``rest_lids``, and its scale.
 
