@@ -90,11 +90,11 @@ def paint(texels: SkinTexels, look: Look) -> dict[str, bytes]:
         size = (look.skin_size, look.skin_size)
         skin = np.asarray(Image.fromarray(skin).resize(size, Image.Resampling.LANCZOS))
     textures = {
-        "skin": _jpeg(skin, 88),
-        "eye": _jpeg(paint_eye(look.iris, look.eye_size), 92),
-        "teeth": _jpeg(paint_teeth(), 90),
-        "gums": _jpeg(paint_gums(), 90),
-        "tongue": _jpeg(paint_tongue(look.tongue_size), 88),
+        "skin": jpeg(skin, 88),
+        "eye": jpeg(paint_eye(look.iris, look.eye_size), 92),
+        "teeth": jpeg(paint_teeth(), 90),
+        "gums": jpeg(paint_gums(), 90),
+        "tongue": jpeg(paint_tongue(look.tongue_size), 88),
     }
     if isinstance(look.skin, SkinLook):
         textures["lashes"] = _png(paint_lashes(look.skin.seed))
@@ -122,7 +122,8 @@ def _look_up(mask: NDArray[np.float32], uv: NDArray[np.float32]) -> NDArray[np.f
     return found
 
 
-def _jpeg(image: NDArray[np.uint8], quality: int) -> bytes:
+def jpeg(image: NDArray[np.uint8], quality: int) -> bytes:
+    """Return ``image``, shape (H, W, 3), encoded."""
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, "JPEG", quality=quality, subsampling=0, optimize=True)
     return buffer.getvalue()
