@@ -44,7 +44,7 @@ LOW = Recipe(
     hair_height=0.25,
 )
 #: Vertices of the skin's left half, with those in the middle, and of the tongue's.
-_HALF_SKIN, _HALF_TONGUE = 560, 28
+_HALF_SKIN, _HALF_TONGUE = 570, 28
 #: The poses that the simplification looks at beside the neutral one.
 _POSES = (
     ("jawOpen",),
@@ -55,7 +55,11 @@ _POSES = (
     ("browInnerUp", "browOuterUpLeft"),
 )
 #: Vertices that are kept along the edge of each lid and, from corner to middle, of each lip.
-_ON_LID, _ON_LIP = 7, 6
+_ON_LID, _ON_LIP = 8, 7
+#: A ring on the lids that stays a line beside their edges, so that between them they fold evenly.
+_FOLD_RING = LASH_RING + 2
+#: How far closed lips overlap where their coarse edges meet, in centimetres, and in how many rounds they are moved.
+_LIP_OVERLAP, _ROUNDS = 0.04, 4
 #: Factor on the eyeball's size: its facets and the lids' must not meet.
 _EYE_SCALE = 0.975
 
@@ -70,6 +74,8 @@ def build_low(builder: Builder) -> Subject:
     named = regions(skin, place, masks, ())
     mesh = _simplified_skin(skin, pieces[0], place, named, list(fine_points.values()))
     low_skin = _closing(mesh.applied(pieces[0]), skin, mesh.index(len(place)))
+    contact = mesh.index(len(place))[skin.fine_loop(skin.lip_contact)]
+    low_skin = replace(low_skin, vertices=_sealed(low_skin.vertices, contact[contact >= 0]))
     eyes = [builder.eyeball(side, pieces[0].vertices) for side in SIDES]
     parts = [low_skin, *(_eye(eye) for eye in eyes)]
     for jaw, arch in (("upper", UPPER), ("lower", LOWER)):
@@ -113,7 +119,9 @@ def _simplified_skin(skin: Skin, piece: Piece, place: Floats, named: dict[str, I
     keep = [np.array([vertex for vertex in points if vertex < len(place)])]
     keep += [_spaced(half, place, _ON_LID) for half in upper_and_lower(place, lash, "Left")]
     keep += [_spaced(half[place[half, 0] > -1e-6], place, _ON_LIP) for half in upper_and_lower(place, lips, "Left")]
-    loops = [_closed(lash), _closed(lips)]
+    fold = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[_FOLD_RING]))
+    keep += [_spaced(half, place, _ON_LID) for half in upper_and_lower(place, fold, "Left")]
+    loops = [_closed(lash), _closed(fold), _closed(lips)]
     weights = np.full(len(place), 0.35)
     for region, weight in (("forehead", 0.6), ("cheek_left", 0.8), ("jaw", 0.5), ("nose", 1.5), ("brow_left", 1.6),
                            ("mouth", 2.2), ("lip_upper", 2.5), ("lip_lower", 2.5), ("lids_left", 2.5),
@@ -207,6 +215,18 @@ def _opposite_quads(quads: Ints, mirror: Ints) -> Ints:
     """Return the quad opposite each in x, shape (F,)."""
     number = {frozenset(quad): k for k, quad in enumerate(quads.tolist())}
     return np.array([number[frozenset(quad)] for quad in mirror[quads].tolist()], dtype=np.int32)
+
+
+def _sealed(vertices: Floats, contact: Ints) -> Floats:
+    """Return the simplified skin's vertices with the lips' coarse edges, along the loop ``contact``, brought together."""
+    result = vertices.copy()
+    upper, lower = (half[1:-1] for half in upper_and_lower(vertices, contact, "Left"))
+    for _ in range(_ROUNDS):
+        for half, other, sign in ((upper, lower, 1.0), (lower, upper, -1.0)):
+            opposite = np.interp(result[half, 0], result[other, 0], result[other, 1])
+            apart = sign * (result[half, 1] - opposite) + _LIP_OVERLAP
+            result[half, 1] -= 0.5 * sign * np.maximum(apart, 0.0)
+    return result
 
 
 def _closing(low: Piece, skin: Skin, number: Ints) -> Piece:

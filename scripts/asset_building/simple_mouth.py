@@ -10,7 +10,7 @@ from scripts.asset_building.raster import smoothstep
 #: Half the length of the band, and how many columns it has.
 _HALF_LENGTH, _COLUMNS = 4.6, 13
 #: Rows of the band: how far outside the middle of the teeth, how far from the bite, and v in the texture.
-_ROWS = ((0.36, 1.45, 0.0), (0.34, 0.80, 0.45), (0.12, 0.0, 0.78), (-0.30, 0.05, 0.86), (-0.42, 1.2, 1.0))
+_ROWS = ((0.28, 1.45, 0.0), (0.26, 0.80, 0.45), (0.06, 0.0, 0.78), (-0.34, 0.05, 0.86), (-0.46, 1.2, 1.0))
 #: Teeth from the middle to the end, as widths.
 _TEETH = (0.80, 0.64, 0.74, 0.76, 0.76, 0.90)
 
