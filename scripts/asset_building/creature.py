@@ -84,8 +84,8 @@ _SWELLS = (
 _MOUTH_NARROWER, _MOUTH_SHALLOWER, _TEETH_BACK = 0.38, 0.40, 0.25
 #: The skin is subdivided where edges are longer than this, in centimetres, and along the lids' edges and the lips.
 _LONGEST_EDGE = 1.4
-#: How much further the brows move than a person's would: no hair marks them.
-_BROWS = 1.35
+#: How much further the brows rise than a person's would: no hair marks them.
+_BROWS_UP = 1.35
 #: Turn of the left ear for each unit at full strength, as a rotation vector in degrees.
 _EAR_TURNS = {
     "earUp": (0.0, 0.0, 22.0),
@@ -105,7 +105,7 @@ def build_creature(builder: Builder) -> tuple[Subject, NDArray[np.float32]]:
     everyone, free = _creature_vertices(builder)
     head = builder.rest[:, 1] > 55.0
     units = fitted_units(builder.rest, everyone, builder.units, head)
-    units[[name.startswith("brow") for name in ARKIT_SHAPES]] *= _BROWS
+    units[[name.startswith("brow") and "Up" in name for name in ARKIT_SHAPES]] *= _BROWS_UP
     pieces = builder.pieces(everyone, units, CREATURE)
     skin = builder.skin
     weights = np.stack([_unit_weights(expression) for expression in EXPRESSIONS.values()])

@@ -35,7 +35,7 @@ EXPRESSIONS: dict[str, dict[str, float]] = {
         "earDown": 1.0,
     },
     "anger": {
-        "browDown": 1.0,
+        "browDown": 0.9,
         "noseSneer": 0.5,
         "eyeSquint": 0.4,
         "mouthPress": 0.6,
@@ -43,7 +43,7 @@ EXPRESSIONS: dict[str, dict[str, float]] = {
         "earBack": 0.8,
     },
     "snarl": {
-        "browDown": 1.0,
+        "browDown": 0.9,
         "noseSneer": 0.9,
         "jawOpen": 0.35,
         "mouthUpperUp": 0.7,

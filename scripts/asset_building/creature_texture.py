@@ -63,7 +63,7 @@ def paint_hide(skin: SkinTexels, look: HideLook) -> NDArray[np.uint8]:
     colour = blend(colour, look.lips, 0.8 * lips)
     colour = blend(colour, (150, 92, 88), 0.7 * masks["wet_line"])
     colour = blend(colour, (30, 30, 20), 0.65 * masks["lash_line"])
-    colour = blend(colour, (96, 38, 44), masks["inside"] * (1.0 - lips))
+    colour = blend(colour, (96, 38, 44), np.maximum(masks["inside"] * (1.0 - lips), lips * smoothstep(14.4, 13.8, z)))
     colour *= darkening(skin.occlusion, masks)
     return np.rint(skin.texels.image(np.clip(colour, 0, 255))).astype(np.uint8)
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from faceposer.model.subject import ARKIT_SHAPES, Subject
 from scripts.asset_building.builder import CREDITS, SIDES, Builder, Eyeball, centred
@@ -44,7 +45,7 @@ LOW = Recipe(
     hair_height=0.25,
 )
 #: Vertices of the skin's left half, with those in the middle, and of the tongue's.
-_HALF_SKIN, _HALF_TONGUE = 570, 28
+_HALF_SKIN, _HALF_TONGUE = 590, 34
 #: The poses that the simplification looks at beside the neutral one.
 _POSES = (
     ("jawOpen",),
@@ -53,11 +54,14 @@ _POSES = (
     ("mouthPucker",),
     ("eyeBlinkLeft",),
     ("browInnerUp", "browOuterUpLeft"),
+    ("tongueOut", "jawOpen"),
 )
 #: Vertices that are kept along the edge of each lid and, from corner to middle, of each lip.
 _ON_LID, _ON_LIP = 8, 7
 #: A ring on the lids that stays a line beside their edges, so that between them they fold evenly.
 _FOLD_RING = LASH_RING + 2
+#: How far into the mouth, in centimetres, the lips' insides are still seen.
+_LIP_DEPTH = 0.6
 #: How far closed lips overlap where their coarse edges meet, in centimetres, and in how many rounds they are moved.
 _LIP_OVERLAP, _ROUNDS = 0.04, 4
 #: Factor on the eyeball's size: its facets and the lids' must not meet.
@@ -123,12 +127,25 @@ def _simplified_skin(skin: Skin, piece: Piece, place: Floats, named: dict[str, I
     keep += [_spaced(half, place, _ON_LID) for half in upper_and_lower(place, fold, "Left")]
     loops = [_closed(lash), _closed(fold), _closed(lips)]
     weights = np.full(len(place), 0.35)
-    for region, weight in (("forehead", 0.6), ("cheek_left", 0.8), ("jaw", 0.5), ("nose", 1.5), ("brow_left", 1.6),
-                           ("mouth", 2.2), ("lip_upper", 2.5), ("lip_lower", 2.5), ("lids_left", 2.5),
-                           ("neck", 0.15), ("scalp", 0.22), ("ear_left", 0.35)):
+    for region, weight in (
+        ("forehead", 0.6),
+        ("cheek_left", 0.8),
+        ("jaw", 0.5),
+        ("nose", 1.5),
+        ("brow_left", 1.6),
+        ("mouth", 2.2),
+        ("lip_upper", 2.5),
+        ("lip_lower", 2.5),
+        ("lids_left", 2.5),
+        ("neck", 0.15),
+        ("scalp", 0.22),
+        ("ear_left", 0.35),
+    ):
         weights[named[region]] = weight
     in_socket = np.isin(skin.quads, np.concatenate(skin.rings_left[: LASH_RING - 2])).any(axis=1)
-    weights[np.unique(skin.fine.quads[np.repeat(in_socket | skin.in_mouth, 4)])] *= 0.04
+    hidden = np.unique(skin.fine.quads[np.repeat(in_socket | skin.in_mouth, 4)])
+    behind_lips = cKDTree(place[lips]).query(place[hidden])[0] > _LIP_DEPTH
+    weights[hidden] *= np.where(behind_lips, 0.04, 0.6)
     return _half_simplified(piece, place, mirror, np.concatenate(loops), np.concatenate(keep), weights, _HALF_SKIN)
 
 
@@ -170,8 +187,9 @@ def _half_simplified(
 
     side = np.where(place[quads].mean(axis=1)[:, 0] > 0.0, 0, 1)
     codes: dict[tuple[int, int, int], int] = {}
-    for code, (vertex, c, s) in enumerate(zip(quads.ravel().tolist(), np.repeat(chart, 4).tolist(),
-                                              np.repeat(side, 4).tolist(), strict=True)):
+    for code, (vertex, c, s) in enumerate(
+        zip(quads.ravel().tolist(), np.repeat(chart, 4).tolist(), np.repeat(side, 4).tolist(), strict=True)
+    ):
         codes.setdefault((vertex, c, s), code)
     opposite = _opposite_quads(quads, mirror)
     corners = []
@@ -218,7 +236,7 @@ def _opposite_quads(quads: Ints, mirror: Ints) -> Ints:
 
 
 def _sealed(vertices: Floats, contact: Ints) -> Floats:
-    """Return the simplified skin's vertices with the lips' coarse edges, along the loop ``contact``, brought together."""
+    """Return the simplified skin's vertices with the lips brought together along ``contact``, the loop of their edges."""
     result = vertices.copy()
     upper, lower = (half[1:-1] for half in upper_and_lower(vertices, contact, "Left"))
     for _ in range(_ROUNDS):

@@ -32,14 +32,17 @@ def build_band(name: str, arch: Arch, rest_band: Floats, band: Floats, band_shap
 
 
 def paint_bands(size: int = 256) -> NDArray[np.uint8]:
-    """Return the bands' texture, shape (size, size, 3): u along the arch, v from the gum over the edge to the inside."""
+    """Return the bands' texture, shape (size, size, 3): u along the arch, v from gum over edge to inside."""
     row, column = np.mgrid[:size, :size].astype(np.float32)
     u, v = (column + 0.5) / size, 1.0 - (row + 0.5) / size
     across = np.abs(u - 0.5) * 2.0 * _HALF_LENGTH
     ends = np.concatenate([[0.0], np.cumsum(_TEETH)])
     # Where in its tooth: 0 at either side, 1 in the middle.
-    bulge = np.interp(across, np.sort(np.concatenate([ends, 0.5 * (ends[1:] + ends[:-1])])),
-                      np.append(np.tile([0.0, 1.0], len(_TEETH)), 0.0)).astype(np.float32)
+    bulge = np.interp(
+        across,
+        np.sort(np.concatenate([ends, 0.5 * (ends[1:] + ends[:-1])])),
+        np.append(np.tile([0.0, 1.0], len(_TEETH)), 0.0),
+    ).astype(np.float32)
     margin = 0.36 - 0.10 * smoothstep(0.0, 0.8, bulge)
     gum = smoothstep(0.02, -0.02, v - margin) + smoothstep(0.90, 0.95, v)
     gap = smoothstep(0.16, 0.0, bulge) * smoothstep(0.0, 0.08, v - margin)
