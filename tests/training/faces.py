@@ -11,7 +11,7 @@ from faceposer.geometry.polygon_mesh import Group, MorphMesh, PolygonMesh
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import load_subject
 
-BASE = "man"
+BASE = "low"
 Array = NDArray[np.float64]
 
 
