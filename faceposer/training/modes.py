@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
 #: A region gets as many modes as have this share of its energy, at most so many.
-KEEP = 0.995
-MOST_MODES = 12
+KEEP = 0.998
+MOST_MODES = 14
 # What moves less than this share of the most moving vertex counts as if it moved so much.
 _STILL = 0.04
 # A vertex of which a region has less than this is none of its.

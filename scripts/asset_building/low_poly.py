@@ -236,7 +236,7 @@ def _opposite_quads(quads: Ints, mirror: Ints) -> Ints:
 
 
 def _sealed(vertices: Floats, contact: Ints) -> Floats:
-    """Return the simplified skin's vertices with the lips brought together along ``contact``, the loop of their edges."""
+    """Return the simplified skin's vertices with the lips brought together along their loop ``contact``."""
     result = vertices.copy()
     upper, lower = (half[1:-1] for half in upper_and_lower(vertices, contact, "Left"))
     for _ in range(_ROUNDS):
