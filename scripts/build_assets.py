@@ -24,6 +24,9 @@ from faceposer.geometry.obj_io import write_obj
 from faceposer.geometry.polygon_mesh import Group
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import load_subject, save_subject
+from faceposer.training.examples import ExampleOptions
+from faceposer.training.known_face import mesh_of, subject_from_frames
+from faceposer.training.progress import Progress
 from scripts.asset_building.builder import Builder
 from scripts.asset_building.creature import build_creature
 from scripts.asset_building.creature_expressions import EXPRESSIONS
@@ -33,16 +36,24 @@ from scripts.asset_building.source import Source, download_wheel
 
 #: Largest difference that a rebuild on another machine may show: in centimetres, and in grey levels on average.
 _LENGTH_TOLERANCE, _COLOUR_TOLERANCE = 1e-3, 1.5
+#: And in the moments of the weights of modes, whose own are about 1.
+_WEIGHT_TOLERANCE = 1e-2
 
 
 def differences(built: Subject, stored: Subject) -> list[str]:
     """Return what differs between two subjects beyond rounding, a few words each."""
     names = ("name", "title", "parts", "shape_names", "feature_points", "feature_titles", "credits")
     found = [name for name in names if getattr(built, name) != getattr(stored, name)]
-    for name in ("polygons", "polygon_uvs", "vertices", "uv", "shapes"):
+    for name in ("polygons", "polygon_uvs", "vertices", "uv", "shapes", "shape_limits"):
         one, other = getattr(built, name), getattr(stored, name)
         if one.shape != other.shape or np.abs(one - other).max() > _LENGTH_TOLERANCE:
             found.append(name)
+    if (built.statistics is None) != (stored.statistics is None):
+        found.append("statistics")
+    elif built.statistics is not None and stored.statistics is not None:
+        pairs = ((getattr(of, name) for of in (built.statistics, stored.statistics)) for name in ("mean", "covariance"))
+        if any(one.shape != other.shape or np.abs(one - other).max() > _WEIGHT_TOLERANCE for one, other in pairs):
+            found.append("statistics")
     for kind, equal in (("regions", np.array_equal), ("textures", _look_alike)):
         one, other = getattr(built, kind), getattr(stored, kind)
         found += [f"{kind}: {name}" for name in one.keys() ^ other.keys()]
@@ -67,6 +78,14 @@ def write_examples(folder: Path, neutral: Subject, examples: NDArray[np.float32]
     print(f"{folder}: neutral.obj and {len(examples)} examples of {len(neutral.vertices)} vertices")
 
 
+def learn_creature(builder: Builder) -> Subject:
+    """Return the creature as it is learned from its neutral face and its examples."""
+    neutral, examples = build_creature(builder)
+    options = ExampleOptions(neutral.name, neutral.title, credits=neutral.credits)
+    frames = [neutral.vertices, *examples]
+    return subject_from_frames(frames, len(frames), mesh_of(neutral), neutral, "thirty examples", options, Progress())
+
+
 def main() -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -83,7 +102,7 @@ def main() -> int:
         write_examples(options.examples, *build_creature(builder))
         return 0
     n_different = 0
-    for subject in (*map(builder.subject, RECIPES), build_low(builder)):
+    for subject in (*map(builder.subject, RECIPES), build_low(builder), learn_creature(builder)):
         path = options.output / f"{subject.name}.npz"
         if options.check:
             found = differences(subject, load_subject(path))
