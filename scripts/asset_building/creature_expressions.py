@@ -1,6 +1,7 @@
 """The creature's thirty example expressions, as strengths of face units; a name without a side means both sides.
 
-Strengths above 1 go further than a person's face would. The ears have units of their own: earUp, earDown, earBack and earForward.
+Strengths above 1 go further than a person's face would. The ears have units of their own: earUp, earDown, earBack and
+earForward.
 """
 
 EXPRESSIONS: dict[str, dict[str, float]] = {

@@ -9,7 +9,7 @@ from scripts.asset_building.piece import Floats, Ints
 #: Rings around the eye that line the socket and are hidden by the ball, and how deep inside it they are kept.
 _SOCKET_RINGS, _SOCKET_DEPTH = LASH_RING - 4, 0.96
 #: Clearance in centimetres that lids keep from the ball, where they have it in the neutral face, and how far around
-#: the ball skin is looked after.
+#: the ball skin is looked after, unless told.
 _CLEARANCE, _REACH = 0.07, 0.9
 #: How far closed lids overlap, in centimetres.
 _LID_OVERLAP = 0.03
@@ -70,6 +70,7 @@ def keep_clear(
     centre: Floats,
     radius: float,
     strengths: tuple[float, ...] = (1.0, 0.5),
+    reach: float = _REACH,
 ) -> Floats:
     """Return ``shapes`` (S, N, 3) with skin that would enter the eyeball pushed out of it.
 
@@ -83,9 +84,10 @@ def keep_clear(
         centre: Centre of the ball, shape (3,).
         radius: Its radius.
         strengths: Those at which shapes are mended.
+        reach: How far around the ball skin is looked after, in centimetres.
     """
     rest_distance = np.linalg.norm(vertices - centre, axis=1)
-    near = (rest_distance > radius) & (rest_distance < radius + _REACH) & (vertices[:, 2] > centre[2] - 0.2)
+    near = (rest_distance > radius) & (rest_distance < radius + reach) & (vertices[:, 2] > centre[2] - 0.2)
     near[ids] = False
     chosen = np.flatnonzero(near)
     wanted = radius + np.minimum(rest_distance[chosen] - radius, _CLEARANCE)
