@@ -213,9 +213,9 @@ def _mesh(skin: Skin, vertices: Floats, brows: Ints) -> Reduced:
     longest = np.round(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1), 3)
     edge = np.concatenate([skin.rings_left[LASH_RING], skin.lip_contact, brows])
     along = np.isin(skin.quads, np.union1d(edge, skin.mirror[skin.rings_left[LASH_RING]])).any(axis=1)
-    hidden = np.isin(skin.quads, np.concatenate(skin.rings_left[: LASH_RING - 2])).any(axis=1)
+    hidden: NDArray[np.bool_] = np.isin(skin.quads, np.concatenate(skin.rings_left[: LASH_RING - 2])).any(axis=1)
     hidden |= hidden[_mirrored_quads(skin)]
-    chosen = along | ((longest > _LONGEST_EDGE) & ~skin.in_mouth & ~hidden)
+    chosen: NDArray[np.bool_] = along | ((longest > _LONGEST_EDGE) & ~skin.in_mouth & ~hidden)
     return refined_in_places(skin.fine, chosen | chosen[_mirrored_quads(skin)])
 
 

@@ -124,5 +124,5 @@ EXPRESSIONS: dict[str, dict[str, float]] = {
     "viseme_oo": {"mouthPucker": 1.5, "mouthFunnel": 0.3},
     "viseme_mm": {"mouthPress": 0.5, "mouthRollLower": 0.5, "mouthRollUpper": 0.5},
     "viseme_ff": {"mouthRollLower": 0.7, "mouthUpperUp": 0.3, "jawOpen": 0.05},
-    "puffed": {"cheekPuff": 1.2, "mouthPucker": 0.2, "browInnerUp": 0.2, "earForward": 0.4},
+    "puffed": {"cheekPuff": 0.8, "mouthPucker": 0.2, "browInnerUp": 0.2, "earForward": 0.4},
 }

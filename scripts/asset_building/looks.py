@@ -5,7 +5,8 @@ from scripts.asset_building.eye_texture import IrisLook
 from scripts.asset_building.skin_texture import SkinLook
 from scripts.asset_building.textures import Look
 
-_MAN = SkinLook(
+#: Also where the regions of the brows are taken from.
+MAN_SKIN = SkinLook(
     base=(203, 158, 134),
     flush=(190, 112, 96),
     lips=(170, 104, 94),
@@ -65,7 +66,7 @@ LOOKS = {
         eye_size=256,
         tongue_size=128,
     ),
-    "man": Look(_MAN, IrisLook(inner=(120, 110, 96), middle=(106, 126, 142), rim=(36, 44, 54), seed=3)),
+    "man": Look(MAN_SKIN, IrisLook(inner=(120, 110, 96), middle=(106, 126, 142), rim=(36, 44, 54), seed=3)),
     "woman": Look(_WOMAN, IrisLook(inner=(128, 84, 48), middle=(92, 84, 52), rim=(34, 30, 24), seed=4)),
     "creature": Look(
         _CREATURE,

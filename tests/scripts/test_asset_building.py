@@ -227,8 +227,8 @@ def test_ears_turn_about_their_roots_as_mirror_images() -> None:
         [[s * x, 70.0 + y, 5.0] for s in (1.0, -1.0) for x in (7.0, 7.3, 8.0, 8.5) for y in (0.0, 1.0, 2.0)]
     )
     free = np.clip(np.abs(place[:, 0]) - 7.0, 0.0, 1.0)
-    left = turn_ears(place, place, free, "Left", (0.0, 0.0, 20.0))
-    right = turn_ears(place, place, free, "Right", (0.0, 0.0, 20.0))
+    left = turn_ears(place, place, free, "Left", np.array([0.0, 0.0, 20.0]))
+    right = turn_ears(place, place, free, "Right", np.array([0.0, 0.0, 20.0]))
     np.testing.assert_allclose(left[12:], 0.0, atol=1e-12)
     np.testing.assert_allclose(right[12:], left[:12] * [-1, 1, 1], atol=1e-12)
     np.testing.assert_allclose(left[:3], 0.0, atol=1e-12, err_msg="the roots stay")
