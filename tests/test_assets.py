@@ -14,7 +14,8 @@ from faceposer.model.subject import ARKIT_SHAPES, Part, Subject
 from faceposer.model.subject_file import load_subject
 from faceposer.resources import asset_path
 
-NAMES = ("man", "woman")
+PEOPLE = ("man", "woman")
+NAMES = (*PEOPLE, "low")
 REGIONS = {
     *(f"{region}_{side}" for region in ("brow", "lids", "eye", "cheek", "ear") for side in ("left", "right")),
     *("nose", "mouth", "lip_upper", "lip_lower", "jaw", "neck", "scalp", "forehead"),
@@ -32,6 +33,11 @@ def subject(request: pytest.FixtureRequest) -> Subject:
     return load_subject(request.param)
 
 
+@pytest.fixture(scope="module", params=PEOPLE)
+def person(request: pytest.FixtureRequest) -> Subject:
+    return load_subject(request.param)
+
+
 def posed(subject: Subject, **weights: float) -> NDArray[np.float32]:
     result = subject.vertices.copy()
     for name, weight in weights.items():
@@ -42,7 +48,10 @@ def posed(subject: Subject, **weights: float) -> NDArray[np.float32]:
 def border_loops(subject: Subject, part: Part) -> list[list[int]]:
     """Return the loops of open edges of a part, checking that it is a manifold with consistent orientation."""
     quads = subject.polygons[slice(*part.polygons)]
-    directed = np.stack([quads, np.roll(quads, -1, axis=1)], axis=-1).reshape(-1, 2).tolist()
+    sides = [(a, b) for polygon in quads.tolist() for a, b in zip(polygon, polygon[1:] + polygon[:1], strict=True)]
+    # A triangle (a, b, c, -1) has the sides (a, b), (b, c) and (c, a).
+    first = [polygon[0] for polygon in quads.tolist() for _ in polygon]
+    directed = [(a, b if b >= 0 else start) for (a, b), start in zip(sides, first, strict=True) if a >= 0]
     count = Counter(map(tuple, directed))
     assert max(count.values()) == 1, f"{part.name}: neighbours face opposite ways, or an edge has three faces"
     onward = {a: b for a, b in count if (b, a) not in count}
@@ -57,18 +66,18 @@ def border_loops(subject: Subject, part: Part) -> list[list[int]]:
     return loops
 
 
-def test_the_mesh_is_of_the_promised_size(subject: Subject) -> None:
-    assert 17_000 <= len(subject.vertices) <= 22_000
-    assert (subject.polygons >= 0).all()
-    used = np.unique(subject.polygons)
-    assert len(used) == len(subject.vertices)
-    corners = subject.vertices[subject.triangles]
+def test_the_mesh_is_of_the_promised_size(person: Subject) -> None:
+    assert 17_000 <= len(person.vertices) <= 22_000
+    assert (person.polygons >= 0).all()
+    used = np.unique(person.polygons)
+    assert len(used) == len(person.vertices)
+    corners = person.vertices[person.triangles]
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     assert (area > 0).mean() > 0.999
 
 
-def test_parts_are_named(subject: Subject) -> None:
-    assert {part.name: part.material for part in subject.parts} == {
+def test_parts_are_named(person: Subject) -> None:
+    assert {part.name: part.material for part in person.parts} == {
         "skin": "skin",
         "eye_left": "eye",
         "eye_right": "eye",
@@ -82,19 +91,19 @@ def test_parts_are_named(subject: Subject) -> None:
     }
 
 
-def test_the_skin_is_open_at_the_neck_alone_and_level_there(subject: Subject) -> None:
-    (loop,) = border_loops(subject, subject.part("skin"))
-    edge = subject.vertices[loop]
+def test_the_skin_is_open_at_the_neck_alone_and_level_there(person: Subject) -> None:
+    (loop,) = border_loops(person, person.part("skin"))
+    edge = person.vertices[loop]
     assert len(loop) == 84
-    assert edge[:, 1].max() < subject.vertices[subject.feature_points["2.1"], 1] - 3
+    assert edge[:, 1].max() < person.vertices[person.feature_points["2.1"], 1] - 3
     assert np.ptp(edge[:, 1]) < 2.0
     # All of it lies in one plane.
     offsets = edge - edge.mean(axis=0)
     assert np.linalg.svd(offsets, compute_uv=False)[2] / np.sqrt(len(edge)) < 0.02
 
 
-def test_the_other_parts_are_manifolds_too(subject: Subject) -> None:
-    n_loops = {part.name: len(border_loops(subject, part)) for part in subject.parts}
+def test_the_other_parts_are_manifolds_too(person: Subject) -> None:
+    n_loops = {part.name: len(border_loops(person, part)) for part in person.parts}
     assert n_loops["eye_left"] == n_loops["eye_right"] == n_loops["tongue"] == 0
     assert n_loops["teeth_upper"] == n_loops["teeth_lower"] == 12, "each crown is open in the gum"
     assert n_loops["gums_upper"] == n_loops["gums_lower"] == 1
@@ -138,7 +147,7 @@ def test_shapes_move_the_side_they_name(subject: Subject) -> None:
 
 def test_regions_are_named_and_where_they_should_be(subject: Subject) -> None:
     assert set(subject.regions) == REGIONS
-    assert min(map(len, subject.regions.values())) > 50
+    assert min(map(len, subject.regions.values())) > (10 if subject.name == "low" else 50)
     middle = {name: subject.vertices[ids].mean(axis=0) for name, ids in subject.regions.items()}
     order = ["neck", "jaw", "lip_lower", "lip_upper", "nose", "eye_left", "brow_left", "forehead"]
     heights = [middle[name][1] for name in order]
@@ -213,22 +222,22 @@ def test_a_blink_shuts_the_lids_in_front_of_the_eye(subject: Subject, side: str)
     lids = subject.regions[f"lids_{side}"]
     ahead = lids[subject.vertices[lids, 2] > centre[2] + 0.5 * radius]
     outside = ahead[np.linalg.norm(subject.vertices[ahead] - centre, axis=1) > radius]
-    assert len(outside) > 100
+    assert len(outside) > (25 if subject.name == "low" else 100)
     for weight in (0.25, 0.5, 0.75, 1.0):
         distance = np.linalg.norm(posed(subject, **{shape: weight})[outside] - centre, axis=1)
         assert distance.min() > radius - 0.02, weight
 
 
-def test_lashes_stay_on_the_lids(subject: Subject) -> None:
-    skin = slice(*subject.part("skin").vertices)
-    lashes = np.arange(*subject.part("lashes_left").vertices)
-    polygons = slice(*subject.part("lashes_left").polygons)
-    v = np.zeros(len(subject.vertices))
-    v[subject.polygons[polygons]] = subject.uv[subject.polygon_uvs[polygons], 1]
+def test_lashes_stay_on_the_lids(person: Subject) -> None:
+    skin = slice(*person.part("skin").vertices)
+    lashes = np.arange(*person.part("lashes_left").vertices)
+    polygons = slice(*person.part("lashes_left").polygons)
+    v = np.zeros(len(person.vertices))
+    v[person.polygons[polygons]] = person.uv[person.polygon_uvs[polygons], 1]
     roots = lashes[np.isclose(v[lashes], 0.52) | np.isclose(v[lashes], 0.02)]
     assert len(roots) >= 40
     for name in ("eyeBlinkLeft", "eyeSquintLeft", "eyeWideLeft", "eyeLookDownLeft", "cheekSquintLeft"):
-        vertices = posed(subject, **{name: 1.0})
+        vertices = posed(person, **{name: 1.0})
         assert cKDTree(vertices[skin]).query(vertices[roots])[0].max() < 0.1, name
 
 
@@ -236,10 +245,11 @@ def test_the_jaw_takes_the_lower_teeth_and_the_tongue_with_it(subject: Subject) 
     opened = subject.shapes[subject.shape_names.index("jawOpen")]
     drop = {part.name: float(-opened[slice(*part.vertices), 1].mean()) for part in subject.parts}
     assert drop["teeth_lower"] > 1.5
-    assert drop["gums_lower"] > 1.5
     assert drop["tongue"] > 0.8
     assert abs(drop["teeth_upper"]) < 1e-3
-    assert abs(drop["gums_upper"]) < 1e-3
+    if subject.name != "low":
+        assert drop["gums_lower"] > 1.5
+        assert abs(drop["gums_upper"]) < 1e-3
 
 
 def test_the_lips_are_shut_in_the_neutral_face(subject: Subject) -> None:
@@ -256,14 +266,14 @@ def test_the_lips_are_shut_in_the_neutral_face(subject: Subject) -> None:
             assert first <= hit.face < stop, (x, y)
 
 
-def test_textures_are_images_of_every_material_but_none_else(subject: Subject) -> None:
-    assert set(subject.textures) == {"skin", "eye", "teeth", "gums", "tongue", "lashes"}
-    images = {name: Image.open(io.BytesIO(data)) for name, data in subject.textures.items()}
+def test_textures_are_images_of_every_material_but_none_else(person: Subject) -> None:
+    assert set(person.textures) == {"skin", "eye", "teeth", "gums", "tongue", "lashes"}
+    images = {name: Image.open(io.BytesIO(data)) for name, data in person.textures.items()}
     assert images["skin"].size == (2048, 2048)
     assert images["lashes"].mode == "RGBA"
     assert all(image.mode == "RGB" for name, image in images.items() if name != "lashes")
-    assert subject.uv.min() >= 0
-    assert subject.uv.max() <= 1
+    assert person.uv.min() >= 0
+    assert person.uv.max() <= 1
 
 
 def colour_at(subject: Subject, vertex: int) -> NDArray[np.float64]:
@@ -279,7 +289,9 @@ def test_the_paint_lies_where_the_face_has_it(subject: Subject) -> None:
     points = subject.feature_points
     cheek, lip, brow = (colour_at(subject, points[name]) for name in ("5.1", "8.2", "4.3"))
     crown, pupil, forehead = (colour_at(subject, points[name]) for name in ("11.4", "3.5", "9.12"))
-    assert lip[0] / lip[1] > 1.08 * cheek[0] / cheek[1], "lips are redder than cheeks"
+    # Dark skin is itself of a redder colour.
+    factor = 1.03 if subject.name == "low" else 1.08
+    assert lip[0] / lip[1] > factor * cheek[0] / cheek[1], "lips are redder than cheeks"
     assert brow.sum() < 0.75 * forehead.sum(), "brows are darker than skin"
     assert crown.sum() < 0.65 * forehead.sum(), "hair is darker than skin"
     assert pupil.max() < 30
@@ -300,8 +312,43 @@ def test_all_assets_together_stay_small() -> None:
     assert total < 12_000_000
 
 
+def test_the_low_head_has_few_triangles_and_a_topology_of_its_own() -> None:
+    low = load_subject("low")
+    assert 600 <= len(low.vertices) <= 1500
+    skin = low.part("skin")
+    triangles = low.polygons[slice(*skin.polygons)]
+    assert (triangles[:, 3] == -1).all()
+    (loop,) = border_loops(low, skin)
+    assert low.vertices[loop, 1].max() < low.vertices[low.feature_points["2.1"], 1] - 3
+    corners = low.vertices[low.triangles]
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    assert area.min() > 1e-4
+    # Most of its vertices lie where the face moves.
+    still = sum(len(low.regions[name]) for name in ("scalp", "neck", "ear_left", "ear_right"))
+    assert still < 0.35 * (skin.vertices[1] - skin.vertices[0])
+
+
+def test_eyeballs_of_the_low_head_stay_behind_its_lids() -> None:
+    """From the front, whatever is seen of the eyes is within the lids' edges, and nothing of them when they shut."""
+    low = load_subject("low")
+    camera = OrbitView.preset(low.vertices.min(axis=0), low.vertices.max(axis=0), "front").camera((800, 800))
+    eyes = [low.part_triangles(low.part(f"eye_{side}")) for side in ("left", "right")]
+    shut = posed(low, eyeBlinkLeft=1.0, eyeBlinkRight=1.0)
+    for names in (("3.1", "3.3", "3.7", "3.11"), ("3.2", "3.4", "3.12", "3.8")):
+        upper, lower, outer, inner = (low.vertices[low.feature_points[name]] for name in names)
+        for x in np.linspace(inner[0], outer[0], 15):
+            for y in np.linspace(lower[1] - 0.5, upper[1] + 0.5, 15):
+                (pixel,) = camera.project(np.array([[x, y, upper[2]]]))
+                for vertices in (low.vertices, shut):
+                    hit = pick(vertices, low.triangles, camera, (pixel[0], pixel[1]))
+                    assert hit is not None
+                    on_eye = any(first <= hit.face < stop for first, stop in eyes)
+                    within = vertices is low.vertices and lower[1] - 0.12 < y < upper[1] + 0.12
+                    assert within or not on_eye, (x, y)
+
+
 def test_the_two_are_different_people() -> None:
-    man, woman = map(load_subject, NAMES)
+    man, woman = map(load_subject, PEOPLE)
     np.testing.assert_array_equal(man.polygons, woman.polygons)
     skin = slice(*man.part("skin").vertices)
     assert np.linalg.norm(man.vertices[skin] - woman.vertices[skin], axis=1).mean() > 0.3

@@ -86,6 +86,8 @@ _MOUTH_NARROWER, _MOUTH_SHALLOWER, _TEETH_BACK = 0.38, 0.40, 0.25
 _LONGEST_EDGE = 1.4
 #: How much further the brows rise than a person's would: no hair marks them.
 _BROWS_UP = 1.35
+#: How far around its large eyeballs, in centimetres, skin is kept off them.
+_LID_REACH = 2.2
 #: Turn of the left ear for each unit at full strength, as a rotation vector in degrees.
 _EAR_TURNS = {
     "earUp": (0.0, 0.0, 22.0),
@@ -188,7 +190,8 @@ def _finished_skin(builder: Builder, skin: Piece, free: Floats) -> Piece:
                 shapes[k] += turn_ears(skin.vertices, builder.place, free, side, axis)
     for side in SIDES:
         eye = builder.eyeball(side, skin.vertices)
-        shapes = keep_clear(skin.vertices, shapes, socket_ids(builder.skin, side), eye.centre, eye.radius)
+        ids = socket_ids(builder.skin, side)
+        shapes = keep_clear(skin.vertices, shapes, ids, eye.centre, eye.radius, (1.0, 0.75, 0.5, 0.25), _LID_REACH)
     return replace(skin, shapes=shapes)
 
 
@@ -210,9 +213,9 @@ def _mesh(skin: Skin, vertices: Floats, brows: Ints) -> Reduced:
     longest = np.round(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1), 3)
     edge = np.concatenate([skin.rings_left[LASH_RING], skin.lip_contact, brows])
     along = np.isin(skin.quads, np.union1d(edge, skin.mirror[skin.rings_left[LASH_RING]])).any(axis=1)
-    hidden = np.isin(skin.quads, np.concatenate(skin.rings_left[: LASH_RING - 2])).any(axis=1)
+    hidden: NDArray[np.bool_] = np.isin(skin.quads, np.concatenate(skin.rings_left[: LASH_RING - 2])).any(axis=1)
     hidden |= hidden[_mirrored_quads(skin)]
-    chosen = along | ((longest > _LONGEST_EDGE) & ~skin.in_mouth & ~hidden)
+    chosen: NDArray[np.bool_] = along | ((longest > _LONGEST_EDGE) & ~skin.in_mouth & ~hidden)
     return refined_in_places(skin.fine, chosen | chosen[_mirrored_quads(skin)])
 
 

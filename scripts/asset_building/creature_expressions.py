@@ -1,6 +1,7 @@
 """The creature's thirty example expressions, as strengths of face units; a name without a side means both sides.
 
-The ears have units of their own: earUp, earDown, earBack and earForward.
+Strengths above 1 go further than a person's face would. The ears have units of their own: earUp, earDown, earBack and
+earForward.
 """
 
 EXPRESSIONS: dict[str, dict[str, float]] = {
@@ -25,10 +26,10 @@ EXPRESSIONS: dict[str, dict[str, float]] = {
         "earUp": 0.5,
         "earBack": 0.3,
     },
-    "frown": {"mouthFrown": 0.9, "mouthShrugLower": 0.5, "browDown": 0.4, "browInnerUp": 0.3, "earDown": 0.4},
+    "frown": {"mouthFrown": 1.4, "mouthShrugLower": 0.5, "browDown": 0.4, "browInnerUp": 0.3, "earDown": 0.4},
     "sorrow": {
         "browInnerUp": 1.0,
-        "mouthFrown": 0.7,
+        "mouthFrown": 1.2,
         "mouthStretch": 0.2,
         "eyeBlink": 0.3,
         "eyeLookDown": 0.3,
@@ -39,7 +40,7 @@ EXPRESSIONS: dict[str, dict[str, float]] = {
         "noseSneer": 0.5,
         "eyeSquint": 0.4,
         "mouthPress": 0.6,
-        "mouthFrown": 0.3,
+        "mouthFrown": 0.8,
         "earBack": 0.8,
     },
     "snarl": {
@@ -119,9 +120,9 @@ EXPRESSIONS: dict[str, dict[str, float]] = {
     # Speech.
     "viseme_aa": {"jawOpen": 0.7, "mouthLowerDown": 0.2},
     "viseme_ee": {"mouthStretch": 0.5, "mouthSmile": 0.3, "jawOpen": 0.15, "mouthLowerDown": 0.5, "mouthUpperUp": 0.25},
-    "viseme_oh": {"jawOpen": 0.4, "mouthFunnel": 0.8},
-    "viseme_oo": {"mouthPucker": 1.0, "mouthFunnel": 0.2},
+    "viseme_oh": {"jawOpen": 0.4, "mouthFunnel": 0.9, "mouthPucker": 0.4},
+    "viseme_oo": {"mouthPucker": 1.5, "mouthFunnel": 0.3},
     "viseme_mm": {"mouthPress": 0.5, "mouthRollLower": 0.5, "mouthRollUpper": 0.5},
     "viseme_ff": {"mouthRollLower": 0.7, "mouthUpperUp": 0.3, "jawOpen": 0.05},
-    "puffed": {"cheekPuff": 1.0, "mouthPucker": 0.2, "browInnerUp": 0.2, "earForward": 0.4},
+    "puffed": {"cheekPuff": 0.8, "mouthPucker": 0.2, "browInnerUp": 0.2, "earForward": 0.4},
 }

@@ -27,7 +27,14 @@ class Decimation:
     """
 
     def __init__(
-        self, poses: Floats, triangles: Ints, weights: Floats, lines: Ints, locked: Ints | NDArray[np.intp]
+        self,
+        poses: Floats,
+        triangles: Ints,
+        weights: Floats,
+        lines: Ints,
+        locked: Ints | NDArray[np.intp],
+        charts: Ints,
+        flat: Floats,
     ) -> None:
         """Prepare.
 
@@ -37,11 +44,15 @@ class Decimation:
             weights: How much an error at each vertex counts, shape (N,).
             lines: Edges of feature lines, which stay lines, shape (L, 2); all borders must be among them.
             locked: Vertices that stay, besides the ends and junctions of the lines.
+            charts: The chart of the texture in which each triangle lies, shape (T,).
+            flat: Where each vertex lies in each of C charts, if it does, shape (C, N, 2); no triangle is turned over.
         """
         self.triangles = dict(enumerate(map(tuple, triangles.tolist())))
         self._poses = np.ascontiguousarray(poses.transpose(1, 0, 2))
         self._points = np.concatenate([self._poses, np.ones((*self._poses.shape[:2], 1))], axis=2)
         self._weights = weights
+        self._charts = charts
+        self._flat = flat
         self._at: dict[int, set[int]] = {}
         for number, corners in self.triangles.items():
             for vertex in corners:
@@ -89,15 +100,18 @@ class Decimation:
         gone = self._at[vertex] & self._at[target]
         if len(self._neighbours(vertex) & self._neighbours(target)) != len(gone):
             return False
-        left = [self.triangles[number] for number in self._at[vertex] - gone]
+        left = sorted(self._at[vertex] - gone)
         if not left:
             return False
-        before = np.array(left)
+        before = np.array([self.triangles[number] for number in left])
         after = np.where(before == vertex, target, before)
         old, _ = _normals(self._poses[before])
         new, quality = _normals(self._poses[after])
         turned = np.einsum("tpi,tpi->tp", old, new)
-        return bool(turned.min() > _LEAST_COSINE and quality[:, 0].min() > _LEAST_QUALITY)
+        if turned.min() < _LEAST_COSINE or quality[:, 0].min() < _LEAST_QUALITY:
+            return False
+        chart = self._charts[left][:, None]
+        return bool((_flat_areas(self._flat[chart, before]) * _flat_areas(self._flat[chart, after]) > 0.0).all())
 
     def _merge(self, vertex: int, target: int) -> None:
         for number in self._at.pop(vertex):
@@ -129,6 +143,13 @@ def _normals(corners: Floats) -> tuple[Floats, Floats]:
     sides = (one**2).sum(-1) + (other**2).sum(-1) + ((other - one) ** 2).sum(-1)
     quality: Floats = 2.0 * np.sqrt(3.0) * area / np.maximum(sides, 1e-12)
     return normal / np.maximum(area, 1e-12)[..., None], quality
+
+
+def _flat_areas(corners: Floats) -> Floats:
+    """Return twice the signed areas of flat triangles, ``corners`` (T, 3, 2) to (T,)."""
+    one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    areas: Floats = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    return areas
 
 
 def _quadrics(poses: Floats, triangles: Ints, lines: Ints) -> Floats:

@@ -71,7 +71,7 @@ def point_ears(vertices: Floats, place: Floats, free: Floats, shape: EarShape) -
     return moved
 
 
-def turn_ears(vertices: Floats, place: Floats, free: Floats, side: str, axis: tuple[float, float, float]) -> Floats:
+def turn_ears(vertices: Floats, place: Floats, free: Floats, side: str, axis: Floats) -> Floats:
     """Return the offsets, shape (N, 3), that turn one ear about its root, more towards its tip.
 
     Args:
@@ -79,7 +79,7 @@ def turn_ears(vertices: Floats, place: Floats, free: Floats, side: str, axis: tu
         place: The same vertices on the base mesh, shape (N, 3).
         free: What `ear_freedom` says of them, shape (N,).
         side: "Left" or "Right".
-        axis: Rotation vector in degrees for the left ear: about x ahead-down, y, and z; the right ear mirrors it.
+        axis: Rotation vector in degrees for the left ear, shape (3,); the right ear turns as its mirror image.
     """
     sign = 1.0 if side == "Left" else -1.0
     moved = np.where(sign * place[:, 0] > 0.0, free, 0.0) * (0.55 + 0.45 * ear_height(place))
@@ -87,4 +87,5 @@ def turn_ears(vertices: Floats, place: Floats, free: Floats, side: str, axis: tu
     hinge = vertices[root].mean(axis=0)
     # A mirrored rotation turns the other way about y and z.
     turns = moved[:, None] * (np.radians(axis) * [1.0, sign, sign])[None, :]
-    return Rotation.from_rotvec(turns).apply(vertices - hinge) + hinge - vertices
+    moves: Floats = Rotation.from_rotvec(turns).apply(vertices - hinge) + hinge - vertices
+    return moves

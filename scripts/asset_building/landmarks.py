@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from faceposer.model.subject import Part
 from scripts.asset_building.head import LASH_RING, Skin
-from scripts.asset_building.looks import LOOKS
+from scripts.asset_building.looks import MAN_SKIN
 from scripts.asset_building.piece import Floats, Ints
 from scripts.asset_building.skin_texture import above_hairline, brow_frame
 
@@ -134,7 +134,7 @@ def regions(skin: Skin, place: Floats, masks: dict[str, Floats], parts: tuple[Pa
     lips = outer & (masks["lips"] > 0.5) & (z > 13.0)
     ears = (masks["ears"] > 0.5) & (x > 6.0)
     hair = above_hairline(even) > 0.0
-    along, across, _ = brow_frame(even, LOOKS["man"].skin)
+    along, across, _ = brow_frame(even, MAN_SKIN)
     brows = outer & (along > -0.12) & (along < 1.08) & (np.abs(across) < 2.4) & (np.abs(y - 74.9) < 1.0) & (z > 10)
     lids = (_ring_mask(skin, len(place), LASH_RING - 2, LASH_RING + 4) | _around_eyes(skin, place)) & ~brows
     nose_width = np.interp(y, [67.6, 68.3, 69.5, 70.5, 71.5, 73.0, 74.0], [1.3, 2.1, 2.1, 1.7, 1.25, 0.9, 0.9])

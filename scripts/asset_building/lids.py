@@ -9,7 +9,7 @@ from scripts.asset_building.piece import Floats, Ints
 #: Rings around the eye that line the socket and are hidden by the ball, and how deep inside it they are kept.
 _SOCKET_RINGS, _SOCKET_DEPTH = LASH_RING - 4, 0.96
 #: Clearance in centimetres that lids keep from the ball, where they have it in the neutral face, and how far around
-#: the ball skin is looked after.
+#: the ball skin is looked after, unless told.
 _CLEARANCE, _REACH = 0.07, 0.9
 #: How far closed lids overlap, in centimetres.
 _LID_OVERLAP = 0.03
@@ -63,11 +63,19 @@ def close_exactly(vertices: Floats, blink: Floats, ring: Ints, side: str) -> Flo
     return blink * np.interp(vertices[:, 0], x, smooth)[:, None]
 
 
-def keep_clear(vertices: Floats, shapes: Floats, ids: Ints, centre: Floats, radius: float) -> Floats:
+def keep_clear(
+    vertices: Floats,
+    shapes: Floats,
+    ids: Ints,
+    centre: Floats,
+    radius: float,
+    strengths: tuple[float, ...] = (1.0, 0.5),
+    reach: float = _REACH,
+) -> Floats:
     """Return ``shapes`` (S, N, 3) with skin that would enter the eyeball pushed out of it.
 
-    Every shape is mended at full strength, and at half strength as well, where the straight path of a lid cuts
-    deepest into the ball.
+    Every shape is mended at full strength, and on the way there as well: the straight path of a lid cuts into the
+    ball, deepest at half strength if the lid was clear of the ball before.
 
     Args:
         vertices: The neutral skin, shape (N, 3).
@@ -75,14 +83,16 @@ def keep_clear(vertices: Floats, shapes: Floats, ids: Ints, centre: Floats, radi
         ids: The socket's vertices, which are hidden and left alone, shape (n,).
         centre: Centre of the ball, shape (3,).
         radius: Its radius.
+        strengths: Those at which shapes are mended.
+        reach: How far around the ball skin is looked after, in centimetres.
     """
     rest_distance = np.linalg.norm(vertices - centre, axis=1)
-    near = (rest_distance > radius) & (rest_distance < radius + _REACH) & (vertices[:, 2] > centre[2] - 0.2)
+    near = (rest_distance > radius) & (rest_distance < radius + reach) & (vertices[:, 2] > centre[2] - 0.2)
     near[ids] = False
     chosen = np.flatnonzero(near)
     wanted = radius + np.minimum(rest_distance[chosen] - radius, _CLEARANCE)
     result = shapes.copy()
-    for strength in (1.0, 0.5):
+    for strength in strengths:
         away = vertices[chosen] + strength * result[:, chosen] - centre
         distance = np.linalg.norm(away, axis=2)
         lack = np.maximum(wanted - distance, 0.0) * shapes[:, chosen].any(axis=2)

@@ -5,7 +5,8 @@ from scripts.asset_building.eye_texture import IrisLook
 from scripts.asset_building.skin_texture import SkinLook
 from scripts.asset_building.textures import Look
 
-_MAN = SkinLook(
+#: Also where the regions of the brows are taken from.
+MAN_SKIN = SkinLook(
     base=(203, 158, 134),
     flush=(190, 112, 96),
     lips=(170, 104, 94),
@@ -36,7 +37,7 @@ _WOMAN = SkinLook(
 _LOW = SkinLook(
     base=(142, 96, 70),
     flush=(140, 78, 58),
-    lips=(132, 78, 72),
+    lips=(140, 80, 77),
     hair=(26, 21, 19),
     beard=0.35,
     brow=((1.4, 74.75, 0.30), (2.4, 74.95, 0.36), (3.6, 75.1, 0.34), (4.7, 74.98, 0.26), (5.7, 74.42, 0.12)),
@@ -65,7 +66,7 @@ LOOKS = {
         eye_size=256,
         tongue_size=128,
     ),
-    "man": Look(_MAN, IrisLook(inner=(120, 110, 96), middle=(106, 126, 142), rim=(36, 44, 54), seed=3)),
+    "man": Look(MAN_SKIN, IrisLook(inner=(120, 110, 96), middle=(106, 126, 142), rim=(36, 44, 54), seed=3)),
     "woman": Look(_WOMAN, IrisLook(inner=(128, 84, 48), middle=(92, 84, 52), rim=(34, 30, 24), seed=4)),
     "creature": Look(
         _CREATURE,

@@ -14,7 +14,7 @@ from scripts.asset_building.eyes import LOW_DETAIL, build_eye
 from scripts.asset_building.head import LASH_RING, Skin, ordered_ring
 from scripts.asset_building.identity import Recipe, identity_vertices
 from scripts.asset_building.landmarks import feature_points, mirrored_ids, regions
-from scripts.asset_building.lids import close_exactly, upper_and_lower
+from scripts.asset_building.lids import close_exactly, keep_clear, socket_ids, upper_and_lower
 from scripts.asset_building.looks import LOOKS
 from scripts.asset_building.mouth import LOWER, UPPER
 from scripts.asset_building.piece import Floats, Ints, Piece, join
@@ -77,17 +77,17 @@ def build_low(builder: Builder) -> Subject:
     fine_points, _ = feature_points(skin, place, join(pieces).parts)
     named = regions(skin, place, masks, ())
     mesh = _simplified_skin(skin, pieces[0], place, named, list(fine_points.values()))
-    low_skin = _closing(mesh.applied(pieces[0]), skin, mesh.index(len(place)))
-    contact = mesh.index(len(place))[skin.fine_loop(skin.lip_contact)]
-    low_skin = replace(low_skin, vertices=_sealed(low_skin.vertices, contact[contact >= 0]))
+    number = mesh.index(len(place))
     eyes = [builder.eyeball(side, pieces[0].vertices) for side in SIDES]
+    low_skin = _closing(mesh.applied(pieces[0]), skin, number, eyes)
+    contact = number[skin.fine_loop(skin.lip_contact)]
+    low_skin = replace(low_skin, vertices=_sealed(low_skin.vertices, contact[contact >= 0]))
     parts = [low_skin, *(_eye(eye) for eye in eyes)]
     for jaw, arch in (("upper", UPPER), ("lower", LOWER)):
         ids = builder.group(f"helper-{jaw}-teeth")
         parts.append(build_band(jaw, arch, builder.rest[ids], everyone[ids], builder.units[:, ids]))
     parts.append(_simplified_tongue(next(piece for piece in pieces if piece.name == "tongue")))
     joined = join(parts)
-    number = mesh.index(len(place))
     named = regions(skin, place, masks, joined.parts)
     kept = {name: ids if name.startswith("eye_") else number[ids] for name, ids in named.items()}
     points, titles = feature_points(skin, place, joined.parts, mesh.kept)
@@ -128,17 +128,17 @@ def _simplified_skin(skin: Skin, piece: Piece, place: Floats, named: dict[str, I
     loops = [_closed(lash), _closed(fold), _closed(lips)]
     weights = np.full(len(place), 0.35)
     for region, weight in (
-        ("forehead", 0.6),
-        ("cheek_left", 0.8),
-        ("jaw", 0.5),
+        ("forehead", 0.9),
+        ("cheek_left", 1.2),
+        ("jaw", 0.6),
         ("nose", 1.5),
-        ("brow_left", 1.6),
+        ("brow_left", 2.5),
         ("mouth", 2.2),
         ("lip_upper", 2.5),
         ("lip_lower", 2.5),
-        ("lids_left", 2.5),
-        ("neck", 0.15),
-        ("scalp", 0.22),
+        ("lids_left", 3.5),
+        ("neck", 0.08),
+        ("scalp", 0.07),
         ("ear_left", 0.35),
     ):
         weights[named[region]] = weight
@@ -182,7 +182,11 @@ def _half_simplified(
     shapes = {name: piece.shapes[k] for k, name in enumerate(ARKIT_SHAPES)}
     poses = [piece.vertices, *(piece.vertices + sum(shapes[name] for name in names) for names in _POSES)]
     keep = keep[place[keep, 0] > -1e-6]
-    work = Decimation(np.round(np.stack(poses), 5), halves, weights, np.unique(np.sort(edges, axis=1), axis=0), keep)
+    flat = np.zeros((int(chart.max()) + 1, len(place), 2))
+    flat[np.repeat(chart[left], 4), quads[left].ravel()] = piece.uv[piece.quad_uvs[left].ravel()]
+    moved = np.round(np.stack(poses), 5)
+    edges = np.unique(np.sort(edges, axis=1), axis=0)
+    work = Decimation(moved, halves, weights, edges, keep, chart[of_quad], flat)
     work.run(n_vertices)
 
     side = np.where(place[quads].mean(axis=1)[:, 0] > 0.0, 0, 1)
@@ -236,7 +240,7 @@ def _opposite_quads(quads: Ints, mirror: Ints) -> Ints:
 
 
 def _sealed(vertices: Floats, contact: Ints) -> Floats:
-    """Return the simplified skin's vertices with the lips brought together along their loop ``contact``."""
+    """Return the simplified skin's vertices with the lips brought together along ``contact``, their edges' loop."""
     result = vertices.copy()
     upper, lower = (half[1:-1] for half in upper_and_lower(vertices, contact, "Left"))
     for _ in range(_ROUNDS):
@@ -247,14 +251,18 @@ def _sealed(vertices: Floats, contact: Ints) -> Floats:
     return result
 
 
-def _closing(low: Piece, skin: Skin, number: Ints) -> Piece:
+def _closing(low: Piece, skin: Skin, number: Ints, eyes: list[Eyeball]) -> Piece:
     """Return the simplified skin with blinks that close its lids, which are coarser than those they were made for."""
     shapes = low.shapes.copy()
     ring = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[LASH_RING]))
     mirror = mirrored_ids(low.vertices)
-    for side in SIDES:
-        kept = number[ring][number[ring] >= 0]
-        blink = ARKIT_SHAPES.index(f"eyeBlink{side}")
-        loop = kept if side == "Left" else mirror[kept]
-        shapes[blink] = close_exactly(low.vertices, shapes[blink], loop, side)
+    kept = number[ring][number[ring] >= 0]
+    for eye in eyes:
+        blink = ARKIT_SHAPES.index(f"eyeBlink{eye.side}")
+        loop = kept if eye.side == "Left" else mirror[kept]
+        shapes[blink] = close_exactly(low.vertices, shapes[blink], loop, eye.side)
+        socket = number[socket_ids(skin, eye.side)]
+        shapes = keep_clear(
+            low.vertices, shapes, socket[socket >= 0], eye.centre, _EYE_SCALE * eye.radius, (1.0, 0.75, 0.5, 0.25)
+        )
     return replace(low, shapes=shapes)

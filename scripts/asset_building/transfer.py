@@ -6,6 +6,7 @@ place of local bounding boxes, since these also know shear.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from scripts.asset_building.piece import Floats
@@ -18,7 +19,7 @@ _RIDGE = 0.25
 _MOST = 2.0
 
 
-def fitted_units(rest: Floats, head: Floats, units: Floats, chosen: Floats) -> Floats:
+def fitted_units(rest: Floats, head: Floats, units: Floats, chosen: NDArray[np.bool_]) -> Floats:
     """Return ``units`` as they fit on ``head``.
 
     Args:

@@ -1,14 +1,23 @@
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from faceposer.model.subject import Subject
+from faceposer.model.subject import ARKIT_SHAPES, Subject
 from faceposer.model.subject_file import load_subject
+from scripts.asset_building.creature_expressions import EXPRESSIONS
+from scripts.asset_building.decimation import Decimation
+from scripts.asset_building.ears import turn_ears
+from scripts.asset_building.eyes import build_eye, turned_eye
 from scripts.asset_building.piece import grid_quads
 from scripts.asset_building.raster import map_texels, smoothstep
+from scripts.asset_building.refinement import refined_in_places
 from scripts.asset_building.subdivision import catmull_clark, linear_split
+from scripts.asset_building.swell import Swell, swollen
 from scripts.asset_building.symmetry import even, even_units
+from scripts.asset_building.transfer import fitted_units
 from scripts.asset_building.unwrap import Layout, unwrap_skin
 from scripts.build_assets import differences
 
@@ -106,3 +115,147 @@ def test_the_outside_is_laid_out_without_folds() -> None:
     assert corners.max() <= 1
     one, other = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
     assert (one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0] > 0).all()
+
+
+def grid(rows: int, columns: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Return a flat square of squares in the plane z = 0, from (0, 0) to (columns - 1, rows - 1)."""
+    x, y = np.meshgrid(np.arange(float(columns)), np.arange(float(rows)))
+    return np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1), grid_quads(rows, columns)
+
+
+def test_a_mesh_is_refined_in_places_without_gaps() -> None:
+    points, quads = grid(6, 6)
+    fine = catmull_clark(quads, len(points))
+    chosen = np.zeros(25, dtype=bool)
+    chosen[[12, 13]] = True
+    mesh = refined_in_places(fine, chosen)
+    assert len(mesh.kept) == 36 + 7 + 2, "old corners, and the edges and centres of two squares side by side"
+    triangles = mesh.polygons[:, 3] < 0
+    assert triangles.sum() == 3 * 6
+    count = Counter(
+        (int(a), int(b))
+        for polygon in mesh.polygons
+        for a, b in zip(polygon[polygon >= 0], np.roll(polygon[polygon >= 0], -1), strict=True)
+    )
+    assert max(count.values()) == 1
+    open_edges = [edge for edge in count if edge[::-1] not in count]
+    assert len(open_edges) == 20, "it is open along its old border alone"
+    vertices = (fine.split @ points)[mesh.kept]
+    area = sum(flat_area(vertices[polygon[polygon >= 0]]) for polygon in mesh.polygons)
+    assert area == pytest.approx(25.0)
+    np.testing.assert_array_equal(mesh.kept[mesh.index(fine.split.shape[0])[mesh.kept]], mesh.kept)
+
+
+def test_squares_between_refined_ones_are_refined_too() -> None:
+    points, quads = grid(4, 4)
+    chosen = np.zeros(9, dtype=bool)
+    chosen[[3, 5]] = True
+    mesh = refined_in_places(catmull_clark(quads, len(points)), chosen)
+    assert (mesh.polygons[:, 3] >= 0).sum() == 3 * 4
+    assert (mesh.polygons[:, 3] < 0).sum() == 6 * 3
+
+
+def flat_area(corners: NDArray[np.float64]) -> float:
+    x, y = corners[:, 0], corners[:, 1]
+    return float(0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
+def simplified(bump: float, n_vertices: int) -> tuple[Decimation, NDArray[np.float64]]:
+    """Simplify a flat grid that has a bump in its second pose."""
+    points, quads = grid(13, 13)
+    moved = points.copy()
+    moved[:, 2] += bump * np.exp(-((points[:, :2] - [3.0, 3.0]) ** 2).sum(axis=1) / 2.0)
+    triangles = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    ring = [*range(13), *range(25, 169, 13), *range(167, 155, -1), *range(143, 0, -13)]
+    border = np.array([*zip(ring, [*ring[1:], ring[0]], strict=True)], dtype=np.int32)
+    work = Decimation(
+        np.stack([points, moved]),
+        triangles,
+        np.ones(len(points)),
+        border,
+        np.array([0, 12, 156, 168], dtype=np.int32),
+        np.zeros(len(triangles), dtype=np.int32),
+        points[None, :, :2],
+    )
+    work.run(n_vertices)
+    return work, points
+
+
+def test_simplifying_keeps_outline_and_corners() -> None:
+    work, points = simplified(0.0, 30)
+    triangles = np.array(list(work.triangles.values()))
+    assert len(np.unique(triangles)) == 30
+    assert {0, 12, 156, 168} <= set(triangles.ravel().tolist())
+    areas = [flat_area(points[triangle]) for triangle in triangles]
+    assert min(areas) > 0
+    assert sum(areas) == pytest.approx(144.0)
+
+
+def test_simplifying_keeps_vertices_where_a_pose_moves_them() -> None:
+    work, points = simplified(1.0, 40)
+    used = np.unique(list(work.triangles.values()))
+    near = np.linalg.norm(points[used, :2] - [3.0, 3.0], axis=1) < 3.0
+    share = (np.linalg.norm(points[:, :2] - [3.0, 3.0], axis=1) < 3.0).mean()
+    assert near.mean() > 2 * share
+
+
+def test_units_follow_the_stretch_and_turn_of_a_head() -> None:
+    rng = np.random.default_rng(3)
+    rest = rng.uniform(-4.0, 4.0, (600, 3))
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    head = 1.5 * rest @ turn.T
+    units = rng.standard_normal((2, 600, 3))
+    chosen = np.arange(600) < 500
+    fitted = fitted_units(rest, head, units, chosen)
+    error = np.abs(fitted[:, :500] - 1.5 * units[:, :500] @ turn.T).mean()
+    # The ridge that keeps flat places determined holds back a little.
+    assert error < 0.25 * np.abs(units).mean() < 0.25 * np.abs(fitted - units)[:, :500].mean()
+    np.testing.assert_array_equal(fitted[:, 500:], units[:, 500:])
+
+
+def test_swelling_is_symmetric_and_fades_out() -> None:
+    points = np.array([[3.0, 1.0, 0.0], [-3.0, 1.0, 0.0], [4.0, 1.0, 0.0], [-4.0, 1.0, 0.0], [2.0, 1.0, 0.0]])
+    points = np.concatenate([points, [[-2.0, 1.0, 0.0], [30.0, 0.0, 0.0]]])
+    moved = swollen(points, points, (Swell((3.0, 1.0, 0.0), (2.0, 2.0, 2.0), (1.5, 1.0, 1.0)),))
+    np.testing.assert_allclose(moved[[1, 3, 5]], moved[[0, 2, 4]] * [-1, 1, 1], atol=1e-12)
+    np.testing.assert_allclose(moved[0], [3.0, 1.0, 0.0], atol=1e-9)
+    assert moved[2, 0] - moved[4, 0] > 2.5
+    np.testing.assert_allclose(moved[6], points[6])
+
+
+def test_ears_turn_about_their_roots_as_mirror_images() -> None:
+    place = np.array(
+        [[s * x, 70.0 + y, 5.0] for s in (1.0, -1.0) for x in (7.0, 7.3, 8.0, 8.5) for y in (0.0, 1.0, 2.0)]
+    )
+    free = np.clip(np.abs(place[:, 0]) - 7.0, 0.0, 1.0)
+    left = turn_ears(place, place, free, "Left", np.array([0.0, 0.0, 20.0]))
+    right = turn_ears(place, place, free, "Right", np.array([0.0, 0.0, 20.0]))
+    np.testing.assert_allclose(left[12:], 0.0, atol=1e-12)
+    np.testing.assert_allclose(right[12:], left[:12] * [-1, 1, 1], atol=1e-12)
+    np.testing.assert_allclose(left[:3], 0.0, atol=1e-12, err_msg="the roots stay")
+    assert left[9:12, 1].min() > 0.1, "the free rim rises"
+
+
+def test_an_eye_turned_by_two_shapes_stays_round() -> None:
+    eye = build_eye("Left", np.array([3.0, 1.0, 2.0]), 1.4, ARKIT_SHAPES)
+    moved = eye.vertices + turned_eye(eye.vertices, "Left", {"LookOut": 0.8, "LookUp": 0.7})
+    centre = eye.vertices[-1] + [0.0, 0.0, 1.4]
+    for vertices in (eye.vertices, moved):
+        assert np.linalg.norm(vertices - centre, axis=1).min() == pytest.approx(1.4)
+    assert (moved[0] - eye.vertices[0])[:2].min() > 0.2, "outwards and up"
+
+
+def test_the_creature_has_thirty_examples_that_name_units() -> None:
+    assert len(EXPRESSIONS) == 30
+    ears = {f"ear{way}{side}" for way in ("Up", "Down", "Back", "Forward") for side in ("", "Left", "Right")}
+    both = {name.removesuffix("Left") for name in ARKIT_SHAPES if name.endswith("Left")}
+    for name, strengths in EXPRESSIONS.items():
+        assert strengths.keys() <= {*ARKIT_SHAPES, *both, *ears}, name
+        assert all(0.0 < strength <= 1.5 for strength in strengths.values()), name
+    for name in (name for name in EXPRESSIONS if name.endswith("_left")):
+        swapped = {
+            unit.replace("Left", "*").replace("Right", "Left").replace("*", "Right"): strength
+            for unit, strength in EXPRESSIONS[name].items()
+        }
+        assert EXPRESSIONS[name.replace("_left", "_right")] == swapped, name
+    assert len({tuple(sorted(strengths.items())) for strengths in EXPRESSIONS.values()}) == 30
