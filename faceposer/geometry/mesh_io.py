@@ -1,4 +1,4 @@
-"""Reading meshes of any common format: OBJ by ``obj_io``, PLY by ``ply_io``, everything else through trimesh."""
+"""Reading meshes of any common format: OBJ, PLY and glTF by modules of their own, everything else through trimesh."""
 
 from pathlib import Path
 from typing import Any
@@ -6,17 +6,17 @@ from typing import Any
 import numpy as np
 
 from faceposer.errors import FacePoserError
+from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
 from faceposer.geometry.obj_io import read_obj
 from faceposer.geometry.ply_io import read_ply
 from faceposer.geometry.polygon_mesh import PolygonMesh
 
 _MAX_BYTES = 1 << 30
-_READERS = {".obj": read_obj, ".ply": read_ply}
-MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
+MESH_SUFFIXES = (".obj", ".ply", ".stl", *GLTF_SUFFIXES, ".off")
 
 
 def read_mesh(path: Path) -> PolygonMesh:
-    """Return the mesh in ``path``: OBJ and PLY with their order and polygons kept, or what trimesh reads.
+    """Return the mesh in ``path``: OBJ, PLY and glTF with their order, faces and groups kept, or what trimesh reads.
 
     Raises:
         FacePoserError: If the file cannot be read as a mesh, naming the place.
@@ -24,7 +24,7 @@ def read_mesh(path: Path) -> PolygonMesh:
     try:
         if path.stat().st_size > _MAX_BYTES:
             raise FacePoserError(f"The mesh '{path}' is larger than {_MAX_BYTES >> 30} GB; give a smaller one.")
-        mesh = _READERS.get(path.suffix.lower(), _read_with_trimesh)(path)
+        mesh = _read(path)
     except OSError as error:
         raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
     if len(mesh.vertices) == 0 or len(mesh.polygons) == 0:
@@ -33,6 +33,13 @@ def read_mesh(path: Path) -> PolygonMesh:
         vertex = int(np.argmin(np.isfinite(mesh.vertices).all(axis=1)))
         raise FacePoserError(f"The mesh '{path}' has a vertex that is not finite, number {vertex + 1}.")
     return mesh
+
+
+def _read(path: Path) -> PolygonMesh:
+    suffix = path.suffix.lower()
+    if suffix in GLTF_SUFFIXES:
+        return read_gltf(path).mesh
+    return {".obj": read_obj, ".ply": read_ply}.get(suffix, _read_with_trimesh)(path)
 
 
 def _read_with_trimesh(path: Path) -> PolygonMesh:
