@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Judge the prior on a take that it never saw, against what it is to be better than.
+"""Compare priors by how near they come to expressions that they have never seen.
 
     FACEPOSER_CAPTURES=FOLDER python scripts/evaluate.py --json evaluation.json
 
@@ -7,11 +7,14 @@ Trained on take 3, tested on take 4 (section 9 of the paper): from the neutral f
 given the pixels that they have in an unseen frame, exactly or with the 1.5 px by which a hand misses; the pose found
 is compared with the frame. All methods see the same constraints under the same camera and run the same solver.
 
-  mfa        what ships: mixture seen from the start pose, regions loosely coupled, rig weights bounded
+  mfa        what ships: a mixture for each region seen from the start pose, coupled as the data says, weights bounded
+  mfa-whole  the same with one mixture over the whole face, which the program offers too
   mfa-plain  mixture by plain maximum likelihood, K = 30, q = 10, as in the paper: its modes are where they are
   ppca       one Gaussian, same examples and subspace
   pca        no prior, in the subspace of 99 % of the variance, which suits it best
   mfa-paper  mfa-plain as the paper has it: raw frames, subspace of 99 % of the variance (for comparison)
+
+Then the points of a trial lie in one region of the face alone, and what the priors that ship do to the others is measured.
 """
 
 import os
@@ -23,40 +26,33 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))
+
 from faceposer.geometry.camera import Camera, OrbitView
-from faceposer.geometry.mesh import VertexNormals
-from faceposer.geometry.picking import SurfacePoint, pick
 from faceposer.model.capture import read_capture
 from faceposer.model.expression_statistics import ExpressionStatistics
-from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.face_model import FaceModel, build_face_model, gram_of_shapes
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
-from faceposer.model.training import Recipe, augment, clean, fit_statistics
-from faceposer.solve.constraints.point import PointConstraint
-from faceposer.solve.map_solver import Solution, solve
+from faceposer.model.training import Recipe, augment, clean, fit_statistics, learn_from_frames
+from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
+from scripts.evaluation.judging import Method, Row, judge, judge_region
+from scripts.evaluation.trials import FACE_REGIONS, make_trials, region_vertices, visible_anchors
 
 TRAIN, TEST = "alex_rom_3.csv", "alex_rom_4.csv"
 COUNTS = (1, 2, 4, 8, 16, 32)
+REGION_COUNTS = (1, 4)
+REGION_METHODS = ("mfa", "mfa-whole")
 NOISE_PX = (0.0, 1.5)
 SIZE = (800, 800)
-MOVES_PX = 1.0
-Method = Callable[[list[PointConstraint]], tuple[FaceModel, Solution]]
-
-
-@dataclass(frozen=True)
-class Trial:
-    """One test: constraints from a frame, and the vertices of that frame."""
-
-    constraints: list[PointConstraint]
-    truth: np.ndarray
-    neutral_error: float
 
 
 def plain_statistics(examples: np.ndarray, recipe: Recipe) -> ExpressionStatistics:
@@ -73,105 +69,72 @@ def dimensions_of_energy(model: FaceModel, energy: float) -> int:
 def make_methods(subject_name: str, frames: np.ndarray, recipe: Recipe) -> tuple[dict[str, Method], FaceModel]:
     """Return all methods, trained on ``frames``, and the model of the one that ships."""
     subject = load_subject(subject_name)
+    metric = gram_of_shapes(load_subject("man"))
+    ours = build_face_model(subject, learn_from_frames(frames, ARKIT_SHAPES, recipe, metric=metric))
     examples = augment(frames, ARKIT_SHAPES, recipe)
-    ours = build_face_model(subject, fit_statistics(examples, ARKIT_SHAPES, recipe, ""))
     plain = build_face_model(subject, plain_statistics(examples, recipe))
     paper_statistics = plain_statistics(frames, recipe)
     wide = build_face_model(subject, paper_statistics, len(ARKIT_SHAPES), "plain")
     paper = build_face_model(subject, paper_statistics, dimensions_of_energy(wide, 0.99), "plain")
     gaussian = ours.mixture.as_gaussian()
 
-    def as_the_paper(model: FaceModel, **options: object) -> Method:
+    def solved(model: FaceModel, **options: object) -> Method:
         return lambda constraints: (model, solve(PoseProblem(model, constraints, **options)))  # type: ignore[arg-type]
 
     return {
-        "mfa": lambda constraints: (ours, solve(PoseProblem(ours, constraints))),
-        "mfa-plain": as_the_paper(plain, mixture=plain.mixture),
-        "ppca": as_the_paper(ours, mixture=gaussian),
-        "pca": as_the_paper(paper, prior_weight=0.0),
-        "mfa-paper": as_the_paper(paper, mixture=paper.mixture),
+        "mfa": solved(ours),
+        "mfa-whole": solved(ours, prior="whole"),
+        "mfa-plain": solved(plain, mixture=plain.mixture),
+        "ppca": solved(ours, mixture=gaussian),
+        "pca": solved(paper, prior_weight=0.0),
+        "mfa-paper": solved(paper, mixture=paper.mixture),
     }, ours
 
 
-def visible_anchors(model: FaceModel, camera: Camera) -> list[tuple[int, SurfacePoint]]:
-    """Return the vertices of the skin that the camera sees on the neutral face, a third of them, with their points."""
-    subject = model.subject
-    vertices = subject.vertices
-    skin = subject.part("skin")
-    normals = VertexNormals(subject.triangles, len(vertices))(vertices)
-    facing = np.einsum("nd,nd->n", normals, camera.center - vertices) > 0.2 * np.linalg.norm(camera.center)
-    candidates = [v for v in range(*skin.vertices) if facing[v]][::3]
-    # Only triangles of the front can hide a point that faces the camera.
-    front = subject.triangles[facing[subject.triangles].any(axis=1)]
-    anchors = []
-    for vertex, pixel in zip(candidates, camera.project(vertices[candidates]).tolist(), strict=True):
-        hit = pick(vertices, front, camera, (pixel[0], pixel[1]))
-        if hit is not None and np.linalg.norm(vertices[front[hit.face]] - vertices[vertex], axis=1).min() < 0.5:
-            anchors.append((vertex, SurfacePoint.at_vertex(subject.triangles, vertex)))
-    return anchors
+def regional_rows(
+    methods: dict[str, Method], model: FaceModel, frames: np.ndarray, camera: Camera, poses: int, seed: int
+) -> list[Row]:
+    """Return the rows of the trials whose points lie in one region."""
+    vertices = region_vertices(model.subject)
+    # Brows are small: every vertex of them is a candidate, elsewhere every third.
+    coarse, fine = visible_anchors(model, camera), visible_anchors(model, camera, 1)
+    rows = []
+    for i, region in enumerate(FACE_REGIONS):
+        inside = set(vertices[region].tolist())
+        anchors = [anchor for anchor in (fine if region == "brows" else coarse) if anchor[0] in inside]
+        for noise_px in NOISE_PX:
+            for count in REGION_COUNTS:
+                enough = len(anchors) // 4
+                trials = make_trials(model, frames, camera, anchors, count, noise_px, poses, [seed, count, i], enough)
+                rows += [
+                    judge_region(name, methods[name], trials, vertices, region, count, noise_px)
+                    for name in REGION_METHODS
+                ]
+    return rows
 
 
-def make_trials(
-    model: FaceModel, frames: np.ndarray, camera: Camera, count: int, noise_px: float, poses: int, seed: int
-) -> list[Trial]:
-    """Return ``poses`` trials of ``count`` points each, from frames in which enough of the face moves."""
-    rng = np.random.default_rng([seed, count])
-    subject = model.subject
-    anchors = visible_anchors(model, camera)
-    vertex_ids = np.array([vertex for vertex, _ in anchors])
-    rest = camera.project(subject.vertices[vertex_ids])
-    trials: list[Trial] = []
-    for frame in rng.permutation(len(frames)):
-        truth = subject.vertices + np.tensordot(frames[frame].astype(np.float32), subject.shapes, axes=1)
-        pixels = camera.project(truth[vertex_ids])
-        moving = np.flatnonzero(np.hypot(*(pixels - rest).T) > MOVES_PX)
-        if len(moving) < 100:
-            continue
-        chosen = rng.choice(moving, count, replace=False)
-        targets = pixels[chosen] + noise_px * rng.standard_normal((count, 2))
-        constraints = [
-            PointConstraint(anchors[i][1], (float(u), float(v)), camera)
-            for i, (u, v) in zip(chosen, targets, strict=True)
-        ]
-        neutral_error = float(np.linalg.norm(truth - subject.vertices, axis=1).mean())
-        trials.append(Trial(constraints, truth, neutral_error))
-        if len(trials) == poses:
-            break
-    return trials
-
-
-def judge(name: str, method: Method, trials: list[Trial], count: int, noise_px: float) -> dict[str, object]:
-    """Return one row of the result."""
-    errors, pixels, times, worse = [], [], [], 0
-    for trial in trials:
-        began = time.perf_counter()
-        model, solution = method(trial.constraints)
-        times.append((time.perf_counter() - began) * 1e3)
-        error = float(np.linalg.norm(model.instance(solution.coefficients) - trial.truth, axis=1).mean())
-        errors.append(error)
-        pixels.append(float(np.mean(solution.residuals_px)))
-        worse += error > trial.neutral_error
-    neutral = float(np.mean([trial.neutral_error for trial in trials]))
-    return {
-        "method": name,
-        "constraint": "point",
-        "count": count,
-        "noise_px": noise_px,
-        "poses": len(trials),
-        "error_3d": round(float(np.mean(errors)), 5),
-        "error_3d_relative": round(float(np.mean(errors)) / neutral, 4),
-        "error_2d_px": round(float(np.mean(pixels)), 4),
-        "worse_than_neutral": round(worse / len(trials), 4),
-        "ms": round(float(np.median(times)), 3),
-    }
-
-
-def print_table(rows: list[dict[str, object]], key: str, noise_px: float) -> None:
+def print_table(rows: list[Row], key: str, noise_px: float) -> None:
     """Print one value of all methods by the number of points."""
-    methods = list(dict.fromkeys(str(row["method"]) for row in rows))
-    for method in methods:
+    for method in dict.fromkeys(str(row["method"]) for row in rows):
         values = [row[key] for row in rows if row["method"] == method and row["noise_px"] == noise_px]
         print(f"  {method:11}" + "".join(f"{value:9.3f}" for value in values))
+
+
+def print_regions(rows: list[Row]) -> None:
+    """Print what happens where all points lie in one region."""
+    print("Points in one region: 3D error of the face, of the region, of the others (neutral = 1);")
+    print("share of poses in which the others end worse than neutral; how far they move, and should, mm")
+    for row in sorted(rows, key=lambda row: (row["region"], row["count"], row["noise_px"])):  # type: ignore[arg-type]
+        print(
+            f"  {row['region']:8}{row['count']:3} points, {row['noise_px']} px  {row['method']:10}"
+            f"{row['error_3d_relative']:7.3f}{row['own_relative']:7.3f}{row['elsewhere_relative']:7.3f}"
+            f"{row['elsewhere_worse']:7.2f}{row['moved_mm']:7.2f} of {row['truth_moved_mm']:.2f}"
+        )
+    for method in REGION_METHODS:
+        of = [row for row in rows if row["method"] == method]
+        keys = ("error_3d_relative", "own_relative", "elsewhere_relative", "elsewhere_worse", "moved_mm")
+        means = [np.mean([float(row[key]) for row in of]) for key in keys]  # type: ignore[arg-type]
+        print(f"  mean of all           {method:10}" + "".join(f"{value:7.3f}" for value in means))
 
 
 def main() -> None:
@@ -194,10 +157,11 @@ def main() -> None:
     vertices = ours.subject.vertices
     camera = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0)).camera(SIZE)
 
-    rows = []
+    anchors = visible_anchors(ours, camera)
+    rows: list[Row] = []
     for noise_px in NOISE_PX:
         for count in COUNTS:
-            trials = make_trials(ours, test, camera, count, noise_px, options.poses, options.seed)
+            trials = make_trials(ours, test, camera, anchors, count, noise_px, options.poses, [options.seed, count])
             rows += [judge(name, method, trials, count, noise_px) for name, method in methods.items()]
     print("points     " + "".join(f"{count:9}" for count in COUNTS))
     for noise_px in NOISE_PX:
@@ -209,13 +173,22 @@ def main() -> None:
         ):
             print(f"{title}; targets off by {noise_px} px")
             print_table(rows, key, noise_px)
+    in_regions = regional_rows(methods, ours, test, camera, options.poses, options.seed)
+    print_regions(in_regions)
 
     print("What the subspace cannot make of each shape at full strength, the worst ten:")
     unreached = sorted(ours.unreached().items(), key=lambda item: -item[1])
     for name, share in unreached[:10]:
         print(f"  {name:22}{100 * share:6.1f} %")
     if options.json:
-        data = {"subject": options.subject, "train": TRAIN, "test": TEST, "rows": rows, "unreached": dict(unreached)}
+        data = {
+            "subject": options.subject,
+            "train": TRAIN,
+            "test": TEST,
+            "rows": rows,
+            "regions": in_regions,
+            "unreached": dict(unreached),
+        }
         options.json.write_text(json.dumps(data, indent=1) + "\n")
 
 

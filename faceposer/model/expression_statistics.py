@@ -1,4 +1,4 @@
-"""What is known of how the 52 ARKit weights move together, apart from any one face."""
+"""What is known of how the weights of a rig, ARKit's 52 or others, move together, apart from any one face."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.model.coupling import independent
 from faceposer.resources import asset_path
 
 Array = NDArray[np.float64]
 
 _ARRAYS = ("weights", "means", "covariances", "mean", "covariance")
+_UNIT_WITHIN = 1e-5
 _MAX_BYTES = 64 * 2**20
 
 
@@ -30,6 +32,12 @@ class ExpressionStatistics:
         mean: Mean of the examples, shape (S,).
         covariance: Covariance of the examples, shape (S, S): what the principal component analysis sees.
         credits: Where the examples come from, and their licence.
+        regions: The region of the face that each weight belongs to; if left out, all belong to one.
+        coupling: How far the weights of different regions tell of each other, a correlation matrix of shape (S, S)
+            (``faceposer.model.coupling``); if None, regions are independent.
+
+    Raises:
+        ValueError: If the arrays do not fit together.
     """
 
     shape_names: tuple[str, ...]
@@ -39,8 +47,16 @@ class ExpressionStatistics:
     mean: Array
     covariance: Array
     credits: str
+    regions: tuple[str, ...] = ()
+    coupling: Array | None = None
 
     def __post_init__(self) -> None:
+        if not self.regions:
+            object.__setattr__(self, "regions", ("face",) * len(self.shape_names))
+        if len(self.regions) != len(self.shape_names):
+            raise ValueError(f"regions must name {len(self.shape_names)} regions, not {len(self.regions)}")
+        if self.coupling is None:
+            object.__setattr__(self, "coupling", independent(self.regions))
         n_components, n_shapes = len(self.weights), len(self.shape_names)
         shapes = {
             "weights": (n_components,),
@@ -48,11 +64,19 @@ class ExpressionStatistics:
             "covariances": (n_components, n_shapes, n_shapes),
             "mean": (n_shapes,),
             "covariance": (n_shapes, n_shapes),
+            "coupling": (n_shapes, n_shapes),
         }
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value.shape != shape or not np.isfinite(value).all():
                 raise ValueError(f"{name} must be finite and of shape {shape}, not {value.shape}")
+        _check_correlation(self.factors)
+
+    @property
+    def factors(self) -> Array:
+        """The coupling, shape (S, S), also where none was given."""
+        assert self.coupling is not None
+        return self.coupling
 
     def as_members(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """Return what JSON holds of it, and its arrays in single precision, for the file of a subject."""
@@ -88,9 +112,18 @@ class ExpressionStatistics:
                 file,
                 shape_names=np.array(self.shape_names),
                 credits=np.array(self.credits),
-                **{name: getattr(self, name).astype(np.float32) for name in _ARRAYS},
+                regions=np.array(self.regions),
+                **{name: getattr(self, name).astype(np.float32) for name in (*_ARRAYS, "coupling")},
             )
         temporary.replace(path)
+
+
+def _check_correlation(matrix: Array) -> None:
+    """Raise a ValueError if the coupling ``matrix``, shape (S, S), is not a correlation matrix."""
+    symmetric = np.allclose(matrix, matrix.T, atol=_UNIT_WITHIN)
+    unit = np.allclose(np.diag(matrix), 1.0, atol=_UNIT_WITHIN)
+    if not (symmetric and unit and np.linalg.eigvalsh(matrix)[0] > -1e-3):
+        raise ValueError("coupling must be a correlation matrix: symmetric, with a diagonal of 1, none of it negative")
 
 
 def load_expression_statistics(path: Path | None = None) -> ExpressionStatistics:
@@ -106,7 +139,10 @@ def load_expression_statistics(path: Path | None = None) -> ExpressionStatistics
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             arrays = {name: data[name].astype(np.float64) for name in _ARRAYS}
             names = tuple(str(name) for name in data["shape_names"])
-            return ExpressionStatistics(names, credits=str(data["credits"]), **arrays)
+            if "coupling" in data:
+                arrays["coupling"] = data["coupling"].astype(np.float64)
+            regions = tuple(str(region) for region in data["regions"]) if "regions" in data else ()
+            return ExpressionStatistics(names, credits=str(data["credits"]), regions=regions, **arrays)
     except (OSError, ValueError, KeyError, EOFError) as error:
         raise FacePoserError(
             f"The expression statistics '{path}' cannot be read ({error}); train them anew or install Face Poser again."

@@ -14,6 +14,8 @@ from faceposer.geometry.picking import SurfacePoints, pick_pixels
 from faceposer.model.expression_statistics import ExpressionStatistics, load_expression_statistics
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.pca import RigSubspace, rig_pca, smallest_reaching, unreached
+from faceposer.model.regional_mixture import RigDensity
+from faceposer.model.split_shapes import split_to_match
 from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
@@ -38,6 +40,7 @@ class FaceModel:
         mixture: The density of natural expressions over p.
         subspace: The same subspace in the subject's rig weights.
         gram: Inner products of the subject's shapes in its unit squared, summed over vertices, shape (S, S).
+        rig_density: The density over the weights of those shapes that move the face, with their regions.
     """
 
     subject: Subject
@@ -45,6 +48,7 @@ class FaceModel:
     mixture: GaussianMixture
     subspace: RigSubspace
     gram: Array
+    rig_density: RigDensity
 
     @property
     def n_coefficients(self) -> int:
@@ -169,6 +173,7 @@ def build_face_model(
         FacePoserError: If the subject has none of the shapes that the statistics speak of.
     """
     statistics = statistics or subject.statistics or load_expression_statistics()
+    statistics = split_to_match(statistics, subject.shape_names)
     names = [name for name in subject.shape_names if name in statistics.shape_names]
     if not names:
         raise FacePoserError(
@@ -178,7 +183,7 @@ def build_face_model(
     rows = [subject.shape_names.index(name) for name in names]
     shapes = np.ascontiguousarray(subject.shapes, dtype=np.float32)
     flat = shapes.reshape(len(shapes), -1)
-    plain_gram = (flat @ flat.T).astype(np.float64)
+    plain_gram = gram_of_shapes(subject)
     metric_gram = plain_gram
     if metric == "local":
         weighted = (shapes * np.sqrt(_vertex_metric(subject))[None, :, None]).reshape(len(shapes), -1)
@@ -196,13 +201,29 @@ def build_face_model(
     else:
         subspace = subspace.truncated(n_components)
     mixture = GaussianMixture(statistics.weights, statistics.means, statistics.covariances)
+    moving = [(row, column) for row, column in zip(rows, columns, strict=True) if plain_gram[row, row] > 0]
+    moving_rows, kept = (np.array(indices, dtype=np.intp) for indices in zip(*moving, strict=True))
+    rig_density = RigDensity(
+        GaussianMixture(statistics.weights, statistics.means[:, kept], statistics.covariances[:, kept[:, None], kept]),
+        subspace.directions[moving_rows],
+        tuple(statistics.regions[column] for column in kept),
+        statistics.factors[np.ix_(kept, kept)],
+    )
     return FaceModel(
         subject,
         np.ascontiguousarray(subspace.directions.T.astype(np.float32) @ flat),
         mixture.transformed(subspace.projection @ lift),
         subspace,
         plain_gram,
+        rig_density,
     )
+
+
+def gram_of_shapes(subject: Subject) -> Array:
+    """Return the inner products of the ``subject``'s shapes in its unit squared, summed over vertices, shape (S, S)."""
+    flat = np.ascontiguousarray(subject.shapes, dtype=np.float32).reshape(len(subject.shapes), -1)
+    gram: Array = (flat @ flat.T).astype(np.float64)
+    return gram
 
 
 def _vertex_metric(subject: Subject) -> NDArray[np.float32]:

@@ -5,13 +5,13 @@ go with whatever was said. They are therefore cleaned, then augmented, before a 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.model.capture import Capture
-from faceposer.model.coupling import BROWS, GAZE, LIDS, region_of_shape
+from faceposer.model.coupling import BROWS, GAZE, LIDS, learn_coupling, region_of_shape
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.mfa import MixtureOfFactorAnalyzers
 from faceposer.model.subject import ARKIT_SHAPES
@@ -34,6 +34,7 @@ class Recipe:
         n_factors: Number q of factors of each.
         fit_shrinkage: Of the fit; see ``MixtureOfFactorAnalyzers``.
         blend: Share of the covariance of all examples in each component's, after the fit.
+        folds: Number of stretches of the performance, each left out once, on which the coupling of regions is judged.
         seed: Of everything random.
     """
 
@@ -47,6 +48,7 @@ class Recipe:
     n_factors: int = 10
     fit_shrinkage: float = 0.1
     blend: float = 0.5
+    folds: int = 10
     seed: int = 0
 
 
@@ -99,8 +101,43 @@ def augment(frames: Array, shape_names: Sequence[str], recipe: Recipe) -> Array:
     return np.clip(examples, 0.0, 1.0)
 
 
-def fit_statistics(examples: Array, shape_names: Sequence[str], recipe: Recipe, credits: str) -> ExpressionStatistics:
-    """Return the statistics of ``examples``, (n, S): their moments, and a mixture of factor analyzers."""
+def couple(frames: Array, shape_names: Sequence[str], recipe: Recipe, metric: Array | None = None) -> Array:
+    """Return how far regions tell of each other in the ``frames`` of a performance, (F, S), as a matrix, (S, S).
+
+    Each of ``recipe.folds`` contiguous stretches, for neighbouring frames are alike, is predicted from the others; both
+    are augmented, since that is what the prior sees.
+
+    Args:
+        frames: Cleaned frames, in their order.
+        shape_names: Names of the S weights.
+        recipe: How examples are made of them.
+        metric: See ``learn_coupling``.
+    """
+    rng = np.random.default_rng(recipe.seed)
+    stretches = np.array_split(frames, recipe.folds)
+    learned = replace(recipe, n_examples=max(recipe.n_examples // 2, 2))
+    unseen = replace(recipe, n_examples=max(recipe.n_examples // 6, 2), seed=recipe.seed + 1)
+    folds = []
+    for i, stretch in enumerate(stretches):
+        others = np.concatenate([other for j, other in enumerate(stretches) if j != i])
+        tested = augment(stretch, shape_names, unseen)
+        one, other = rng.integers(0, len(tested), (2, 2 * len(tested)))
+        folds.append((augment(others, shape_names, learned), tested[one] - tested[other]))
+    return learn_coupling(folds, [region_of_shape(name) for name in shape_names], metric)
+
+
+def fit_statistics(
+    examples: Array, shape_names: Sequence[str], recipe: Recipe, credits: str, coupling: Array | None = None
+) -> ExpressionStatistics:
+    """Return the statistics of ``examples``, (n, S): their moments, and a mixture of factor analyzers.
+
+    Args:
+        examples: Augmented examples.
+        shape_names: Names of the S weights.
+        recipe: Of the fit.
+        credits: Where the examples come from.
+        coupling: Of the regions, shape (S, S), as ``couple`` returns it; if None, they are independent.
+    """
     mixture = MixtureOfFactorAnalyzers(
         recipe.n_components,
         recipe.n_factors,
@@ -119,14 +156,32 @@ def fit_statistics(examples: Array, shape_names: Sequence[str], recipe: Recipe, 
         examples.mean(axis=0),
         covariance,
         credits,
+        tuple(region_of_shape(name) for name in shape_names),
+        coupling,
     )
 
 
-def learn(captures: Sequence[Capture], recipe: Recipe | None = None, credits: str = "") -> ExpressionStatistics:
+def learn_from_frames(
+    frames: Array, shape_names: Sequence[str], recipe: Recipe, credits: str = "", metric: Array | None = None
+) -> ExpressionStatistics:
+    """Return the statistics of cleaned ``frames``, (F, S), in their order; see ``learn``."""
+    examples = augment(frames, shape_names, recipe)
+    return fit_statistics(examples, shape_names, recipe, credits, couple(frames, shape_names, recipe, metric))
+
+
+def learn(
+    captures: Sequence[Capture], recipe: Recipe | None = None, credits: str = "", metric: Array | None = None
+) -> ExpressionStatistics:
     """Return the statistics of performances by ``recipe``, each with a rest of its own.
 
     The statistics are of all shapes that some capture has, and of their counterparts on the other side. A shape rests
     in a capture that has no channel for it; a side that no capture has learns from the mirror image of the other.
+
+    Args:
+        captures: The performances.
+        recipe: How they are learned from.
+        credits: Where they come from.
+        metric: Inner products of a face's shapes, shape (S, S), to measure errors by; see ``learn_coupling``.
 
     Raises:
         ValueError: If there is no capture.
@@ -136,7 +191,7 @@ def learn(captures: Sequence[Capture], recipe: Recipe | None = None, credits: st
         raise ValueError("at least one capture is needed")
     shape_names = shapes_of(captures)
     frames = np.concatenate([clean(capture.with_shapes(shape_names), recipe) for capture in captures])
-    return fit_statistics(augment(frames, shape_names, recipe), shape_names, recipe, credits)
+    return learn_from_frames(frames, shape_names, recipe, credits, metric)
 
 
 def shapes_of(captures: Sequence[Capture]) -> tuple[str, ...]:

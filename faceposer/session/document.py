@@ -14,6 +14,7 @@ from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.registry import Constraint, constraint_from_json
+from faceposer.solve.priors import PRIORS, Prior
 
 FORMAT = "faceposer.session"
 VERSION = 1
@@ -33,6 +34,7 @@ class Document:
         coefficients: The pose, shape (r,), read-only; None for the neutral face.
         start: The pose of the face before any constraint pulls at it, shape (r,), read-only; None for the neutral
             face. A file without constraints need not say it: there the pose is the pose to start from.
+        prior: "regions" to judge the face region by region, "whole" to judge it as one.
         solved: Whether the pose is what the constraints ask for, or they still wait to be solved.
         camera: The view under which the document was last seen, or None.
     """
@@ -44,6 +46,7 @@ class Document:
     start: NDArray[np.float64] | None = None
     camera: Camera | None = None
     solved: bool = True
+    prior: Prior = "regions"
 
     def posed(self, coefficients: ArrayLike) -> "Document":
         """Return the document with the pose that was solved for it, shape (r,)."""
@@ -64,8 +67,10 @@ class Document:
 
     def same_input(self, other: "Document") -> bool:
         """Whether both ask for the same face: subject, constraints and prior weight agree."""
-        ours = (self.subject, self.constraints, self.prior_weight)
-        return ours == (other.subject, other.constraints, other.prior_weight) and _same(self.start, other.start)
+        ours = (self.subject, self.constraints, self.prior_weight, self.prior)
+        return ours == (other.subject, other.constraints, other.prior_weight, other.prior) and _same(
+            self.start, other.start
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Return the document as its file has it."""
@@ -76,6 +81,8 @@ class Document:
             "prior_weight": self.prior_weight,
             "constraints": [constraint.to_json() for constraint in self.constraints],
         }
+        if self.prior != "regions":
+            data["prior"] = self.prior
         if self.coefficients is not None:
             data["coefficients"] = self.coefficients.tolist()
         if self.start is not None and self.constraints:
@@ -99,7 +106,7 @@ class Document:
         codec.check_keys(
             data,
             {"format", "version", "subject", "constraints"},
-            {"prior_weight", "coefficients", "start", "camera"},
+            {"prior_weight", "prior", "coefficients", "start", "camera"},
             "the session",
         )
         if not isinstance(data["subject"], str) or not data["subject"]:
@@ -107,11 +114,15 @@ class Document:
         entries = data["constraints"]
         if not isinstance(entries, list) or len(entries) > _MAX_CONSTRAINTS:
             raise FacePoserError(f"constraints must be a list of at most {_MAX_CONSTRAINTS}.")
+        prior = data.get("prior", "regions")
+        if prior not in PRIORS:
+            raise FacePoserError(f"prior is {codec.shown(prior)}; it must be one of {', '.join(PRIORS)}.")
         document = cls(
             data["subject"],
             tuple(constraint_from_json(entry, f"constraints[{i}]") for i, entry in enumerate(entries)),
             codec.number_from_json(data.get("prior_weight", 1.0), "prior_weight", 0.0, _MAX_PRIOR_WEIGHT),
             camera=codec.camera_from_json(data["camera"], "camera") if "camera" in data else None,
+            prior=prior,
         )
         if "start" in data:
             document = document.starting_from(_pose_from_json(data["start"], "start"))

@@ -21,6 +21,7 @@ from faceposer.session.history import History
 from faceposer.session.solver_worker import InlineWorker, Job, Worker
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import Solution
+from faceposer.solve.priors import Prior
 
 Mode = Literal["live", "apply"]
 
@@ -190,6 +191,11 @@ class Session:
             return
         with self.edit("Change the prior weight"):
             self.replace(document)
+
+    def set_prior(self, prior: Prior) -> None:
+        """Judge the face by regions or as a whole, as one step."""
+        with self.edit("Change the prior"):
+            self.replace(replace(self._document, prior=prior))
 
     def change_constraint(self, index: int, constraint: Constraint, label: str) -> None:
         """Exchange constraint ``index`` inside an open edit (a slider being dragged), or else as one step."""

@@ -76,7 +76,9 @@ def run_job(job: Job, should_stop: Callable[[], bool] | None = None) -> JobResul
     """Solve ``job`` and return its result; an exception becomes part of it."""
     try:
         document = job.document
-        problem = PoseProblem(job.model, document.constraints, document.start, document.prior_weight)
+        problem = PoseProblem(
+            job.model, document.constraints, document.start, document.prior_weight, prior=document.prior
+        )
         return JobResult(job, solve(problem, job.x0, should_stop=should_stop))
     except Exception as error:  # the frame that polls must learn of it, whatever it is
         return JobResult(job, None, error)

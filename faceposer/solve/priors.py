@@ -1,26 +1,28 @@
 """Priors of natural expressions, as terms of the problem (Lau et al. 2009, section 5)."""
 
 from functools import lru_cache
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from faceposer.model.coupling import coupling
 from faceposer.model.face_model import FaceModel
 from faceposer.model.mixture import GaussianMixture
+from faceposer.model.regional_mixture import Density, RegionalMixture
 from faceposer.solve.term import Array, PoseState
+
+#: How a face is judged: region by region, or as a whole.
+Prior = Literal["regions", "whole"]
+PRIORS: tuple[Prior, ...] = get_args(Prior)
 
 # How far outside its limits a rig weight may stray, as a standard deviation and a share of their distance.
 _BOUND_SCALE = 0.05
 
 
 class MixturePrior:
-    """weight * (-ln pr(p)) for a mixture of Gaussians (paper, eqs. (19) and (31)).
+    """weight * (-ln pr(p)) for a density made of Gaussians (paper, eqs. (19) and (31)), up to a constant."""
 
-    The constant that makes the energy of the most likely pose of the leading component zero is left out.
-    """
-
-    def __init__(self, mixture: GaussianMixture, weight: float = 1.0) -> None:
+    def __init__(self, mixture: Density, weight: float = 1.0) -> None:
         """Weigh the energy of ``mixture`` by ``weight``, at least 0."""
         self.mixture = mixture
         self.weight = weight
@@ -31,9 +33,8 @@ class MixturePrior:
         return self.weight * energy, self.weight * gradient
 
     def curvature(self, state: PoseState) -> Array:
-        """Return the precision of the component that most likely made the pose, shape (r, r)."""
-        component = int(np.argmax(self.mixture.responsibilities(state.p)))
-        return self.weight * self.mixture.precisions[component]
+        """Return the precision of the components that most likely made the pose, shape (r, r)."""
+        return self.weight * self.mixture.curvature(state.p)
 
 
 class WeightBounds:
@@ -74,15 +75,14 @@ class WeightBounds:
         return product
 
 
-def centred_at(model: FaceModel, start: Array) -> GaussianMixture:
+def centred_at(model: FaceModel, start: Array, prior: Prior = "regions") -> Density:
     """Return the model's density as it looks from the pose ``start``: each component becomes a spread about that pose.
 
     The mode of a learned density is its performer's habitual face, not the pose that the user starts from, so that
     minimising (20) as it stands deforms a face that nobody has touched. The start is evidence: here every component
     keeps where it lies as the direction in which the face moves, cov_k + (mean_k - start)(mean_k - start)^T being its
     second moment about the start. All components have their peak there, so without constraints the start is the only
-    minimum, and a small pull moves the face a little. What regions have to do with each other is damped in the same
-    step (``faceposer.model.coupling``).
+    minimum, and a small pull moves the face a little.
 
     With their peaks at one place, the narrowest component would outweigh all others there and hold the face still
     until it snaps. The weights are therefore tempered: the peaks enter by the root of their height.
@@ -90,19 +90,19 @@ def centred_at(model: FaceModel, start: Array) -> GaussianMixture:
     Args:
         model: The face and its density.
         start: Coefficients of the pose to start from, shape (r,).
+        prior: "regions" to choose components region by region (``faceposer.model.regional_mixture``), "whole" to
+            choose one for all of the face.
     """
-    return _centred_at(model, start.tobytes())
+    return _centred_at(model, start.tobytes(), prior)
 
 
 @lru_cache(maxsize=8)
-def _centred_at(model: FaceModel, start_bytes: bytes) -> GaussianMixture:
+def _centred_at(model: FaceModel, start_bytes: bytes, prior: Prior) -> Density:
     """Factor the covariances once per start: it changes between poses, not between the moves of a drag."""
-    start, mixture, subspace = np.frombuffer(start_bytes), model.mixture, model.subspace
-    offsets = mixture.means - start
-    spread = mixture.covariances + np.einsum("ki,kj->kij", offsets, offsets)
-    in_weights = subspace.directions @ spread @ subspace.directions.T
-    in_weights *= coupling(model.subject.shape_names)
-    spread = subspace.projection @ in_weights @ subspace.projection.T
+    start, mixture = np.frombuffer(start_bytes), model.mixture
+    if prior == "regions":
+        return RegionalMixture(model.rig_density, start)
+    spread = mixture.spread_about(start)
     log_weights = 0.5 * np.log(mixture.weights) + 0.25 * np.linalg.slogdet(spread)[1]
     weights = np.maximum(np.exp(log_weights - log_weights.max()), 1e-300)
     means = np.broadcast_to(start, mixture.means.shape).copy()

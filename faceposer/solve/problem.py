@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike
 
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
-from faceposer.model.mixture import GaussianMixture
+from faceposer.model.regional_mixture import Density
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
-from faceposer.solve.priors import MixturePrior, WeightBounds, centred_at
+from faceposer.solve.priors import MixturePrior, Prior, WeightBounds, centred_at
 from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, Term
 
 # Keeps the problem bounded where neither a constraint nor the prior says anything, far below what either says.
@@ -47,7 +47,8 @@ class PoseProblem:
         constraints: Sequence[Constraint],
         start: ArrayLike | None = None,
         prior_weight: float = 1.0,
-        mixture: GaussianMixture | None = None,
+        mixture: Density | None = None,
+        prior: Prior = "regions",
     ) -> None:
         """Gather the problem.
 
@@ -58,6 +59,7 @@ class PoseProblem:
             prior_weight: Weight of the prior, at least 0.
             mixture: A density over coefficients to take as the whole prior, as the paper does; if None, the prior is
                 the model's own density seen from the start, with bounds on the rig's weights.
+            prior: Whether the model's own density judges region by region, or the face as a whole.
 
         Raises:
             ValueError: If a constraint names a place that the face does not have.
@@ -70,9 +72,10 @@ class PoseProblem:
         for constraint in self.constraints:
             if constraint.enabled:
                 self.start = constraint.moved_start(model, self.start)
+        self.mixture: Density
         if mixture is None:
             # What moves the start keeps the prior as it was seen from before: only its place moves along.
-            centred = centred_at(model, begin)
+            centred = centred_at(model, begin, prior)
             self.mixture = centred if self.start is begin else centred.moved_by(self.start - begin)
         else:
             self.mixture = mixture

@@ -1,13 +1,16 @@
 """How the principal modes of example meshes move together: the prior of a character that is known by examples."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.model.coupling import learn_coupling
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.mfa import MixtureOfFactorAnalyzers
 from faceposer.training.modes import Modes
 from faceposer.training.progress import Progress
-from faceposer.training.selection import Choice, block_folds, calm_covariance, choose_mixture
+from faceposer.training.selection import Choice, Fold, block_folds, calm_covariance, choose_mixture
 
 Array = NDArray[np.float64]
 
@@ -53,5 +56,16 @@ def statistics_of_modes(
         samples.mean(axis=0),
         covariance,
         "Learned from example meshes of the user.",
+        modes.regions,
+        learn_coupling(_changes(folds), modes.regions) if len(folds) > 1 else None,
     )
     return statistics, choice
+
+
+def _changes(folds: Sequence[Fold]) -> list[Fold]:
+    """Return folds whose frames left out have become changes between them and from rest."""
+    changed = []
+    for train, left_out in folds:
+        others = np.roll(left_out, 1, axis=0)
+        changed.append((train, np.concatenate([left_out, left_out - others]) if len(left_out) > 1 else left_out))
+    return changed

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from faceposer.model.capture import Capture, read_capture
 from faceposer.model.expression_statistics import ExpressionStatistics
+from faceposer.model.face_model import gram_of_shapes
+from faceposer.model.subject_file import load_subject
 from faceposer.model.training import Recipe, augment, clean, learn, shapes_of
 from faceposer.training.progress import Progress
 from faceposer.training.selection import Choice, Fold, choose_mixture
@@ -67,10 +69,18 @@ def statistics_of_captures(
     recipe = replace(
         recipe, n_components=choice.n_components, n_factors=choice.n_factors, blend=max(choice.blend, recipe.blend)
     )
-    statistics = learn(captures, recipe, "Learned from performances of the user.")
+    statistics = learn(captures, recipe, "Learned from performances of the user.", _metric(names))
     missing = tuple(name for name in captures[0].missing if all(name in capture.missing for capture in captures))
     takes = tuple((path.name, len(capture.weights)) for path, capture in zip(paths, captures, strict=True))
     return Learned(statistics, choice, takes, missing)
+
+
+def _metric(names: Sequence[str]) -> Array:
+    """Return the inner products of the man's shapes called ``names``: errors count as far as a face shows them."""
+    man = load_subject("man")
+    ids = [man.shape_names.index(name) for name in names]
+    metric: Array = gram_of_shapes(man)[np.ix_(ids, ids)]
+    return metric
 
 
 def _folds(captures: Sequence[Capture], names: Sequence[str], recipe: Recipe) -> list[Fold]:

@@ -58,7 +58,9 @@ class DrawnConstraints:
         if app.busy or not document.solved:
             return {}
         if session.revision != self._conflicts[0]:
-            problem = PoseProblem(session.model, document.constraints, document.start, document.prior_weight)
+            problem = PoseProblem(
+                session.model, document.constraints, document.start, document.prior_weight, prior=document.prior
+            )
             found = find_conflicts(problem, session.coefficients)
             texts = {}
             for conflict in found:

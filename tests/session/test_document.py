@@ -73,6 +73,8 @@ def test_a_pose_without_constraints_is_where_editing_starts(tmp_path: Path) -> N
         ({"subject": 5}, "subject must be"),
         ({"subject": ""}, "subject must be"),
         ({"prior_weight": -1}, "prior_weight must be a number from 0"),
+        ({"prior": "half"}, "prior is .*half"),
+        ({"prior": []}, "prior is"),
         ({"prior_weight": "1"}, "prior_weight must be a number"),
         ({"prior_weight": float("nan")}, "prior_weight must be a number"),
         ({"constraints": {}}, "constraints must be a list"),

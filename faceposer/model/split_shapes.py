@@ -1,0 +1,50 @@
+"""Statistics for rigs that have the halves of a shape where the statistics know the whole."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from faceposer.model.expression_statistics import ExpressionStatistics
+
+_SIDES = ("Left", "Right")
+# How far the halves differ, as a share of the variance of the whole, and at least: nothing is known of it.
+_DIFFER = 0.25
+_LEAST = 1e-4
+
+
+def split_to_match(statistics: ExpressionStatistics, shape_names: Sequence[str]) -> ExpressionStatistics:
+    """Return ``statistics`` with both halves of each shape that they have whole and ``shape_names`` in halves.
+
+    ARKit has one browInnerUp and one cheekPuff; rigs such as ICT-FaceKit have them left and right. Each half moves as
+    the whole does, with a difference of its own, so that an artist can move one.
+    """
+    for side, other in (_SIDES, _SIDES[::-1]):
+        for name in shape_names:
+            whole = name.removesuffix(side)
+            if name != whole and whole in statistics.shape_names and name not in statistics.shape_names:
+                statistics = _with_halves(statistics, whole, (whole + side, whole + other))
+    return statistics
+
+
+def _with_halves(statistics: ExpressionStatistics, whole: str, halves: tuple[str, str]) -> ExpressionStatistics:
+    column = statistics.shape_names.index(whole)
+    order = [*range(len(statistics.shape_names)), column]
+    names = [*statistics.shape_names, halves[1]]
+    names[column] = halves[0]
+    pair = np.ix_([column, len(order) - 1], [column, len(order) - 1])
+    pattern = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    covariances = statistics.covariances[:, order][:, :, order]
+    covariance = statistics.covariance[np.ix_(order, order)]
+    for matrix in (*covariances, covariance):
+        matrix[pair] += (_DIFFER * matrix[column, column] + _LEAST) * pattern
+    return replace(
+        statistics,
+        shape_names=tuple(names),
+        means=statistics.means[:, order],
+        covariances=covariances,
+        mean=statistics.mean[order],
+        covariance=covariance,
+        regions=tuple(statistics.regions[i] for i in order),
+        coupling=statistics.factors[np.ix_(order, order)],
+    )
