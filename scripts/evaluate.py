@@ -14,7 +14,7 @@ is compared with the frame. All methods see the same constraints under the same 
   pca        no prior, in the subspace of 99 % of the variance, which suits it best
   mfa-paper  mfa-plain as the paper has it: raw frames, subspace of 99 % of the variance (for comparison)
 
-Then the points of a trial lie in one region of the face alone, and what the priors that ship do to the others is measured.
+Then all points of a trial lie in one region, and what the two priors that ship do to the other regions is measured.
 """
 
 import os

@@ -124,7 +124,7 @@ class RegionalMixture:
         return self._share * (self._whiteners.transpose(0, 2, 1) @ self._whiteners) + self._between
 
     def _shares(self, p: Array) -> tuple[Array, Array, Array]:
-        """Return whitened deviations, (K, rows), posteriors of each region's components, (K, G), and energies, (G,)."""
+        """Return whitened deviations, (K, rows), and per region the components' posterior, (K, G), and energy, (G,)."""
         deviations = (self._stacked @ (p - self._start)).reshape(self.n_components, -1)
         log_joint = self._peaks - 0.5 * np.add.reduceat(deviations * deviations, self._first_rows, axis=1)
         top = log_joint.max(axis=0)

@@ -260,6 +260,20 @@ def test_prior_weight_is_one_step_and_may_be_zero(context: HeadlessContext) -> N
     assert session.residuals_px[0] == pytest.approx(held_back)
 
 
+def test_the_prior_is_chosen_as_one_step(context: HeadlessContext) -> None:
+    session = context.session
+    begin = context.feature(CORNER)
+    context.drag(begin, shifted(begin, 40, -40))
+    pose = session.coefficients.copy()
+    session.set_prior("whole")
+    session.poll()
+    assert session.document.prior == "whole"
+    assert np.abs(session.coefficients - pose).max() > 1e-3
+    session.undo()
+    assert session.document.prior == "regions"
+    np.testing.assert_array_equal(session.coefficients, pose)
+
+
 def test_reset_is_one_step(context: HeadlessContext) -> None:
     session = context.session
     begin = context.feature(CORNER)

@@ -188,6 +188,14 @@ def test_prior_weight_by_its_slider(robot: Robot) -> None:
     assert app.session.residuals_px[0] == pytest.approx(residual, abs=1e-6)
 
 
+def test_prior_by_its_buttons(robot: Robot) -> None:
+    app = robot.app
+    robot.click(app.marks.center("prior:1"))
+    assert app.session.document.prior == "whole"
+    robot.key("Ctrl+Z")
+    assert app.session.document.prior == "regions"
+
+
 def test_views_orbit_and_zoom_do_not_edit(robot: Robot) -> None:
     app = robot.app
     view = app.viewport.view

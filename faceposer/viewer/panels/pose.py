@@ -7,6 +7,7 @@ from imgui_bundle import imgui
 
 from faceposer.model.subject_file import available_subjects
 from faceposer.solve.constraints.fixed import FixedConstraint
+from faceposer.solve.priors import PRIORS
 from faceposer.viewer.panels.constraint_details import LARGEST_HOLD
 from faceposer.viewer.panels.widgets import action_button, button_width, choice, tooltip
 from faceposer.viewer.theme import Icon, em
@@ -40,6 +41,7 @@ class PosePanel:
             action_button(app.marks, app.actions["apply"], -1.0, strong=session.pending)
         imgui.spacing()
         self._draw_weight(app)
+        self._draw_prior(app)
         self._draw_hold(app)
         imgui.spacing()
         width = button_width(3)
@@ -91,6 +93,16 @@ class PosePanel:
                 session.set_prior_weight(_USUAL_WEIGHT)
             app.marks.note("weight:reset")
             tooltip("Back to 1")
+
+    def _draw_prior(self, app: "App") -> None:
+        session = app.session
+        tips = (
+            "Each region of the face is kept natural by itself: a brow can be raised and the mouth stays.",
+            "The face is kept natural as a whole: what one region does tells of all others.",
+        )
+        chosen = choice(app.marks, "prior", ("By region", "Whole face"), PRIORS.index(session.document.prior), tips)
+        if PRIORS[chosen] != session.document.prior and not session.editing:
+            session.set_prior(PRIORS[chosen])
 
     def _draw_hold(self, app: "App") -> None:
         """Draw a slider for the weight of all fixed vertices together."""
