@@ -44,10 +44,10 @@ if str(ROOT) not in sys.path:
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.strokes import resampled, smoothed
 from faceposer.model.capture import read_capture
-from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.face_model import FaceModel, build_face_model, gram_of_shapes
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
-from faceposer.model.training import Recipe, augment, clean, fit_statistics
+from faceposer.model.training import Recipe, clean, learn_from_frames
 from faceposer.solve.constraints.stroke import StrokeConstraint, StrokeEnergy, as_pixels
 from faceposer.solve.constraints.stroke_terms import StrokeDistanceTerm
 from faceposer.solve.map_solver import solve
@@ -211,7 +211,8 @@ def main() -> None:
     subject = load_subject(options.subject)
     if subject.shape_names != ARKIT_SHAPES:
         sys.exit(f"The frames do not fit the subject '{subject.name}': its shapes are not the 52 of ARKit.")
-    model = build_face_model(subject, fit_statistics(augment(train, ARKIT_SHAPES, recipe), ARKIT_SHAPES, recipe, ""))
+    metric = gram_of_shapes(load_subject("man"))
+    model = build_face_model(subject, learn_from_frames(train, ARKIT_SHAPES, recipe, metric=metric))
     camera = OrbitView.preset(subject.vertices.min(axis=0), subject.vertices.max(axis=0)).camera(SIZE)
 
     methods = METHODS | (CONSTANTS if options.constants else {})

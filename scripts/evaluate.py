@@ -97,11 +97,10 @@ def regional_rows(
     """Return the rows of the trials whose points lie in one region."""
     vertices = region_vertices(model.subject)
     # Brows are small: every vertex of them is a candidate, elsewhere every third.
-    coarse, fine = visible_anchors(model, camera), visible_anchors(model, camera, 1)
     rows = []
     for i, region in enumerate(FACE_REGIONS):
         inside = set(vertices[region].tolist())
-        anchors = [anchor for anchor in (fine if region == "brows" else coarse) if anchor[0] in inside]
+        anchors = visible_anchors(model, camera, 1 if region == "brows" else 3, inside)
         for noise_px in NOISE_PX:
             for count in REGION_COUNTS:
                 enough = len(anchors) // 4
@@ -143,13 +142,16 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the rows to this file")
     parser.add_argument("--subject", default="man", help="face to pose (default: man)")
     parser.add_argument("--poses", type=int, default=200, help="test frames per count (default: 200)")
+    parser.add_argument(
+        "--examples", type=int, default=Recipe().n_examples, help="to learn from (default: %(default)s)"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of frames, points and noise (default: 0)")
     options = parser.parse_args()
     folder = os.environ.get("FACEPOSER_CAPTURES")
     if not folder:
         sys.exit("Set FACEPOSER_CAPTURES to the folder with the capture files.")
 
-    recipe = Recipe()
+    recipe = replace(Recipe(), n_examples=options.examples)
     train, test = (clean(read_capture(Path(folder) / take), recipe) for take in (TRAIN, TEST))
     began = time.perf_counter()
     methods, ours = make_methods(options.subject, train, recipe)

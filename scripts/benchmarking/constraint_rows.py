@@ -13,7 +13,7 @@ from faceposer.geometry.strokes import stroke_pixels
 from faceposer.model.capture import read_capture
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.subject import ARKIT_SHAPES
-from faceposer.model.training import Recipe, augment, clean, fit_statistics
+from faceposer.model.training import Recipe, clean, learn_from_frames
 from faceposer.solve.constraints.curve import CurveConstraint
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.fixed import FixedConstraint
@@ -171,7 +171,7 @@ def example_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
     rows = []
     for count in _FRAMES:
         chosen = frames[np.linspace(0, len(frames) - 1, count).round().astype(int)]
-        statistics = fit_statistics(augment(chosen, ARKIT_SHAPES, recipe), ARKIT_SHAPES, recipe, "")
+        statistics = learn_from_frames(chosen, ARKIT_SHAPES, recipe)
         learned = build_face_model(model.subject, statistics, model.n_coefficients)
         corners = [model.subject.feature_points[name] for name in _DRAGGED]
         rows.append(warm_row(f"scaling/examples-{count}", learned, dragged_points(learned, camera, corners, 5, moves)))

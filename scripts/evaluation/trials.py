@@ -1,6 +1,6 @@
 """Tests made from an unseen take: constraints that a frame gives, and the frame itself."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,14 +47,23 @@ def region_vertices(subject: Subject) -> dict[str, np.ndarray]:
     }
 
 
-def visible_anchors(model: FaceModel, camera: Camera, step: int = 3) -> Anchors:
-    """Return every ``step``-th vertex of the skin that the camera sees on the neutral face, with its point."""
+def visible_anchors(model: FaceModel, camera: Camera, step: int = 3, among: Collection[int] | None = None) -> Anchors:
+    """Return every ``step``-th vertex of the skin that the camera sees on the neutral face, with its point.
+
+    Args:
+        model: The face.
+        camera: Sees it.
+        step: How many of the vertices that face the camera are passed over.
+        among: The only vertices to look at, if given.
+    """
     subject = model.subject
     vertices = subject.vertices
     skin = subject.part("skin")
     normals = VertexNormals(subject.triangles, len(vertices))(vertices)
     facing = np.einsum("nd,nd->n", normals, camera.center - vertices) > 0.2 * np.linalg.norm(camera.center)
     candidates = [v for v in range(*skin.vertices) if facing[v]][::step]
+    if among is not None:
+        candidates = [v for v in candidates if v in among]
     # Only triangles of the front can hide a point that faces the camera.
     front = subject.triangles[facing[subject.triangles].any(axis=1)]
     anchors = []

@@ -10,7 +10,7 @@ from faceposer.errors import FacePoserError
 from faceposer.model.capture import Capture
 from faceposer.model.expression_statistics import load_expression_statistics
 from faceposer.model.subject import ARKIT_SHAPES
-from faceposer.model.training import Recipe, augment, fit_statistics, learn, mirror_indices
+from faceposer.model.training import Recipe, augment, couple, fit_statistics, learn, mirror_indices
 
 RECIPE = Recipe(n_examples=2000, n_components=3, n_factors=2)
 NAMES = list(ARKIT_SHAPES)
@@ -134,3 +134,28 @@ def test_shipped_statistics_cover_every_shape() -> None:
     assert statistics.shape_names == ARKIT_SHAPES
     assert (np.diag(statistics.covariance) > 5e-4).all()
     assert "MIT" in statistics.credits
+
+
+def test_regions_are_coupled_only_where_the_take_says_so_throughout() -> None:
+    rng = np.random.default_rng(4)
+    frames = np.zeros((600, len(NAMES)))
+    jaw = rng.random(600)
+    frames[:, NAMES.index("jawOpen")] = jaw
+    frames[:, NAMES.index("noseSneerLeft")] = frames[:, NAMES.index("noseSneerRight")] = 0.8 * jaw
+    frames[:, NAMES.index("browInnerUp")] = rng.random(600)
+    plain = replace(RECIPE, halves=0.0, sides=0.0, extras=0.0)
+    coupling = couple(frames, NAMES, plain)
+    jaw_row = coupling[NAMES.index("jawOpen")]
+    # A brow is up half the time whatever the jaw does: that much, and no more, is told.
+    assert jaw_row[NAMES.index("noseSneerLeft")] > 0.7
+    assert jaw_row[NAMES.index("browInnerUp")] < 0.5
+    np.testing.assert_allclose(np.diag(coupling), 1.0)
+
+
+def test_regions_and_coupling_are_saved(tmp_path: Path) -> None:
+    shipped = load_expression_statistics()
+    assert set(shipped.regions) == {"brows", "lids", "gaze", "midface", "mouth"}
+    shipped.save(tmp_path / "a.npz")
+    again = load_expression_statistics(tmp_path / "a.npz")
+    assert again.regions == shipped.regions
+    np.testing.assert_allclose(again.factors, shipped.factors, atol=1e-6)

@@ -45,6 +45,21 @@ def test_strokes_are_compared(tmp_path: Path) -> None:
     assert {row["poses"] for row in rows} == {1}
 
 
+@pytest.mark.skipif("FACEPOSER_CAPTURES" not in os.environ, reason="needs the capture files")
+def test_priors_are_compared(tmp_path: Path) -> None:
+    path = tmp_path / "evaluation.json"
+    result = run("evaluate.py", "--poses", "1", "--examples", "300", "--json", str(path), captures=True)
+    assert result.returncode == 0, result.stderr
+    data = json.loads(path.read_text())
+    methods = {"mfa", "mfa-whole", "mfa-plain", "ppca", "pca", "mfa-paper"}
+    assert {(row["method"], row["count"]) for row in data["rows"]} == {
+        (m, n) for m in methods for n in (1, 2, 4, 8, 16, 32)
+    }
+    assert {row["region"] for row in data["regions"]} == {"brows", "lids", "midface", "mouth"}
+    assert {row["method"] for row in data["regions"]} == {"mfa", "mfa-whole"}
+    assert all(row["moved_mm"] >= 0.0 for row in data["regions"])
+
+
 def test_without_captures_comparing_says_what_to_set() -> None:
     result = run("compare_strokes.py")
     assert result.returncode == 1

@@ -39,6 +39,15 @@ def test_round_trip(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["smile.json"], "no temporary file is left"
 
 
+def test_the_prior_is_kept_in_the_file(tmp_path: Path) -> None:
+    write_document(tmp_path / "a.json", Document("man", prior="whole"))
+    assert json.loads((tmp_path / "a.json").read_text())["prior"] == "whole"
+    assert read_document(tmp_path / "a.json").prior == "whole"
+    write_document(tmp_path / "a.json", Document("man"))
+    assert "prior" not in json.loads((tmp_path / "a.json").read_text())
+    assert not Document("man").same_input(Document("man", prior="whole"))
+
+
 def test_file_is_as_documented(tmp_path: Path) -> None:
     write_document(tmp_path / "a.json", document())
     data = json.loads((tmp_path / "a.json").read_text())

@@ -14,6 +14,7 @@ from faceposer.geometry.polygon_mesh import Group, MorphMesh, PolygonMesh
 from faceposer.model.face_model import build_face_model
 from faceposer.model.subject_file import load_subject, save_subject
 from faceposer.session.export import write_posed_obj
+from faceposer.solve.problem import PoseProblem
 from faceposer.training.progress import Progress, TrainingCancelled
 from faceposer.training.rigs import RigOptions, subject_from_morphs, subject_from_rig
 from tests.training.faces import base, morph_mesh, rotation
@@ -126,6 +127,26 @@ def test_spellings_missing_empty_and_foreign_shapes_are_reported() -> None:
     assert subject.summary["empty"] == ["jawForward"]
     assert subject.summary["not_arkit"] == ["Head.mySpecial"]
     build_face_model(subject)
+
+
+def test_shapes_in_halves_can_be_moved_by_themselves() -> None:
+    rig = morph_mesh()
+    x = rig.mesh.vertices[:, :1]
+    left = 1.0 / (1.0 + np.exp(-4.0 * x))
+    targets = dict(rig.targets)
+    for name in ("browInnerUp", "cheekPuff"):
+        whole = targets.pop(name)
+        targets |= {f"{name}_L": (left * whole).astype("f4"), f"{name}_R": ((1.0 - left) * whole).astype("f4")}
+    subject = imported(replace(rig, targets=targets))
+    assert subject.summary["missing"] == []
+    assert len(subject.shape_names) == 54
+    model = build_face_model(subject)
+    raised = model.instance(model.coefficients_of({"browInnerUpLeft": 1.0})) - subject.vertices
+    up = raised[:, 1]
+    assert up[subject.vertices[:, 0] > 0.8].max() > 4.0 * up[subject.vertices[:, 0] < -0.8].max()
+    energy, gradient = PoseProblem(model, []).energy_and_gradient(model.neutral())
+    assert np.isfinite(energy)
+    np.testing.assert_allclose(gradient, 0.0, atol=1e-9)
 
 
 def test_eyes_without_shapes_follow_the_gaze_and_get_a_look() -> None:
