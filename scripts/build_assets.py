@@ -2,8 +2,9 @@
 
 Run from the root of a checkout::
 
-    python -m scripts.build_assets            # downloads the source data into a cache folder, then builds
-    python -m scripts.build_assets --check    # rebuilds in memory and compares with the committed files
+    python -m scripts.build_assets                  # downloads the source data into a cache folder, then builds
+    python -m scripts.build_assets --check          # rebuilds in memory and compares with the committed files
+    python -m scripts.build_assets --examples DIR   # writes the creature's neutral face and its examples as OBJ
 """
 
 import argparse
@@ -12,30 +13,47 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
+from faceposer.geometry.obj_io import write_obj
+from faceposer.geometry.polygon_mesh import Group
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import load_subject, save_subject
+from faceposer.training.examples import ExampleOptions
+from faceposer.training.known_face import mesh_of, subject_from_frames
+from faceposer.training.progress import Progress
 from scripts.asset_building.builder import Builder
+from scripts.asset_building.creature import build_creature
+from scripts.asset_building.creature_expressions import EXPRESSIONS
 from scripts.asset_building.identity import RECIPES
+from scripts.asset_building.low_poly import build_low
 from scripts.asset_building.source import Source, download_wheel
 
 #: Largest difference that a rebuild on another machine may show: in centimetres, and in grey levels on average.
 _LENGTH_TOLERANCE, _COLOUR_TOLERANCE = 1e-3, 1.5
+#: And in the moments of the weights of modes, whose own are about 1.
+_WEIGHT_TOLERANCE = 1e-2
 
 
 def differences(built: Subject, stored: Subject) -> list[str]:
     """Return what differs between two subjects beyond rounding, a few words each."""
     names = ("name", "title", "parts", "shape_names", "feature_points", "feature_titles", "credits")
     found = [name for name in names if getattr(built, name) != getattr(stored, name)]
-    for name in ("polygons", "polygon_uvs", "vertices", "uv", "shapes"):
+    for name in ("polygons", "polygon_uvs", "vertices", "uv", "shapes", "shape_limits"):
         one, other = getattr(built, name), getattr(stored, name)
         if one.shape != other.shape or np.abs(one - other).max() > _LENGTH_TOLERANCE:
             found.append(name)
+    if (built.statistics is None) != (stored.statistics is None):
+        found.append("statistics")
+    elif built.statistics is not None and stored.statistics is not None:
+        pairs = ((getattr(of, name) for of in (built.statistics, stored.statistics)) for name in ("mean", "covariance"))
+        if any(one.shape != other.shape or np.abs(one - other).max() > _WEIGHT_TOLERANCE for one, other in pairs):
+            found.append("statistics")
     for kind, equal in (("regions", np.array_equal), ("textures", _look_alike)):
         one, other = getattr(built, kind), getattr(stored, kind)
         found += [f"{kind}: {name}" for name in one.keys() ^ other.keys()]
@@ -49,6 +67,25 @@ def _look_alike(one: bytes, other: bytes) -> bool:
     return pixels[0].shape == pixels[1].shape and bool(np.abs(pixels[0] - pixels[1]).mean() < _COLOUR_TOLERANCE)
 
 
+def write_examples(folder: Path, neutral: Subject, examples: NDArray[np.float32]) -> None:
+    """Write the neutral face and the ``examples``, shape (30, N, 3), as OBJ files named after `EXPRESSIONS`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    groups = [Group(part.name, part.polygons, part.material) for part in neutral.parts]
+    for name, vertices in [("neutral", neutral.vertices), *zip(EXPRESSIONS, examples, strict=True)]:
+        path = folder / f"{name}.obj"
+        comment = f"{neutral.title}: {name}. {neutral.credits}"
+        write_obj(path, vertices, neutral.polygons, neutral.uv, neutral.polygon_uvs, groups=groups, comment=comment)
+    print(f"{folder}: neutral.obj and {len(examples)} examples of {len(neutral.vertices)} vertices")
+
+
+def learn_creature(builder: Builder) -> Subject:
+    """Return the creature as it is learned from its neutral face and its examples."""
+    neutral, examples = build_creature(builder)
+    options = ExampleOptions(neutral.name, neutral.title, credits=neutral.credits)
+    frames = [neutral.vertices, *examples]
+    return subject_from_frames(frames, len(frames), mesh_of(neutral), neutral, "thirty examples", options, Progress())
+
+
 def main() -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -56,12 +93,17 @@ def main() -> int:
     parser.add_argument("--cache", type=Path, default=ROOT / "build" / "source", help="folder for the download")
     parser.add_argument("--output", type=Path, default=ROOT / "assets" / "subjects", help="folder of the results")
     parser.add_argument("--check", action="store_true", help="compare with what is there instead of writing")
+    parser.add_argument(
+        "--examples", type=Path, metavar="DIR", help="write only the creature's examples: neutral.obj and one OBJ each"
+    )
     options = parser.parse_args()
     builder = Builder(Source(options.wheel or download_wheel(options.cache)))
+    if options.examples is not None:
+        write_examples(options.examples, *build_creature(builder))
+        return 0
     n_different = 0
-    for recipe in RECIPES:
-        path = options.output / f"{recipe.name}.npz"
-        subject = builder.subject(recipe)
+    for subject in (*map(builder.subject, RECIPES), build_low(builder), learn_creature(builder)):
+        path = options.output / f"{subject.name}.npz"
         if options.check:
             found = differences(subject, load_subject(path))
             n_different += len(found)

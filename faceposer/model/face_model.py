@@ -155,11 +155,11 @@ def build_face_model(
     n_components: int | None = None,
     metric: Literal["local", "plain"] = "local",
 ) -> FaceModel:
-    """Return the model of any ``subject`` whose shapes have ARKit's names, from statistics over ARKit weights.
+    """Return the model of a ``subject``, from statistics over the weights of its shapes.
 
     Args:
         subject: The face with its shapes.
-        statistics: How the weights move together; the shipped ones if None.
+        statistics: How the weights move together; the subject's own if None, or the shipped ones over ARKit's weights.
         n_components: Dimensions of the subspace; if None, the fewest that reach every shape (gaze aside) but for
             ``LEAVE_AT_MOST`` of its displacement.
         metric: What the PCA counts: motion relative to how much its place moves at all ("local"), or plain squared
@@ -168,7 +168,7 @@ def build_face_model(
     Raises:
         FacePoserError: If the subject has none of the shapes that the statistics speak of.
     """
-    statistics = statistics or load_expression_statistics()
+    statistics = statistics or subject.statistics or load_expression_statistics()
     names = [name for name in subject.shape_names if name in statistics.shape_names]
     if not names:
         raise FacePoserError(

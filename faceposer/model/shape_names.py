@@ -23,9 +23,11 @@ _PREFIX_ENDS = re.compile(r"[\W_]+(?=[^\W_])|(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A
 def _spellings(shape: str) -> list[str]:
     """Return how ``shape`` is written, without case and separators."""
     side = re.search("(Left|Right)$", shape)
-    if side is None or shape in _SIDEWAYS:
+    if side is None:
         return [shape.lower()]
     stem, side_name = shape[: side.start()].lower(), side[0].lower()
+    if shape in _SIDEWAYS:
+        return [stem + side_name, stem + side_name[0]]
     return [stem + side_name, stem + side_name[0], side_name + stem, side_name[0] + stem]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.geometry.alignment import Similarity, rigid_alignment
+from faceposer.geometry.alignment import rigid_alignment
 from faceposer.geometry.mesh_sequence import MeshSequence, open_sequence
 from faceposer.model.subject import Subject
 from faceposer.training.assemble import UprightMesh, assemble
@@ -74,7 +74,7 @@ def subject_from_examples(path: Path, options: ExampleOptions, progress: Progres
 
 
 def subject_from_sequence(
-    sequence: MeshSequence, source: str, options: ExampleOptions, progress: Progress, upright: Similarity | None = None
+    sequence: MeshSequence, source: str, options: ExampleOptions, progress: Progress, mesh: UprightMesh | None = None
 ) -> Subject:
     """Return the character that the meshes of ``sequence`` are examples of.
 
@@ -83,7 +83,7 @@ def subject_from_sequence(
         source: Where they come from, for the summary.
         options: What to make of them.
         progress: Told how far it is.
-        upright: From the files' axes and unit to upright centimetres; found from what moves if None.
+        mesh: Their neutral mesh upright, with its parts; found from what moves if None.
 
     Raises:
         FacePoserError: If the examples cannot be used, naming the place.
@@ -101,15 +101,15 @@ def subject_from_sequence(
     size = float(np.ptp(neutral, axis=0).max())
     if not motion.max() > (1e-5 * size) ** 2:
         raise FacePoserError(f"The meshes of '{source}' are all the same; give examples of different expressions.")
-    if upright is None:
+    if mesh is None:
         upright = upright_by_motion(neutral, sequence.neutral.triangles(), motion)
-    mesh = assemble(sequence.neutral, upright, sample, {})
+        mesh = assemble(sequence.neutral, upright, sample, {})
 
     progress.at("Finding the regions")
     triangles = _triangles(mesh)
     vertices = mesh.vertices.astype(np.float64)
-    own_sample = sample[:, mesh.file_ids]
-    segments = _segments(options.segments, vertices, triangles, mesh.displacements(sample))
+    own_sample = mesh.displacements(sample)
+    segments = _segments(options.segments, vertices, triangles, own_sample)
     metric = local_metric(vertices, triangles, motion[mesh.file_ids])
     with _store(AlignedReader(sequence, steady), options.scheduler, progress) as store:
         modes = learn_modes(store, sample, segments, metric, mesh.file_ids, options.n_dimensions)
@@ -120,7 +120,7 @@ def subject_from_sequence(
     shapes = mesh.displacements(modes.fields)
     progress.at("Measuring what was learned")
     inner = np.einsum("fmd,gmd->fg", own_sample, own_sample, optimize=True).astype(np.float64)
-    curves = curves_of(inner * float(upright.scale) ** 2, len(mesh.vertices), _MOST_CURVE)
+    curves = curves_of(inner, len(mesh.vertices), _MOST_CURVE)
     summary: dict[str, Any] = {
         "kind": "examples",
         "source": source,
@@ -129,7 +129,7 @@ def subject_from_sequence(
         "vertices": len(neutral),
         "parts": [part.name for part in mesh.parts],
         "dimensions": len(modes.names),
-        **_kept_energy(shapes, mesh.displacements(sample), modes, segments),
+        **_kept_energy(shapes, own_sample, modes, segments),
         "settled": modes.settled,
         "prior": {"from": "examples", **choice.as_json()},
         "curves": curves.as_json(),
@@ -172,7 +172,7 @@ def _store(reader: AlignedReader, scheduler: str | None, progress: Progress) -> 
 
 def _segments(wanted: str | int, vertices: Array, triangles: NDArray[np.int32], sample: Floats) -> Segments:
     if wanted == "face":
-        return face_segments(vertices, triangles)
+        return face_segments(vertices, triangles, sample)
     return whole_face(len(vertices)) if isinstance(wanted, str) else find_segments(vertices, triangles, sample, wanted)
 
 

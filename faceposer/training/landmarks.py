@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.model.subject import Part, Subject
+from faceposer.model.subject import Part
 from faceposer.model.subject_file import load_subject
 from faceposer.training.eyes import side_of
 
@@ -20,6 +20,7 @@ _STRENGTH_CM = 2.0
 # A place farther off than this, in the same measure, is no counterpart.
 _TOO_FAR_CM = 4.0
 _CHUNK = 1024
+_FEWEST_SHAPES = 4
 #: Feature points at the front of an eye, by side: the pupils.
 _PUPILS = {"Left": "3.5", "Right": "3.6"}
 
@@ -52,14 +53,14 @@ def find_landmarks(
         shapes: Offsets, (N, 3), by ARKit's names.
     """
     man = load_subject("man")
-    names = [n for n in man.shape_names if n in shapes and np.any(shapes[n]) and np.any(man.shapes[_index(man, n)])]
-    skin = np.concatenate(
-        [np.arange(*part.vertices) for part in parts if part.material == "skin"] or [np.zeros(0, int)]
-    )
-    if len(names) < 4 or not skin.size:
-        return Landmarks({}, {}, {})
     ours = np.arange(*man.part("skin").vertices)
-    man_shapes = np.stack([man.shapes[_index(man, name)][ours] for name in names])
+    runs = [np.arange(*part.vertices) for part in parts if part.material == "skin"]
+    skin = np.concatenate(runs) if runs else np.zeros(0, dtype=np.intp)
+    man_by_name = dict(zip(man.shape_names, man.shapes[:, ours], strict=True))
+    names = [n for n, shape in man_by_name.items() if n in shapes and np.any(shape) and np.any(shapes[n][skin])]
+    if len(names) < _FEWEST_SHAPES or not skin.size:
+        return Landmarks({}, {}, {})
+    man_shapes = np.stack([man_by_name[name] for name in names])
     new_shapes = np.stack([shapes[name][skin] for name in names])
     man_places = man.vertices[ours]
     new_places = _fitted(vertices[skin], new_shapes, man_places, man_shapes)
@@ -95,10 +96,6 @@ def find_landmarks(
         if part.material == "eye":
             regions[f"eye_{side_of(part, vertices).lower()}"] = np.arange(*part.vertices, dtype=np.int32)
     return Landmarks(regions, points, titles)
-
-
-def _index(man: Subject, name: str) -> int:
-    return man.shape_names.index(name)
 
 
 def _fitted(places: Features, shapes: Features, man_places: Features, man_shapes: Features) -> Features:

@@ -1,22 +1,20 @@
 """Motion of markers on a performer's face, carried over to a scan, becomes a subject (Lau et al. 2009, section 3.1)."""
 
-import tempfile
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
-from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.marker_io import read_markers
 from faceposer.geometry.marker_map import read_marker_map
 from faceposer.geometry.marker_meshes import MarkerMeshes, meshes_from_markers
 from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_mesh
-from faceposer.geometry.mesh_sequence import frames_of, write_frames
-from faceposer.geometry.polygon_mesh import Group, PolygonMesh
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import load_subject
-from faceposer.training.examples import ExampleOptions, subject_from_sequence
+from faceposer.training.examples import ExampleOptions
+from faceposer.training.known_face import mesh_of, subject_from_frames
 from faceposer.training.progress import Progress
 
 
@@ -42,23 +40,12 @@ def subject_from_markers(
         mesh = read_mesh(Path(scan))
     else:
         known = load_subject(scan)
-        mesh = _mesh_of(known)
+        mesh = mesh_of(known)
     points = dict(known.feature_points) if known else None
     moved = meshes_from_markers(
         read_markers(motion), read_marker_map(marker_map), mesh.vertices, mesh.triangles(), points
     )
-    with tempfile.TemporaryDirectory(prefix="faceposer-") as folder:
-        frames = Path(folder) / "frames.npz"
-        try:
-            write_frames(frames, _counted(moved, progress), len(moved), len(mesh.vertices))
-        except OSError as error:
-            raise FacePoserError(
-                f"The meshes of '{motion}' cannot be copied to '{tempfile.gettempdir()}' ({error.strerror}); make "
-                f"{12 * len(moved) * len(mesh.vertices) / 1e9:.1f} GB free there, or set TMPDIR to another folder."
-            ) from error
-        sequence = frames_of(frames, mesh, f"the scan '{scan}'")
-        upright = Similarity(np.eye(3), np.zeros(3), np.array(1.0)) if known else None
-        subject = subject_from_sequence(sequence, motion.name, options, progress, upright)
+    subject = subject_from_frames(_counted(moved, progress), len(moved), mesh, known, motion.name, options, progress)
     report = moved.report
     summary = {
         **subject.summary,
@@ -74,36 +61,10 @@ def subject_from_markers(
             "misfit": round(report.misfit, 4),
         },
     }
-    subject = replace(subject, summary=summary)
-    return _with_landmarks_of(subject, known) if known else subject
+    return replace(subject, summary=summary)
 
 
-def _counted(moved: MarkerMeshes, progress: Progress):  # type: ignore[no-untyped-def]
+def _counted(moved: MarkerMeshes, progress: Progress) -> Iterator[NDArray[np.float64]]:
     for i, vertices in enumerate(moved):
         progress.at("Moving the scan by the markers", (i + 1) / len(moved))
         yield vertices
-
-
-def _mesh_of(subject: Subject) -> PolygonMesh:
-    """Return the mesh of a subject, with its parts as groups."""
-    groups = tuple(Group(part.name, part.polygons, part.material) for part in subject.parts)
-    return PolygonMesh(
-        subject.vertices.astype(np.float64),
-        subject.polygons,
-        subject.uv.astype(np.float64),
-        subject.polygon_uvs,
-        groups=groups,
-    )
-
-
-def _with_landmarks_of(subject: Subject, known: Subject) -> Subject:
-    """Return ``subject`` with regions, feature points and looks of the ``known`` one that is its scan."""
-    assert subject.origin is not None
-    ids = subject.origin.vertex_ids
-    return replace(
-        subject,
-        regions={name: np.unique(ids[vertices]) for name, vertices in known.regions.items()},
-        feature_points={name: int(ids[vertex]) for name, vertex in known.feature_points.items()},
-        feature_titles=known.feature_titles,
-        textures=known.textures,
-    )

@@ -12,6 +12,7 @@ Array = NDArray[np.float64]
 
 _BLOCKS = 8
 _DRAWS = 200
+_TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ def curves_of(inner: Array, n_vertices: int, most: int, seed: int = 0) -> Curves
     most = max(1, min(most, n))
     total = float(np.trace(inner))
     energies, axes = _eigen(inner)
-    compact = np.cumsum(energies[:most]) / max(total, np.finfo(float).tiny)
+    compact = np.cumsum(energies[:most]) / max(total, _TINY)
     return Curves(
         tuple(range(1, most + 1)),
         tuple(np.minimum(compact, 1.0).tolist()),
@@ -83,7 +84,7 @@ def _generalization(inner: Array, n_vertices: int, most: int) -> list[float]:
     for block in contiguous_blocks(n):
         kept = np.setdiff1d(np.arange(n), block)
         values, axes = _eigen(inner[np.ix_(kept, kept)])
-        real = values > 1e-10 * max(values[0], np.finfo(float).tiny)
+        real = values > 1e-10 * max(values[0], _TINY)
         scores = inner[np.ix_(block, kept)] @ (axes[:, real] / np.sqrt(values[real]))
         explained = np.cumsum(scores**2, axis=1)[:, :most]
         if explained.shape[1] < most:
@@ -94,19 +95,21 @@ def _generalization(inner: Array, n_vertices: int, most: int) -> list[float]:
 
 
 def _specificity(energies: Array, axes: Array, inner: Array, n_vertices: int, most: int, seed: int) -> list[float]:
-    n = len(inner)
-    scores = axes * np.sqrt(energies)
+    scores = (axes * np.sqrt(energies))[:, :most]
+    if len(inner) < 2:
+        return [0.0] * most
     rng = np.random.default_rng(seed)
-    # The examples' own spread about their mean, since displacements are from the neutral face.
-    mean = scores.mean(axis=0)
+    # The examples' own spread about their mean, since displacements are from the neutral face. By a triangular factor
+    # the draws over m components are the first m numbers of those over more, and the curve does not jitter.
+    covariance = np.cov(scores.T, bias=True).reshape(most, most)
+    factor = np.linalg.cholesky(covariance + 1e-9 * max(float(np.trace(covariance)), _TINY) * np.eye(most))
+    draws = scores.mean(axis=0) + rng.standard_normal((_DRAWS, most)) @ factor.T
     results = []
     for m in range(1, most + 1):
-        covariance = np.cov(scores[:, :m].T, bias=True).reshape(m, m)
-        values, vectors = np.linalg.eigh(covariance)
-        draws = mean[:m] + (rng.standard_normal((_DRAWS, m)) * np.sqrt(values.clip(0.0))) @ vectors.T
         # A draw has nothing along the other components; the example's share there adds to the distance.
-        rest = (np.diag(inner) - (scores[:, :m] ** 2).sum(axis=1)).clip(0.0)
-        squared = ((draws**2).sum(axis=1)[:, None] - 2.0 * draws @ scores[:, :m].T) + (scores[:, :m] ** 2).sum(axis=1)
+        lengths = (scores[:, :m] ** 2).sum(axis=1)
+        rest = (np.diag(inner) - lengths).clip(0.0)
+        squared = ((draws[:, :m] ** 2).sum(axis=1)[:, None] - 2.0 * draws[:, :m] @ scores[:, :m].T) + lengths
         nearest = (squared + rest).min(axis=1).clip(0.0)
         results.append(float(np.sqrt(nearest / n_vertices).mean()))
-    return results if n > 1 else [0.0] * most
+    return results

@@ -15,6 +15,8 @@ _BLOCKS = 5
 _MOST_TO_CHOOSE = 4000
 _MOST_TO_FIT = 20_000
 _SHRINKAGE = 0.1
+# Least variance in any direction, the weights' own being 1: what no example did is unlikely, but not impossible.
+_NOISE = 0.02
 
 
 def statistics_of_modes(
@@ -31,18 +33,18 @@ def statistics_of_modes(
     samples = modes.weights
     step = max(1, len(samples) // _MOST_TO_CHOOSE)
     folds = block_folds(samples[::step], _BLOCKS)
-    choice = choose_mixture(folds, progress, n_components, n_factors, _SHRINKAGE)
+    choice = choose_mixture(folds, progress, n_components, n_factors, _SHRINKAGE, _NOISE)
     progress.at("Learning the prior")
     fitted = MixtureOfFactorAnalyzers(
         choice.n_components,
         choice.n_factors,
         shrinkage=_SHRINKAGE,
-        reg_covar=1e-5,
+        reg_covar=_NOISE,
         max_iter=60,
         tol=1e-3,
         random_state=0,
     ).fit(samples[:: max(1, len(samples) // _MOST_TO_FIT)])
-    covariance = calm_covariance(samples)
+    covariance = calm_covariance(samples, _NOISE)
     statistics = ExpressionStatistics(
         modes.names,
         fitted.weights_,

@@ -14,8 +14,10 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
 #: A region gets as many modes as have this share of its energy, at most so many.
-KEEP = 0.995
-MOST_MODES = 12
+KEEP = 0.998
+MOST_MODES = 14
+#: A region gets at most one mode for so many examples: of few, the last components are each one example's own.
+FRAMES_PER_MODE = 3
 # What moves less than this share of the most moving vertex counts as if it moved so much.
 _STILL = 0.04
 # A vertex of which a region has less than this is none of its.
@@ -86,9 +88,10 @@ def learn_modes(
         Region(np.asarray(ids[vertices], dtype=np.intp), mask[vertices], metric[vertices])
         for vertices, mask in zip(chosen, segments.masks, strict=True)
     ]
-    most = min(MOST_MODES if n_dimensions is None else n_dimensions, store.n_frames)
-    if len(regions) == 1 and n_dimensions is None:
-        most = min(4 * MOST_MODES, store.n_frames)
+    if n_dimensions is not None:
+        most = min(n_dimensions, store.n_frames)
+    else:
+        most = min(MOST_MODES if len(regions) > 1 else 4 * MOST_MODES, max(2, store.n_frames // FRAMES_PER_MODE))
     found = regional_pca(store, regions, sample, most)
     counts = _counts(found, n_dimensions)
     kept = {name: part.kept(count) for name, part, count in zip(segments.names, found, counts, strict=True)}

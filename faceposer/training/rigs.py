@@ -57,27 +57,34 @@ def subject_from_rig(path: Path, options: RigOptions, progress: Progress | None 
     """
     progress = progress or Progress()
     progress.at("Reading the rig")
-    rig = read_rig(path, options.neutral)
-    match = match_arkit(rig.targets, f"The rig '{path}'")
+    return subject_from_morphs(read_rig(path, options.neutral), str(path), options, progress)
+
+
+def subject_from_morphs(rig: MorphMesh, source: str, options: RigOptions, progress: Progress) -> Subject:
+    """Return the character of a rig that has been read from the file or folder ``source``.
+
+    Raises:
+        FacePoserError: If it has too few of ARKit's shapes, or they move too little.
+    """
+    match = match_arkit(rig.targets, f"The rig '{source}'")
     named = {ours: rig.targets[theirs] for theirs, ours in match.shapes.items()}
     moving = [name for name, offsets in named.items() if np.any(offsets)]
     if len(moving) < _FEWEST_SHAPES:
         examples = ", ".join(f"'{name}'" for name in list(rig.targets)[:3])
         raise FacePoserError(
-            f"The rig '{path}' has {len(moving)} of ARKit's 52 shapes, which are too few (its shapes are called "
-            f"{examples}...); rename them as ARKit does, such as jawOpen, or learn from them with --examples."
+            f"The rig '{source}' has {len(moving)} of ARKit's 52 shapes, which are too few (its shapes are called "
+            f"{examples}); rename them as ARKit does, such as jawOpen, or learn from them with --examples."
         )
     progress.at("Finding the face", 0.2)
     upright = upright_by_shapes(rig.mesh.vertices, named)
     if upright is None:
-        raise FacePoserError(f"The shapes of the rig '{path}' move too little of a face to tell where it looks.")
+        raise FacePoserError(f"The shapes of the rig '{source}' move too little of a face to tell where it looks.")
     mesh = assemble(rig.mesh, upright, np.stack([*named.values()]), rig.textures)
-    return _subject(path, rig, named, match.missing, match.others, mesh, options, progress)
+    return _subject(Path(source).name, named, match.missing, match.others, mesh, options, progress)
 
 
 def _subject(
-    path: Path,
-    rig: MorphMesh,
+    source: str,
     named: dict[str, NDArray[np.float32]],
     missing: Sequence[str],
     others: Sequence[str],
@@ -114,7 +121,7 @@ def _subject(
     )
     summary: dict[str, object] = {
         "kind": "rig",
-        "source": path.name,
+        "source": source,
         "vertices": len(mesh.origin.neutral),
         "parts": [part.name for part in mesh.parts],
         "shapes": len(names),

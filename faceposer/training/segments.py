@@ -27,6 +27,8 @@ _TRAITS = 16
 # A cluster with less than this share of its movement within this many radii of the middle is two, left and right.
 _ACROSS = 0.15
 _MIDST = 0.25
+# A segment that moves less than this share of what moves most has nothing of its own to learn.
+_LEAST_MOTION = 0.05
 # The borders are as wide as this share of the moving part's radius.
 _BORDER = 0.14
 
@@ -39,7 +41,8 @@ _FACE = (
     ("eye left", ("lids_left", "eye_left")),
     ("eye right", ("lids_right", "eye_right")),
     ("cheeks", ("cheek_left", "cheek_right", "nose")),
-    ("mouth", ("mouth", "lip_upper", "lip_lower", "jaw", "neck", "ear_left", "ear_right", "scalp")),
+    ("ears", ("ear_left", "ear_right")),
+    ("mouth", ("mouth", "lip_upper", "lip_lower", "jaw", "neck", "scalp")),
 )
 
 
@@ -61,13 +64,15 @@ def whole_face(n_vertices: int) -> Segments:
     return Segments(("face",), np.ones((1, n_vertices), dtype=np.float32))
 
 
-def face_segments(vertices: Array, triangles: NDArray[np.integer]) -> Segments:
-    """Return brows, eyes, cheeks with the nose, and the mouth with all the rest, of an upright face.
+def face_segments(vertices: Array, triangles: NDArray[np.integer], sample: NDArray[np.float32]) -> Segments:
+    """Return brows, eyes, cheeks with the nose, ears if they move, and the mouth with all the rest, of an upright face.
 
     Args:
         vertices: Upright neutral face in centimetres, shape (N, 3).
         triangles: Vertex ids, shape (T, 3).
+        sample: Displacements in some examples, shape (n, N, 3).
     """
+    motion = np.sqrt(np.einsum("fnd,fnd->n", sample, sample, dtype=np.float64) / len(sample))
     man = load_subject("man")
     label_of = np.full(len(man.vertices), -1, dtype=np.intp)
     for label, (_, regions) in enumerate(_FACE):
@@ -80,6 +85,9 @@ def face_segments(vertices: Array, triangles: NDArray[np.integer]) -> Segments:
     known = np.flatnonzero(label_of >= 0)
     _, nearest = KDTree(man.vertices[known]).query(vertices)
     labels = _whole_pieces(label_of[known[nearest]], triangles)
+    for label in range(len(_FACE)):
+        if np.any(labels == label) and motion[labels == label].max() < _LEAST_MOTION * motion.max():
+            labels[labels == label] = len(_FACE) - 1
     labels, used = _without_gaps(labels)
     masks = _smooth(labels, vertices, triangles, (_BORDER * _FACE_RADIUS_CM) ** 2)
     return Segments(tuple(names[label] for label in used), masks)

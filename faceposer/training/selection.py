@@ -21,7 +21,7 @@ _BLENDS = (0.2, 0.5, 0.8, 0.95)
 _SAMPLES_PER_COMPONENT = 25
 # A larger mixture must be better by this much per frame, or the smaller one is taken.
 _WORTH = 0.02
-_NOISE = 1e-5
+NOISE = 1e-5
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,7 @@ def choose_mixture(
     n_components: int | None = None,
     n_factors: int | None = None,
     shrinkage: float = 0.1,
+    noise: float = NOISE,
 ) -> Choice:
     """Return the size of mixture that gives the frames left out the greatest mean log-likelihood.
 
@@ -76,6 +77,7 @@ def choose_mixture(
         n_components: Taken as it is if given.
         n_factors: Likewise.
         shrinkage: Of the fit; see ``MixtureOfFactorAnalyzers``.
+        noise: Least variance of the samples in any direction.
     """
     n_samples, n_dimensions = min(len(train) for train, _ in folds), folds[0][0].shape[1]
     most = max(1, n_samples // _SAMPLES_PER_COMPONENT)
@@ -84,12 +86,12 @@ def choose_mixture(
     usual = factors[-1] if n_factors is None else min(n_factors, n_dimensions)
     tried: list[dict[str, Any]] = []
     best: tuple[float, int, int, float] | None = None
-    gaussian = _judge(folds, 1, usual, shrinkage)
+    gaussian = _judge(folds, 1, usual, shrinkage, noise)
     plan = [(k, usual) for k in sizes]
     done = 0
     while plan:
         k, q = plan.pop(0)
-        score, blend = gaussian if (k, q) == (1, usual) else _judge(folds, k, q, shrinkage)
+        score, blend = gaussian if (k, q) == (1, usual) else _judge(folds, k, q, shrinkage, noise)
         done += 1
         progress.at("Choosing the size of the prior", done / (len(sizes) + len(factors)))
         tried.append({"components": k, "factors": q, "blend": blend, "held_out": round(score, 3)})
@@ -105,7 +107,9 @@ def choose_mixture(
     )
 
 
-def _judge(folds: Sequence[Fold], n_components: int, n_factors: int, shrinkage: float) -> tuple[float, float]:
+def _judge(
+    folds: Sequence[Fold], n_components: int, n_factors: int, shrinkage: float, noise: float
+) -> tuple[float, float]:
     """Return the mean log-likelihood of the frames left out and the blend that gives it."""
     totals = np.zeros(len(_BLENDS))
     count = sum(len(left_out) for _, left_out in folds)
@@ -114,12 +118,12 @@ def _judge(folds: Sequence[Fold], n_components: int, n_factors: int, shrinkage: 
             min(n_components, len(train)),
             n_factors,
             shrinkage=shrinkage,
-            reg_covar=_NOISE,
+            reg_covar=noise,
             max_iter=30,
             tol=1e-2,
             random_state=0,
         ).fit(train)
-        calm = calm_covariance(train)
+        calm = calm_covariance(train, noise)
         for i, blend in enumerate(_BLENDS):
             mixed = (1.0 - blend) * fitted.covariances_ + blend * calm
             mixture = GaussianMixture(fitted.weights_, fitted.means_, mixed)
@@ -134,11 +138,11 @@ def block_folds(samples: Array, n_blocks: int) -> list[Fold]:
     return [(np.delete(samples, block, axis=0), samples[block]) for block in blocks if len(block)]
 
 
-def calm_covariance(samples: Array) -> Array:
-    """Return the covariance of ``samples``, (n, d), with the dimensions half as dependent, shape (d, d).
+def calm_covariance(samples: Array, noise: float = NOISE) -> Array:
+    """Return the covariance of ``samples``, (n, d), with the dimensions half as dependent and ``noise``, shape (d, d).
 
     Few samples say little of how two dimensions go together, and nothing of what lies across their span.
     """
-    covariance = np.cov(samples.T, bias=True).reshape(samples.shape[1], -1) + _NOISE * np.eye(samples.shape[1])
+    covariance = np.cov(samples.T, bias=True).reshape(samples.shape[1], -1) + noise * np.eye(samples.shape[1])
     halved: Array = 0.5 * covariance + 0.5 * np.diag(np.diag(covariance))
     return halved

@@ -114,7 +114,11 @@ def _leading(components: Components, most: int) -> Components:
     # Directions without energy are what the numbers of single precision are rounded to.
     real = int((components.energies > 1e-9 * max(components.total, np.finfo(float).tiny)).sum())
     count = max(1, min(most, real))
-    return Components(components.directions[:count], components.energies[:count], components.total, components.settled)
+    directions = components.directions[:count]
+    # The sign of a component is arbitrary: its largest entry is made positive, so that results repeat.
+    largest = np.argmax(np.abs(directions), axis=1)
+    signs = np.where(directions[np.arange(count), largest] < 0.0, -1.0, 1.0).astype(np.float32)
+    return Components(directions * signs[:, None], components.energies[:count], components.total, components.settled)
 
 
 def _pass(frames: Floats, regions: Sequence[Region], bases: Sequence[Floats]) -> list[tuple[Array, Array, float]]:

@@ -14,7 +14,7 @@ from scripts.asset_building.lashes import build_lashes
 from scripts.asset_building.lids import close_exactly, keep_clear, socket_ids, tuck_socket
 from scripts.asset_building.looks import LOOKS
 from scripts.asset_building.mouth import LOWER, UPPER, build_jaw, build_tongue
-from scripts.asset_building.piece import Floats, Ints, Piece, join
+from scripts.asset_building.piece import Floats, Ints, Joined, Piece, join
 from scripts.asset_building.skin_texture import hair_depth
 from scripts.asset_building.source import BaseMesh, Source
 from scripts.asset_building.symmetry import even, even_units
@@ -25,7 +25,7 @@ CREDITS = (
     "Mesh, identity targets and masks: MakeHuman's base mesh and MPFB (CC0 1.0). Expression shapes: Face Units 01 by "
     "Mika Suominen (CC0 1.0). Eyeballs, teeth, gums, lashes, layout and textures: Face Poser."
 )
-_SIDES = ("Left", "Right")
+SIDES = ("Left", "Right")
 _EYE_RADIUS = 1.43
 #: How much more the lids follow an upward gaze than in the source, whose lid would cover the pupil.
 _LID_FOLLOWS_UP = 1.9
@@ -34,7 +34,9 @@ _EYES = {"Left": "helper-l-eye", "Right": "helper-r-eye"}
 
 
 @dataclass(frozen=True)
-class _Eyeball:
+class Eyeball:
+    """Where an eyeball sits: its side ("Left" or "Right"), centre (3,) and radius in centimetres."""
+
     side: str
     centre: Floats
     radius: float
@@ -62,40 +64,48 @@ class Builder:
     def subject(self, recipe: Recipe) -> Subject:
         """Build the subject of ``recipe``."""
         everyone = even(identity_vertices(self.source, self.rest, recipe), self.mirror)
-        vertices = self._skin_vertices(everyone, recipe)
-        eyeballs = [self._eyeball(side, vertices) for side in _SIDES]
-        skin = self._skin(vertices, eyeballs)
-        pieces = [skin, *(build_eye(eye.side, eye.centre, eye.radius, ARKIT_SHAPES) for eye in eyeballs)]
-        for jaw, arch in (("upper", UPPER), ("lower", LOWER)):
-            ids = self._group(_BANDS[jaw])
-            pieces += build_jaw(jaw, arch, self.rest[ids], everyone[ids], self.units[:, ids])
-        pieces.append(build_tongue(self.base, self._group("helper-tongue"), self.rest, everyone, self.units))
-        for eye in eyeballs:
-            ring, lid = self._lash_ring(eye.side)
-            pieces.append(build_lashes(eye.side, skin.vertices, skin.shapes, ring, lid, eye.centre, recipe.lash_length))
-        joined = join(pieces)
+        joined = join(self.pieces(everyone, self.units, recipe))
         points, titles = feature_points(self.skin, self.place, joined.parts)
-        masks = vertex_masks(self.source, self.skin)
-        low, high = skin.vertices.min(axis=0), skin.vertices.max(axis=0)
-        middle = np.array([0.0, high[1] - 12.5, 0.5 * (low[2] + high[2])])
         return Subject(
             name=recipe.name,
             title=recipe.title,
-            vertices=(joined.vertices - middle).astype(np.float32),
+            vertices=centred(joined).astype(np.float32),
             polygons=joined.quads,
             uv=joined.uv.astype(np.float32),
             polygon_uvs=joined.quad_uvs,
             parts=joined.parts,
             shape_names=ARKIT_SHAPES,
             shapes=joined.shapes.astype(np.float32),
-            regions=regions(self.skin, self.place, masks, joined.parts),
+            regions=regions(self.skin, self.place, vertex_masks(self.source, self.skin), joined.parts),
             feature_points=points,
             feature_titles=titles,
             textures=paint(self.texels, LOOKS[recipe.name]),
             credits=CREDITS,
         )
 
-    def _group(self, name: str) -> Ints:
+    def pieces(self, everyone: Floats, units: Floats, recipe: Recipe) -> list[Piece]:
+        """Return the parts of a head with ARKit's shapes, the skin first.
+
+        Args:
+            everyone: The base mesh in the wanted identity, symmetric, in centimetres, shape (N, 3).
+            units: Offsets of the face units on it, shape (52, N, 3).
+            recipe: The rest of what makes the head; lashes of length 0 are left out.
+        """
+        vertices = self._skin_vertices(everyone, recipe)
+        eyeballs = [self.eyeball(side, vertices) for side in SIDES]
+        skin = self._skin(vertices, units, eyeballs)
+        pieces = [skin, *(build_eye(eye.side, eye.centre, eye.radius, ARKIT_SHAPES) for eye in eyeballs)]
+        for jaw, arch in (("upper", UPPER), ("lower", LOWER)):
+            ids = self.group(_BANDS[jaw])
+            pieces += build_jaw(jaw, arch, self.rest[ids], everyone[ids], units[:, ids])
+        pieces.append(build_tongue(self.base, self.group("helper-tongue"), self.rest, everyone, units))
+        for eye in eyeballs if recipe.lash_length else ():
+            ring, lid = self._lash_ring(eye.side)
+            pieces.append(build_lashes(eye.side, skin.vertices, skin.shapes, ring, lid, eye.centre, recipe.lash_length))
+        return pieces
+
+    def group(self, name: str) -> Ints:
+        """Return the vertices of the base mesh's group ``name``, rising, shape (n,)."""
         return np.unique(self.base.quads[self.base.groups == name])
 
     def _skin_vertices(self, everyone: Floats, recipe: Recipe) -> Floats:
@@ -109,17 +119,18 @@ class Builder:
         depth = _smoothed(hair_depth(self.place.astype(np.float32)).astype(float), skin.fine.quads)
         return vertices + recipe.hair_height * depth[:, None] * normals
 
-    def _eyeball(self, side: str, vertices: Floats) -> _Eyeball:
+    def eyeball(self, side: str, vertices: Floats) -> Eyeball:
+        """Return the eyeball that fits the lids of ``side`` on the skin's ``vertices``, shape (N, 3)."""
         lids = np.concatenate([self.skin.rings_left[k] for k in LID_RINGS])
         if side == "Right":
             lids = self.skin.mirror[lids]
-        rest_centre = self.rest[self._group(_EYES[side])].mean(axis=0)
+        rest_centre = self.rest[self.group(_EYES[side])].mean(axis=0)
         centre, scale = place_eye(self.place[lids], vertices[lids], rest_centre)
-        return _Eyeball(side, centre, _EYE_RADIUS * scale)
+        return Eyeball(side, centre, _EYE_RADIUS * scale)
 
-    def _skin(self, vertices: Floats, eyeballs: list[_Eyeball]) -> Piece:
+    def _skin(self, vertices: Floats, units: Floats, eyeballs: list[Eyeball]) -> Piece:
         skin = self.skin
-        shapes = np.stack([skin.fine.matrix @ unit[skin.base_ids] for unit in self.units])
+        shapes = np.stack([skin.fine.matrix @ unit[skin.base_ids] for unit in units])
         for eye in eyeballs:
             ring, _ = self._lash_ring(eye.side)
             blink = ARKIT_SHAPES.index(f"eyeBlink{eye.side}")
@@ -138,6 +149,14 @@ class Builder:
         if side == "Right":
             ring, lid = self.skin.mirror[ring], self.skin.mirror[lid]
         return self.skin.fine_loop(ring), lid
+
+
+def centred(joined: Joined) -> Floats:
+    """Return the vertices moved so that the origin lies within the head, whose skin is the first part."""
+    skin = joined.vertices[slice(*joined.parts[0].vertices)]
+    low, high = skin.min(axis=0), skin.max(axis=0)
+    result: Floats = joined.vertices - [0.0, high[1] - 12.5, 0.5 * (low[2] + high[2])]
+    return result
 
 
 def _smoothed(values: Floats, quads: Ints, rounds: int = 12) -> Floats:

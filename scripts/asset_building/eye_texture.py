@@ -14,12 +14,23 @@ Colour = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class IrisLook:
-    """Colours of an iris (sRGB, 0..255): at the pupil, in the middle and at the rim, and the seed of its pattern."""
+    """Colours of an eye (sRGB, 0..255).
+
+    Attributes:
+        inner: The iris at the pupil.
+        middle: The iris in the middle.
+        rim: The iris at its rim.
+        seed: Of the iris's pattern and the veins.
+        white: The white of the eye.
+        slit: How much narrower than round the pupil is, and how much higher: 1 is round, 0.5 a cat's.
+    """
 
     inner: Colour
     middle: Colour
     rim: Colour
     seed: int
+    white: Colour = (222, 215, 208)
+    slit: float = 1.0
 
 
 def paint_eye(look: IrisLook, size: int = 1024) -> NDArray[np.uint8]:
@@ -30,7 +41,7 @@ def paint_eye(look: IrisLook, size: int = 1024) -> NDArray[np.uint8]:
     theta = np.hypot(x, y) * np.float32(TEXTURE_ANGLE / TEXTURE_RADIUS)
     phi = np.arctan2(y, x)
     rng = np.random.default_rng(look.seed)
-    white = _sclera(x, y, theta, rng)
+    white = _sclera(x, y, theta, look.white, rng)
     iris = _iris(theta, phi, look, rng)
     share = smoothstep(IRIS_ANGLE + 0.5, IRIS_ANGLE - 0.9, theta)[..., None]
     colour = white * (1.0 - share) + iris * share
@@ -88,7 +99,8 @@ def _iris(theta: Image32, phi: Image32, look: IrisLook, rng: np.random.Generator
     crypts = smoothstep(0.9, 1.7, _around(phi, t, 22, 4.0, rng)) * smoothstep(0.3, 0.45, t) * smoothstep(0.9, 0.7, t)
     colour *= (1.0 - 0.35 * crypts)[..., None]
     colour = colour * (1.0 - 0.85 * rim) + np.array(look.rim, np.float32) * 0.85 * rim
-    pupil = smoothstep(PUPIL_ANGLE + 0.5, PUPIL_ANGLE - 0.4, theta)[..., None]
+    across = theta * np.hypot(np.cos(phi) / look.slit, np.sin(phi) * look.slit) if look.slit != 1.0 else theta
+    pupil = smoothstep(PUPIL_ANGLE + 0.5, PUPIL_ANGLE - 0.4, across)[..., None]
     result: Image32 = colour * (1.0 - pupil) + np.array([7, 6, 7], np.float32) * pupil
     return result
 
@@ -102,11 +114,11 @@ def _around(phi: Image32, t: Image32, count: int, radial: float, rng: np.random.
     return result
 
 
-def _sclera(x: Image32, y: Image32, theta: Image32, rng: np.random.Generator) -> Image32:
+def _sclera(x: Image32, y: Image32, theta: Image32, white: Colour, rng: np.random.Generator) -> Image32:
     points = np.stack([x, y, 0 * x], axis=-1) + np.float32(1.0)
     blotches = Noise(5)(points, 0.05, 3)
     colour = np.empty((*x.shape, 3), dtype=np.float32)
-    colour[:] = (222, 215, 208)
+    colour[:] = white
     colour *= (1.0 + 0.012 * blotches)[..., None]
     away = smoothstep(34.0, 80.0, theta)[..., None]
     colour = colour * (1.0 - 0.75 * away) + np.array([206, 158, 146], np.float32) * 0.75 * away

@@ -1,14 +1,27 @@
 """Eyeballs: spheres with a cornea, rings of vertices around the gaze axis, turned by the gaze shapes."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from scripts.asset_building.piece import Floats, Piece, facing_away, grid_quads
 
-#: Angles of the rings from the gaze axis in degrees: pupil and iris end on a ring.
+#: Angles of pupil and iris from the gaze axis in degrees.
 PUPIL_ANGLE, IRIS_ANGLE = 7.5, 24.0
-_RINGS = np.array([PUPIL_ANGLE, 13.0, 18.5, IRIS_ANGLE, 30.0, 38.0, 48.0, 60.0, 75.0, 95.0, 125.0, 160.0])
-_SECTORS = 28
+
+
+@dataclass(frozen=True)
+class EyeDetail:
+    """How finely an eyeball is made: angles of its rings from the gaze axis, and vertices in each, an even number."""
+
+    rings: tuple[float, ...]
+    sectors: int
+
+
+#: Pupil and iris end on a ring.
+FULL_DETAIL = EyeDetail((PUPIL_ANGLE, 13.0, 18.5, IRIS_ANGLE, 30.0, 38.0, 48.0, 60.0, 75.0, 95.0, 125.0, 160.0), 28)
+LOW_DETAIL = EyeDetail((PUPIL_ANGLE, 15.0, IRIS_ANGLE, 33.0, 50.0, 75.0, 110.0), 12)
 _CORNEA_HEIGHT = 0.025
 #: The texture shows the ball from the gaze axis, in its middle, to this angle, at its border.
 TEXTURE_ANGLE = 100.0
@@ -18,14 +31,17 @@ TEXTURE_RADIUS = 0.49
 _GAZE = {"LookDown": (25.0, 0.0), "LookUp": (-22.0, 0.0), "LookIn": (0.0, -30.0), "LookOut": (0.0, 30.0)}
 
 
-def build_eye(side: str, centre: Floats, radius: float, shape_names: tuple[str, ...]) -> Piece:
+def build_eye(
+    side: str, centre: Floats, radius: float, shape_names: tuple[str, ...], detail: EyeDetail = FULL_DETAIL
+) -> Piece:
     """Return the eyeball of ``side`` ("Left" or "Right") around ``centre`` (3,), looking along +z.
 
     Vertex 0 is the middle of the pupil.
     """
     sign = 1.0 if side == "Left" else -1.0
-    theta = np.radians(_RINGS)[:, None]
-    phi = np.arange(_SECTORS)[None, :] * (2 * np.pi / _SECTORS)
+    rings, sectors = len(detail.rings), detail.sectors
+    theta = np.radians(detail.rings)[:, None]
+    phi = np.arange(sectors)[None, :] * (2 * np.pi / sectors)
     directions = np.stack(
         np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), -1
     )
@@ -36,7 +52,9 @@ def build_eye(side: str, centre: Floats, radius: float, shape_names: tuple[str, 
     bulge = 1.0 + _CORNEA_HEIGHT * np.maximum(1.0 - (angle / IRIS_ANGLE) ** 2, 0.0) ** 2
     local = directions * (radius * bulge)[:, None]
 
-    quads = np.concatenate([_cap(0, 1), grid_quads(len(_RINGS), _SECTORS, closed=True, first=1), _end_cap(len(local))])
+    last = len(local) - 1
+    sides = grid_quads(rings, sectors, closed=True, first=1)
+    quads = np.concatenate([_cap(0, 1, sectors), sides, _cap(last, last - sectors, sectors)])
     quads = facing_away(quads, local, np.zeros((len(quads), 3)))
     reach = TEXTURE_RADIUS * np.minimum(angle / TEXTURE_ANGLE, 1.0)
     around = np.hypot(directions[:, 0], directions[:, 1])
@@ -46,6 +64,22 @@ def build_eye(side: str, centre: Floats, radius: float, shape_names: tuple[str, 
         turn = _rotation(about_x, sign * about_y)
         shapes[shape_names.index(f"eye{action}{side}")] = local @ (turn - np.eye(3)).T
     return Piece(f"eye_{side.lower()}", "eye", local + centre, quads, 0.5 + flat * reach[:, None], quads.copy(), shapes)
+
+
+def turned_eye(vertices: Floats, side: str, strengths: dict[str, float]) -> Floats:
+    """Return the offsets, shape (N, 3), of the eyeball ``vertices`` of `build_eye`, turned by gaze shapes together.
+
+    Args:
+        vertices: The eyeball, shape (N, 3); its poles are its first and last vertices.
+        side: "Left" or "Right".
+        strengths: Strength of each gaze shape ("LookUp", ...).
+    """
+    sign = 1.0 if side == "Left" else -1.0
+    about_x = sum(strength * _GAZE[action][0] for action, strength in strengths.items())
+    about_y = sum(strength * _GAZE[action][1] for action, strength in strengths.items())
+    back, front = vertices[-1], vertices[0]
+    centre = back + (front - back) / (2.0 + _CORNEA_HEIGHT)
+    return (vertices - centre) @ (_rotation(about_x, sign * about_y) - np.eye(3)).T
 
 
 def place_eye(rest_lids: Floats, lids: Floats, rest_centre: Floats) -> tuple[Floats, float]:
@@ -58,16 +92,12 @@ def place_eye(rest_lids: Floats, lids: Floats, rest_centre: Floats) -> tuple[Flo
     return middle + spread * (rest_centre - rest_middle), float(spread)
 
 
-def _cap(pole: int, first: int) -> NDArray[np.int32]:
-    """Return quads between a pole and the ring that starts at ``first``, two sectors each."""
-    even = np.arange(0, _SECTORS, 2)
+def _cap(pole: int, first: int, sectors: int) -> NDArray[np.int32]:
+    """Return quads between a pole and the ring of ``sectors`` that starts at ``first``, two sectors each."""
+    even = np.arange(0, sectors, 2)
     return np.stack(
-        [np.full_like(even, pole), first + even, first + even + 1, first + (even + 2) % _SECTORS], axis=-1
+        [np.full_like(even, pole), first + even, first + even + 1, first + (even + 2) % sectors], axis=-1
     ).astype(np.int32)
-
-
-def _end_cap(n_vertices: int) -> NDArray[np.int32]:
-    return _cap(n_vertices - 1, n_vertices - 1 - _SECTORS)
 
 
 def _rotation(about_x: float, about_y: float) -> Floats:

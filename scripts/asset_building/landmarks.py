@@ -71,16 +71,21 @@ def mirrored_ids(place: Floats) -> Ints:
     return np.asarray(mirror, dtype=np.int32)
 
 
-def feature_points(skin: Skin, place: Floats, parts: tuple[Part, ...]) -> tuple[dict[str, int], dict[str, str]]:
+def feature_points(
+    skin: Skin, place: Floats, parts: tuple[Part, ...], kept: Ints | None = None
+) -> tuple[dict[str, int], dict[str, str]]:
     """Return vertex id and title of each feature point.
 
     Args:
         skin: Topology of the skin, which is the first part.
         place: The skin's vertices on the base mesh in centimetres, shape (N, 3).
         parts: The parts of the subject.
+        kept: Which of the skin's vertices the subject has, on both sides, if not all: it numbers them in this order.
     """
     mirror = mirrored_ids(place)
-    outside = np.setdiff1d(np.arange(len(place)), _inside_ids(skin, place))
+    kept = np.arange(len(place), dtype=np.int32) if kept is None else kept
+    number = {vertex: k for k, vertex in enumerate(kept.tolist())}
+    outside = np.setdiff1d(kept, _inside_ids(skin, place))
     middle = outside[np.abs(place[outside, 0]) < 1e-6]
     points: dict[str, int] = {}
     titles: dict[str, str] = {}
@@ -90,14 +95,14 @@ def feature_points(skin: Skin, place: Floats, parts: tuple[Part, ...]) -> tuple[
 
     def add_pair(pair: tuple[str, str], title: str, left_vertex: int) -> None:
         for name, side, vertex in zip(pair, ("left", "right"), (left_vertex, mirror[left_vertex]), strict=True):
-            points[name], titles[name] = int(vertex), title.format(side)
+            points[name], titles[name] = number[int(vertex)], title.format(side)
 
     for name, (title, target) in _MIDDLE.items():
-        points[name], titles[name] = nearest(middle, target), title
+        points[name], titles[name] = number[nearest(middle, target)], title
     for pair, (title, target) in _PAIRS.items():
         add_pair(pair, title, nearest(outside, target))
     for pair, (title, ring, (x, y)) in _LIDS.items():
-        ids = skin.rings_left[ring]
+        ids = np.intersect1d(skin.rings_left[ring], kept)
         from_middle = place[ids, :2] - 0.5 * (place[ids, :2].min(axis=0) + place[ids, :2].max(axis=0))
         along, aside = from_middle @ [x, y], from_middle @ [y, -x]
         # The middle of a lid lies above the pupil, not where the lid is highest.

@@ -1,5 +1,6 @@
-"""Colours and hair of the two people."""
+"""Colours and hair of the people, and the creature's hide."""
 
+from scripts.asset_building.creature_texture import HideLook
 from scripts.asset_building.eye_texture import IrisLook
 from scripts.asset_building.skin_texture import SkinLook
 from scripts.asset_building.textures import Look
@@ -32,7 +33,47 @@ _WOMAN = SkinLook(
     seed=23,
 )
 
+_LOW = SkinLook(
+    base=(142, 96, 70),
+    flush=(140, 78, 58),
+    lips=(132, 78, 72),
+    hair=(26, 21, 19),
+    beard=0.35,
+    brow=((1.4, 74.75, 0.30), (2.4, 74.95, 0.36), (3.6, 75.1, 0.34), (4.7, 74.98, 0.26), (5.7, 74.42, 0.12)),
+    brow_strength=1.0,
+    hair_length=0.12,
+    combed_back=False,
+    lash_line=0.85,
+    seed=47,
+)
+
+_CREATURE = HideLook(
+    base=(128, 146, 88),
+    back=(86, 104, 62),
+    pale=(172, 176, 124),
+    blood=(176, 122, 96),
+    lips=(128, 96, 78),
+    spots=(70, 82, 46),
+    seed=31,
+)
+
 LOOKS = {
+    "low": Look(
+        _LOW,
+        IrisLook(inner=(86, 54, 32), middle=(66, 42, 28), rim=(26, 20, 18), seed=9),
+        skin_size=1024,
+        eye_size=256,
+        tongue_size=128,
+    ),
     "man": Look(_MAN, IrisLook(inner=(120, 110, 96), middle=(106, 126, 142), rim=(36, 44, 54), seed=3)),
     "woman": Look(_WOMAN, IrisLook(inner=(128, 84, 48), middle=(92, 84, 52), rim=(34, 30, 24), seed=4)),
+    "creature": Look(
+        _CREATURE,
+        IrisLook(
+            inner=(236, 190, 70), middle=(196, 120, 30), rim=(58, 34, 18), seed=7, white=(226, 216, 182), slit=0.62
+        ),
+        skin_size=1024,
+        eye_size=512,
+        tongue_size=256,
+    ),
 }

@@ -89,8 +89,8 @@ def build_jaw(name: str, arch: Arch, rest_band: Floats, band: Floats, band_shape
     teeth = np.concatenate(crowns)
     gums, gum_quads, gum_uv = _gums(arch, edges, height)
 
-    place = _affine(rest_band, band)
-    moves = [_affine(rest_band, offsets) for offsets in band_shapes]
+    place = affine(rest_band, band)
+    moves = [affine(rest_band, offsets) for offsets in band_shapes]
 
     def piece(kind: str, points: Floats, quads: Ints, uv: Floats) -> Piece:
         shapes = np.stack([move(points) for move in moves])
@@ -123,7 +123,7 @@ def build_tongue(base: BaseMesh, ids: Ints, rest: Floats, everyone: Floats, unit
     front = np.clip((out[:, 2] - 9.0) / 5.0, 0.0, 1.0)
     between_lips = _LIP_LINE + (out[:, 1] - _LIP_LINE) * _TONGUE_FLATNESS
     out[:, 1] = flat[:, 1] + front * (between_lips - flat[:, 1])
-    place = _affine(rest[ids], everyone[ids])
+    place = affine(rest[ids], everyone[ids])
     offsets = [unit[ids] for unit in units]
     offsets[tongue_out] = place(out) - place(flat)
     fine = catmull_clark(quads, len(ids))
@@ -200,7 +200,7 @@ def _gums(arch: Arch, edges: Floats, height: Floats) -> tuple[Floats, Ints, Floa
     return points, facing_away(quads, points, inside), np.stack([u, v], -1).reshape(-1, 2)
 
 
-def _affine(source: Floats, target: Floats) -> Callable[[Floats], Floats]:
+def affine(source: Floats, target: Floats) -> Callable[[Floats], Floats]:
     """Return the affine map that takes ``source`` (n, 3) to ``target`` (n, 3) in the sense of least squares."""
     coefficients = np.linalg.lstsq(_with_one(source), target, rcond=None)[0]
     return lambda points: _with_one(points) @ coefficients

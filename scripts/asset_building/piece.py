@@ -19,7 +19,7 @@ class Piece:
         name: Name of the part.
         material: One of the subject's materials.
         vertices: Positions in centimetres, shape (N, 3).
-        quads: Vertex ids, shape (F, 4).
+        quads: Vertex ids, shape (F, 4); a triangle ends in -1.
         uv: Texture coordinates, shape (U, 2).
         quad_uvs: Ids into ``uv``, shape (F, 4).
         shapes: Offsets of the expression shapes, shape (S, N, 3).
@@ -53,8 +53,8 @@ def join(pieces: list[Piece]) -> Joined:
     for piece in pieces:
         stop = (n_quads + len(piece.quads), n_vertices + len(piece.vertices))
         parts.append(Part(piece.name, piece.material, (n_quads, stop[0]), (n_vertices, stop[1])))
-        quads.append(piece.quads + n_vertices)
-        quad_uvs.append(piece.quad_uvs + n_uv)
+        quads.append(np.where(piece.quads < 0, -1, piece.quads + n_vertices).astype(np.int32))
+        quad_uvs.append(np.where(piece.quad_uvs < 0, -1, piece.quad_uvs + n_uv).astype(np.int32))
         n_quads, n_vertices = stop
         n_uv += len(piece.uv)
     return Joined(

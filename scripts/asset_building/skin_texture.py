@@ -90,19 +90,19 @@ def paint_skin(skin: SkinTexels, look: SkinLook) -> NDArray[np.uint8]:
 
     colour = np.broadcast_to(np.array(look.base, dtype=np.float32), p.shape).copy()
     colour *= (1.0 + 0.025 * noise[0](p, 3.0, 3) + 0.012 * noise[1](p, 0.5, 3))[:, None]
-    colour = _blend(colour, look.flush, _flush(mirrored, masks) * (1.0 + 0.12 * noise[2](p, 0.9, 3)))
-    colour = _blend(colour, (150, 98, 92), _around_eyes(mirrored, masks))
+    colour = blend(colour, look.flush, _flush(mirrored, masks) * (1.0 + 0.12 * noise[2](p, 0.9, 3)))
+    colour = blend(colour, (150, 98, 92), _around_eyes(mirrored, masks))
     colour = _pores(colour, p, skin, noise)
     if look.beard:
         colour = _beard(colour, skin, look, rng)
-    colour = _blend(colour, look.lips, 0.85 * lips)
+    colour = blend(colour, look.lips, 0.85 * lips)
     colour *= (1.0 + lips * (0.05 * noise[3](p * np.array([1.0, 0.25, 0.25], np.float32), 0.12, 2)))[:, None]
-    colour = _blend(colour, (198, 120, 112), 0.7 * masks["wet_line"])
-    colour = _blend(colour, look.hair, look.lash_line * masks["lash_line"])
+    colour = blend(colour, (198, 120, 112), 0.7 * masks["wet_line"])
+    colour = blend(colour, look.hair, look.lash_line * masks["lash_line"])
     colour = _scalp(colour, skin, look, rng, noise[3])
     colour = _brows(colour, skin, look, rng)
-    colour = _blend(colour, (104, 38, 38), masks["inside"] * (1.0 - lips))
-    colour *= _darkening(skin.occlusion, masks)
+    colour = blend(colour, (104, 38, 38), masks["inside"] * (1.0 - lips))
+    colour *= darkening(skin.occlusion, masks)
     image = skin.texels.image(np.clip(colour, 0, 255))
     return np.rint(image).astype(np.uint8)
 
@@ -117,13 +117,15 @@ def above_hairline(place: Image32) -> Image32:
     return _above(_HAIRLINE, place)
 
 
-def _blend(colour: Image32, other: Colour, share: Image32) -> Image32:
+def blend(colour: Image32, other: Colour, share: Image32) -> Image32:
+    """Return ``colour`` (K, 3) with ``share`` (K,), held within 0..1, of it replaced by ``other``."""
     share = np.clip(share, 0.0, 1.0)[:, None]
     result: Image32 = colour * (1.0 - share) + np.array(other, dtype=np.float32) * share
     return result
 
 
-def _spot(p: Image32, centre: tuple[float, float, float], radius: float) -> Image32:
+def spot(p: Image32, centre: tuple[float, float, float], radius: float) -> Image32:
+    """Return a soft spot around ``centre``: 1 in its middle, 1/e at ``radius`` centimetres, at ``p`` (K, 3)."""
     squared = ((p - np.array(centre, dtype=np.float32)) ** 2).sum(axis=1)
     result: Image32 = np.exp(-squared / np.float32(radius**2))
     return result
@@ -151,30 +153,30 @@ def _lips(mask: Image32, p: Image32, noise: Noise) -> Image32:
 
 def _flush(p: Image32, masks: dict[str, Image32]) -> Image32:
     return (
-        0.30 * _spot(p, (4.6, 70.0, 12.8), 2.3)
-        + 0.30 * _spot(p, (0.0, 69.3, 16.6), 1.3)
-        + 0.35 * _spot(p, (1.6, 69.0, 15.2), 0.8)
-        + 0.20 * _spot(p, (0.0, 63.2, 14.8), 1.6)
-        + 0.15 * _spot(p, (0.0, 67.2, 15.8), 1.0)
+        0.30 * spot(p, (4.6, 70.0, 12.8), 2.3)
+        + 0.30 * spot(p, (0.0, 69.3, 16.6), 1.3)
+        + 0.35 * spot(p, (1.6, 69.0, 15.2), 0.8)
+        + 0.20 * spot(p, (0.0, 63.2, 14.8), 1.6)
+        + 0.15 * spot(p, (0.0, 67.2, 15.8), 1.0)
         + 0.40 * masks["ears"]
     ).astype(np.float32)
 
 
 def _around_eyes(p: Image32, masks: dict[str, Image32]) -> Image32:
-    under = _spot(p * np.array([0.6, 1, 1], np.float32), (1.9, 71.7, 14.0), 0.9)
-    inner = _spot(p, (1.7, 72.9, 14.0), 0.8)
+    under = spot(p * np.array([0.6, 1, 1], np.float32), (1.9, 71.7, 14.0), 0.9)
+    inner = spot(p, (1.7, 72.9, 14.0), 0.8)
     return (0.22 * under + 0.22 * inner + 0.14 * masks["eyelids"]).astype(np.float32)
 
 
 def _pores(colour: Image32, p: Image32, skin: SkinTexels, noise: list[Noise]) -> Image32:
     fine = noise[1](p, 0.055, 1)
     coarse = noise[2](p, 0.11, 2)
-    rough = 0.5 + 0.7 * _spot(p, (0.0, 69.5, 16.0), 2.5) + 0.3 * _spot(np.abs(p), (3.5, 69.5, 13.5), 2.5)
+    rough = 0.5 + 0.7 * spot(p, (0.0, 69.5, 16.0), 2.5) + 0.3 * spot(np.abs(p), (3.5, 69.5, 13.5), 2.5)
     # Pores are pits: only the dark half of the noise is used at full strength.
     grain = 0.018 * np.where(fine < 0, 1.5 * fine, 0.5 * fine) + 0.012 * coarse
     freckles = smoothstep(1.9, 2.6, noise[3](p, 0.45, 1)) * 0.10
     result: Image32 = colour * (1.0 + rough * grain)[:, None]
-    return _blend(result, (150, 100, 76), freckles)
+    return blend(result, (150, 100, 76), freckles)
 
 
 def _tangent(normal: Image32, direction: Image32) -> Image32:
@@ -190,7 +192,7 @@ def _scatter(rng: np.random.Generator, skin: SkinTexels, density: Image32) -> ND
 
 def _overlay(colour: Image32, skin: SkinTexels, thickness: Image32, tint: Colour) -> Image32:
     opacity = 1.0 - np.exp(-thickness[skin.texels.covered])
-    return _blend(colour, tint, opacity)
+    return blend(colour, tint, opacity)
 
 
 def _shade(colour: Colour, factor: float) -> Colour:
@@ -222,7 +224,7 @@ def _scalp(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Gen
         forward = np.array([0.0, -0.25, 1.0], np.float32) * smoothstep(-2.0, 6.0, p[:, 2:3])
         flow = _tangent(skin.normal, away / np.linalg.norm(away, axis=1, keepdims=True) + 0.8 * forward)
     base = _shade(look.hair, 0.9)
-    colour = _blend(colour, base, cover * (0.62 if look.combed_back else 0.50))
+    colour = blend(colour, base, cover * (0.62 if look.combed_back else 0.50))
     fringe = smoothstep(-0.6, 0.3, above) * bare_ears
     for tone, count, strength in ((0.55, 60, 0.55), (1.35, 40, 0.40), (0.8, 60, 0.5)):
         thick = _strokes(rng, skin, count * fringe**1.5, flow, look.hair_length, strength)
@@ -247,7 +249,7 @@ def _brows(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Gen
     along, across, slope = brow_frame(p, look)
     inside = smoothstep(1.25, 0.55, np.abs(across)) * front
     inside *= smoothstep(-0.06, 0.22, along) * smoothstep(1.03, 0.9, along)
-    colour = _blend(colour, look.hair, 0.42 * look.brow_strength * inside)
+    colour = blend(colour, look.hair, 0.42 * look.brow_strength * inside)
     # Hairs rise steeply at the inner end and lie down along the brow towards the tail; from above they point down.
     side = np.sign(p[:, 0])
     rise = 1.5 * (1.0 - smoothstep(0.0, 0.55, along)) - 0.35 * smoothstep(0.4, 1.0, along)
@@ -272,13 +274,13 @@ def _beard(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Gen
     throat = smoothstep(59.0, 61.5, p[:, 1]) * smoothstep(4.0, 8.0, p[:, 2])
     # The thin-skinned strip beside the mouth's corners stays bare.
     area = np.maximum(chin, moustache) * throat * (1.0 - smoothstep(0.2, 0.6, skin.masks["lips"]))
-    colour = _blend(colour, (128, 108, 100), 0.34 * look.beard * area)
+    colour = blend(colour, (128, 108, 100), 0.34 * look.beard * area)
     down = np.broadcast_to(np.array([0.0, -1.0, 0.2], np.float32), p.shape)
     thick = _strokes(rng, skin, 90 * area, _tangent(skin.normal, down), 0.07, 0.5 * look.beard)
     return _overlay(colour, skin, thick, _shade(look.hair, 0.8))
 
 
-def _darkening(occlusion: Image32, masks: dict[str, Image32]) -> Image32:
+def darkening(occlusion: Image32, masks: dict[str, Image32]) -> Image32:
     """Return a factor per channel that darkens folds, least in red because light there has passed through skin."""
     open_share = smoothstep(0.0, 0.85, occlusion)
     # Lips and lids part when the face moves: what is shut in the neutral face must not be black then.

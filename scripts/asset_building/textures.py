@@ -9,6 +9,7 @@ from PIL import Image
 from scipy import ndimage
 
 from faceposer.geometry.mesh import VertexNormals
+from scripts.asset_building.creature_texture import HideLook, paint_hide
 from scripts.asset_building.eye_texture import IrisLook, paint_eye, paint_lashes
 from scripts.asset_building.head import LASH_RING, Skin, split_uv
 from scripts.asset_building.mouth_texture import paint_gums, paint_teeth, paint_tongue
@@ -25,10 +26,21 @@ _MASKS = {"lips": "lips", "eyelids": "eyelids", "ears": "ears", "inside": "insid
 
 @dataclass(frozen=True)
 class Look:
-    """Everything about one person that is colour."""
+    """Everything about one character that is colour.
 
-    skin: SkinLook
+    Attributes:
+        skin: A person's skin or a creature's hide.
+        iris: The eyes.
+        skin_size: Width and height of the skin's texture in pixels.
+        eye_size: Of the eye's.
+        tongue_size: Of the tongue's.
+    """
+
+    skin: SkinLook | HideLook
     iris: IrisLook
+    skin_size: int = SKIN_SIZE
+    eye_size: int = 1024
+    tongue_size: int = 512
 
 
 def skin_texels(source: Source, skin: Skin, rest: Floats, layout: Layout, size: int = SKIN_SIZE) -> SkinTexels:
@@ -72,15 +84,21 @@ def vertex_masks(source: Source, skin: Skin) -> dict[str, Floats]:
 
 
 def paint(texels: SkinTexels, look: Look) -> dict[str, bytes]:
-    """Return the encoded textures by material."""
-    return {
-        "skin": _jpeg(paint_skin(texels, look.skin), 88),
-        "eye": _jpeg(paint_eye(look.iris), 92),
-        "teeth": _jpeg(paint_teeth(), 90),
-        "gums": _jpeg(paint_gums(), 90),
-        "tongue": _jpeg(paint_tongue(), 88),
-        "lashes": _png(paint_lashes(look.skin.seed)),
+    """Return the encoded textures by material; only people have lashes."""
+    skin = paint_hide(texels, look.skin) if isinstance(look.skin, HideLook) else paint_skin(texels, look.skin)
+    if look.skin_size != len(skin):
+        size = (look.skin_size, look.skin_size)
+        skin = np.asarray(Image.fromarray(skin).resize(size, Image.Resampling.LANCZOS))
+    textures = {
+        "skin": jpeg(skin, 88),
+        "eye": jpeg(paint_eye(look.iris, look.eye_size), 92),
+        "teeth": jpeg(paint_teeth(), 90),
+        "gums": jpeg(paint_gums(), 90),
+        "tongue": jpeg(paint_tongue(look.tongue_size), 88),
     }
+    if isinstance(look.skin, SkinLook):
+        textures["lashes"] = _png(paint_lashes(look.skin.seed))
+    return textures
 
 
 def _triangulated(quads: Ints, uv: Floats, quad_uvs: Ints) -> tuple[Ints, Floats, Ints]:
@@ -104,7 +122,8 @@ def _look_up(mask: NDArray[np.float32], uv: NDArray[np.float32]) -> NDArray[np.f
     return found
 
 
-def _jpeg(image: NDArray[np.uint8], quality: int) -> bytes:
+def jpeg(image: NDArray[np.uint8], quality: int) -> bytes:
+    """Return ``image``, shape (H, W, 3), encoded."""
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, "JPEG", quality=quality, subsampling=0, optimize=True)
     return buffer.getvalue()

@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 from faceposer.geometry.deform import MarkerDeformer
 from faceposer.geometry.mesh import TriangleMesh
 from faceposer.geometry.picking import SurfacePoints
-from faceposer.model.subject import Subject, load_subject
+from faceposer.model.subject import Subject
+from faceposer.model.subject_file import load_subject
 
 
 def grid(n: int = 21, size: float = 10.0, slit: bool = False) -> TriangleMesh:

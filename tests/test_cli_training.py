@@ -1,0 +1,134 @@
+"""The commands that make characters and look after their files."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faceposer.cli import main
+from faceposer.geometry.mesh_io import read_mesh
+from faceposer.geometry.obj_io import write_obj
+from faceposer.model.subject_file import load_subject
+from tests.training.faces import base, morph_mesh, write_examples
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as ended:
+        main([str(word) for word in words])
+    out, err = capsys.readouterr()
+    return int(ended.value.code or 0), out, err
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    folder = tmp_path / "rig"
+    folder.mkdir()
+    mesh = morph_mesh()
+    write_obj(folder / "neutral.obj", mesh.mesh.vertices, mesh.mesh.polygons, groups=mesh.mesh.groups)
+    for name, offsets in mesh.targets.items():
+        write_obj(folder / f"{name}.obj", mesh.mesh.vertices + offsets, mesh.mesh.polygons)
+    return folder
+
+
+def test_a_rig_is_trained_described_posed_and_renamed(
+    rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output, summary = tmp_path / "my-face.npz", tmp_path / "summary"
+    status, out, err = run(
+        capsys, "train", "--rig", rig, "-o", output, "--title", "My face", "--credits", "Mine", "--summary", summary
+    )
+    assert (status, err) == (0, "")
+    assert f"My face ('my-face'): {len(base().vertices)} vertices" in out
+    assert "52 of ARKit's shapes" in out
+    assert json.loads((summary / "summary.json").read_text())["summary"]["curves"]["compactness"]
+    assert (summary / "summary.png").read_bytes().startswith(b"\x89PNG")
+    assert sorted(path.name for path in summary.iterdir()) == ["summary.json", "summary.png"]
+
+    status, out, _ = run(capsys, "subject", "info", output, "--json")
+    about = json.loads(out)
+    assert status == 0
+    assert about["name"] == "my-face"
+    assert about["statistics"] == "shipped"
+    status, out, _ = run(capsys, "subject", "check", output)
+    assert status == 0
+    assert "can be posed" in out
+
+    session = tmp_path / "smile.json"
+    session.write_text(
+        json.dumps({"format": "faceposer.session", "version": 1, "subject": "my-face.npz", "constraints": []})
+    )
+    status, _, err = run(capsys, "solve", session, "-o", tmp_path / "smile.obj")
+    assert (status, err) == (0, "")
+    mesh = read_mesh(tmp_path / "smile.obj")
+    np.testing.assert_array_equal(mesh.polygons, base().polygons)
+    np.testing.assert_allclose(mesh.vertices, base().vertices, atol=1e-6)
+
+    status, _, _ = run(capsys, "subject", "rename", output, "--name", "hero", "--shape", "jawOpen=JAW")
+    assert status == 0
+    renamed = load_subject(output)
+    assert renamed.name == "hero"
+    assert "JAW" in renamed.shape_names
+    assert renamed.title == "My face"
+
+
+def test_examples_are_trained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "meshes"
+    folder.mkdir()
+    write_examples(folder, 14)
+    output = tmp_path / "me.npz"
+    status, out, err = run(capsys, "train", "--examples", folder, "-o", output, "--dimensions", "8")
+    assert (status, err) == (0, "")
+    assert "15 examples, 8 modes" in out
+    subject = load_subject(output)
+    assert subject.statistics is not None
+    old = subject.shape_names[0]
+    assert run(capsys, "subject", "rename", output, "--shape", f"{old}=first")[0] == 0
+    renamed = load_subject(output)
+    assert renamed.statistics is not None
+    assert renamed.statistics.shape_names[0] == "first"
+    assert run(capsys, "subject", "check", output)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["train", "--rig", "nowhere.glb", "-o", "a.npz"], "There is no 'nowhere.glb'; check the path."),
+        (["train", "--rig", "x.glb", "-o", "a.obj"], "The output 'a.obj' must end in '.npz'."),
+        (["train", "-o", "a.npz"], "One of the arguments --rig --examples --markers is required"),
+        (["train", "--rig", "x.glb", "--examples", "y", "-o", "a.npz"], "not allowed with"),
+        (["train", "--examples", ".", "--regions", "99", "-o", "a.npz"], "'99' is neither 'face' nor 'whole'"),
+        (["train", "--examples", ".", "--dimensions", "0", "-o", "a.npz"], "'0' is not a number from 1 to 500"),
+        (["train", "--examples", ".", "--capture", "a.csv", "-o", "a.npz"], "Performances (--capture)"),
+        (["train", "--examples", ".", "-o", "a.npz"], "The folder '.' has no meshes"),
+        (["train", "--markers", "take.csv", "-o", "a.npz"], "need a map (--marker-map)"),
+        (["subject", "info", "nobody"], "There is no subject 'nobody'"),
+        (["subject", "rename", "man", "--name", "x"], "'man' is no subject file"),
+        (["subject", "rename", "a.npz"], "Nothing is to be renamed"),
+        (["subject", "rename", "a.npz", "--shape", "jawOpen"], "'jawOpen' does not say how to rename"),
+        (["subject", "check", "a.npz"], "There is no subject file 'a.npz'"),
+    ],
+)
+def test_what_cannot_be_is_said_in_one_sentence(
+    words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "take.csv").write_text("frame,a.x,a.y,a.z\n0,1,2,3\n")
+    status, out, err = run(capsys, *words)
+    assert status == 2
+    assert out == ""
+    assert said in err
+    assert err.count("\n") == 1
+    assert not list(tmp_path.glob("*.npz"))
+
+
+def test_shapes_are_not_renamed_into_each_other(rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / "me.npz"
+    assert run(capsys, "train", "--rig", rig, "-o", output)[0] == 0
+    before = output.read_bytes()
+    status, _, err = run(capsys, "subject", "rename", output, "--shape", "jawOpen=jawLeft")
+    assert status == 2
+    assert "Two shapes would be called 'jawLeft'" in err
+    status, _, err = run(capsys, "subject", "rename", output, "--shape", "smirk=jawOpen")
+    assert "has no shape 'smirk'" in err
+    assert output.read_bytes() == before

@@ -1,0 +1,200 @@
+"""Rigs become subjects: whatever their axes, units, spellings and seams, and back out as they came."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.mesh_io import read_mesh
+from faceposer.geometry.obj_io import write_obj
+from faceposer.geometry.polygon_mesh import Group, MorphMesh, PolygonMesh
+from faceposer.model.face_model import build_face_model
+from faceposer.model.subject_file import load_subject, save_subject
+from faceposer.session.export import write_posed_obj
+from faceposer.training.progress import Progress, TrainingCancelled
+from faceposer.training.rigs import RigOptions, subject_from_morphs, subject_from_rig
+from tests.training.faces import base, morph_mesh, rotation
+
+OPTIONS = RigOptions("me", "Me")
+
+
+def imported(rig: MorphMesh):  # type: ignore[no-untyped-def]
+    return subject_from_morphs(rig, "me.glb", OPTIONS, Progress())
+
+
+def test_a_rig_in_the_programs_axes_stays_as_it_is() -> None:
+    subject, face = imported(morph_mesh()), base()
+    assert [part.name for part in subject.parts] == [part.name for part in face.parts]
+    assert [part.material for part in subject.parts] == [part.material for part in face.parts]
+    man = load_subject("man")
+    # It is laid on the man, so that its own proportions may shift it a little.
+    assert np.abs(subject.vertices - face.vertices).max() < 0.12 * np.ptp(man.vertices[:, 1])
+    assert subject.origin is not None
+    gram = subject.origin.linear @ subject.origin.linear.T
+    np.testing.assert_allclose(gram, gram[0, 0] * np.eye(3), atol=1e-6)
+    assert subject.summary["missing"] == []
+
+
+def test_turned_scaled_and_shifted_rigs_give_the_same_model() -> None:
+    one = imported(morph_mesh())
+    other = imported(morph_mesh(rotation(1), 0.01, np.array([3.0, -40.0, 7.0])))
+    np.testing.assert_allclose(other.vertices, one.vertices, atol=1e-3)
+    np.testing.assert_allclose(other.shapes, one.shapes, atol=1e-3)
+    assert other.feature_points == one.feature_points
+    models = build_face_model(one), build_face_model(other)
+    assert models[0].n_coefficients == models[1].n_coefficients
+    weights = {"mouthSmileLeft": 0.8, "browInnerUp": 0.4}
+    first, second = (model.instance(model.coefficients_of(weights)) for model in models)
+    np.testing.assert_allclose(second, first, atol=2e-3)
+
+
+def test_a_pose_goes_back_in_the_files_axes_unit_and_order(tmp_path: Path) -> None:
+    rig = morph_mesh(rotation(2), 0.013, np.array([1.0, 2.0, 3.0]))
+    subject = imported(rig)
+    save_subject(tmp_path / "me.npz", subject)
+    model = build_face_model(load_subject(tmp_path / "me.npz"))
+    weights = {"jawOpen": 0.5, "eyeBlinkLeft": 1.0}
+    write_posed_obj(tmp_path / "pose.obj", model, model.coefficients_of(weights))
+    mesh = read_mesh(tmp_path / "pose.obj")
+    expected = rig.mesh.vertices + sum(value * rig.targets[name] for name, value in weights.items())
+    size = np.ptp(rig.mesh.vertices, axis=0).max()
+    moved = np.linalg.norm(expected - rig.mesh.vertices, axis=1).max()
+    assert np.linalg.norm(mesh.vertices - expected, axis=1).max() < 0.1 * moved
+    np.testing.assert_array_equal(mesh.polygons, rig.mesh.polygons)
+    np.testing.assert_array_equal(mesh.polygon_uvs, rig.mesh.polygon_uvs)
+    np.testing.assert_allclose(mesh.uv, rig.mesh.uv, atol=1e-6)
+    assert mesh.groups == rig.mesh.groups
+    write_posed_obj(tmp_path / "neutral.obj", model, model.neutral())
+    np.testing.assert_allclose(read_mesh(tmp_path / "neutral.obj").vertices, rig.mesh.vertices, atol=1e-7 * size)
+
+
+def test_seams_are_closed_for_the_light_and_open_in_the_file(tmp_path: Path) -> None:
+    rig = morph_mesh()
+    # As in glTF, every corner of a face is a vertex of its own.
+    used = rig.mesh.polygons >= 0
+    ids = rig.mesh.polygons[used]
+    soup = np.full(rig.mesh.polygons.shape, -1, dtype=np.int32)
+    soup[used] = np.arange(len(ids))
+    mesh = PolygonMesh(rig.mesh.vertices[ids], soup, groups=rig.mesh.groups)
+    subject = imported(MorphMesh(mesh, {name: offsets[ids] for name, offsets in rig.targets.items()}))
+    whole = imported(rig)
+    assert len(subject.vertices) <= len(whole.vertices)
+    assert len(subject.vertices) > 0.9 * len(whole.vertices)
+    write_posed_obj(tmp_path / "a.obj", build_face_model(subject), np.zeros(build_face_model(subject).n_coefficients))
+    back = read_mesh(tmp_path / "a.obj")
+    np.testing.assert_array_equal(back.polygons, soup)
+    np.testing.assert_allclose(back.vertices, mesh.vertices, atol=1e-5)
+    assert not len(back.uv)
+
+
+def test_large_faces_and_interleaved_groups_come_back(tmp_path: Path) -> None:
+    rig = morph_mesh()
+    skin = next(group for group in rig.mesh.groups if group.material == "skin")
+    first, last = skin.polygons
+    middle = (first + last) // 2
+    groups = (
+        *(group for group in rig.mesh.groups if group.polygons[1] <= first),
+        Group("head", (first, middle), "skin"),
+        Group("scalp", (middle, last), "skin"),
+        *(group for group in rig.mesh.groups if group.polygons[0] >= last),
+    )
+    triangles = rig.mesh.triangles()[:1]
+    wide = np.full((len(rig.mesh.polygons) + 1, 5), -1, dtype=np.int32)
+    wide[:-1, : rig.mesh.polygons.shape[1]] = rig.mesh.polygons
+    wide[-1] = [*triangles[0], *rig.mesh.polygons[1, :2]]
+    mesh = PolygonMesh(rig.mesh.vertices, wide, groups=groups)
+    subject = imported(replace(rig, mesh=mesh))
+    assert [part.name for part in subject.parts].count("scalp") == 0, "head and scalp share vertices: one part"
+    write_posed_obj(tmp_path / "a.obj", build_face_model(subject), np.zeros(build_face_model(subject).n_coefficients))
+    back = read_mesh(tmp_path / "a.obj")
+    np.testing.assert_array_equal(back.polygons, wide)
+    assert {"head", "scalp"} <= {group.name for group in back.groups}
+
+
+def test_spellings_missing_empty_and_foreign_shapes_are_reported() -> None:
+    rig = morph_mesh()
+    spelled = {name: name.replace("Left", "_L").replace("Right", "_R") for name in rig.targets}
+    targets = {f"Head.{spelled[name]}": shape for name, shape in rig.targets.items()}
+    targets.pop("Head.tongueOut")
+    targets["Head.jawForward"] = np.zeros_like(targets["Head.jawForward"])
+    targets["Head.mySpecial"] = targets["Head.jawOpen"]
+    subject = imported(replace(rig, targets=targets))
+    assert subject.summary["missing"] == ["tongueOut"]
+    assert subject.summary["empty"] == ["jawForward"]
+    assert subject.summary["not_arkit"] == ["Head.mySpecial"]
+    build_face_model(subject)
+
+
+def test_eyes_without_shapes_follow_the_gaze_and_get_a_look() -> None:
+    rig = morph_mesh()
+    eyes = {part.name: part for part in base().parts if part.material == "eye"}
+    targets = {name: offsets.copy() for name, offsets in rig.targets.items()}
+    for offsets in targets.values():
+        for part in eyes.values():
+            offsets[slice(*part.vertices)] = 0.0
+    subject = imported(replace(rig, targets=targets))
+    assert sorted(subject.summary["eyes_turned"]) == sorted(eyes)
+    left = next(part for part in subject.parts if part.name == "eye_left")
+    ball = slice(*left.vertices)
+    outward = subject.shapes[subject.shape_names.index("eyeLookOutLeft"), ball]
+    front = subject.vertices[ball, 2].argmax()
+    assert outward[front, 0] > 0.3, "the front of the left eye turns to its left"
+    assert subject.shapes[subject.shape_names.index("eyeLookUpLeft"), ball][front, 1] > 0.2
+    assert subject.textures["eye"]
+
+
+def test_landmarks_lie_where_they_belong() -> None:
+    face, subject = base(), imported(morph_mesh())
+    assert subject.origin is not None
+    for name in ("8.3", "8.4", "2.1", "3.1", "3.2", "4.1", "4.2"):
+        found = subject.feature_points[name]
+        file_vertex = int(np.flatnonzero(subject.origin.vertex_ids == found)[0])
+        assert np.linalg.norm(face.vertices[file_vertex] - face.vertices[face.feature_points[name]]) < 1.2, name
+    centre = {name: subject.vertices[ids].mean(axis=0) for name, ids in subject.regions.items()}
+    assert centre["brow_left"][0] > 1.0 > -1.0 > centre["brow_right"][0]
+    assert centre["brow_left"][1] > centre["mouth"][1]
+
+
+def test_folders_of_shapes_are_rigs(tmp_path: Path) -> None:
+    rig = morph_mesh()
+    for name in ("neutral", "jawOpen", "mouthSmile_L", "mouthSmile_R", "browInnerUp", "eyeBlink_L", "eyeBlink_R"):
+        ours = name.replace("_L", "Left").replace("_R", "Right")
+        vertices = rig.mesh.vertices + (0.0 if name == "neutral" else rig.targets[ours])
+        write_obj(tmp_path / f"face_{name}.obj", vertices, rig.mesh.polygons)
+    subject = subject_from_rig(tmp_path, OPTIONS)
+    assert set(subject.shape_names) == {
+        "jawOpen",
+        "mouthSmileLeft",
+        "mouthSmileRight",
+        "browInnerUp",
+        "eyeBlinkLeft",
+        "eyeBlinkRight",
+    }
+    assert len(subject.summary["missing"]) == 46
+    build_face_model(subject)
+
+
+def test_rigs_of_few_shapes_are_refused() -> None:
+    rig = morph_mesh()
+    with pytest.raises(FacePoserError, match=r"me\.glb' has 1 of ARKit's 52 shapes.*'jawOpen', 'smug'"):
+        imported(replace(rig, targets={"jawOpen": rig.targets["jawOpen"], "smug": rig.targets["mouthSmileLeft"]}))
+
+
+def test_a_training_can_be_stopped() -> None:
+    with pytest.raises(TrainingCancelled, match="nothing was written"):
+        subject_from_morphs(morph_mesh(), "me.glb", OPTIONS, Progress(cancelled=lambda: True))
+
+
+@pytest.mark.skipif("FACEPOSER_RIGS" not in os.environ, reason="FACEPOSER_RIGS does not name the folder of rigs")
+def test_a_rig_of_another_program() -> None:
+    path = Path(os.environ["FACEPOSER_RIGS"]) / "facecap_multi.glb"
+    subject = subject_from_rig(path, OPTIONS)
+    assert [part.name for part in subject.parts] == ["eyeLeft", "eyeRight", "teeth", "head"]
+    assert [part.material for part in subject.parts] == ["eye", "eye", "teeth", "skin"]
+    assert subject.summary["empty"] == ["tongueOut"]
+    corners = subject.vertices[[subject.feature_points["8.3"], subject.feature_points["8.4"]]]
+    np.testing.assert_allclose(corners[0], corners[1] * [-1, 1, 1], atol=0.3)
+    assert max(build_face_model(subject).unreached().values()) < 0.15
