@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _WIDTH, _LABEL = 44.0, 8.4
 _KINDS: tuple["Kind", ...] = ("rig", "examples", "markers")
-_KIND_LABELS = ("Rig", "Example meshes", "Markers")
+_KIND_LABELS = ("Rig", "Examples", "Markers")
 _KIND_TIPS = (
     "A glTF file (.glb, .gltf, .vrm) or a folder with a mesh for each of ARKit's shapes",
     "A folder or an .npz file of meshes with the same vertices and faces, one of them neutral",
@@ -94,10 +94,11 @@ class ImportDialog:
         _title(app.gui.fonts, "Import a character")
         error_height = 0.0
         if importing.error:
-            wrap = imgui.get_content_region_avail().x - em(1.6)
-            error_height = imgui.calc_text_size(importing.error, wrap_width=wrap).y + em(0.9)
-        foot = imgui.get_frame_height() + em(1.3) + error_height
-        _begin_body(foot)
+            # As much narrower than the dialog as the icon before it is wide, and a little more.
+            wrap = imgui.get_content_region_avail().x - em(2.2)
+            text_height = imgui.calc_text_size(importing.error, wrap_width=wrap).y
+            error_height = text_height + em(0.1) + 2.0 * imgui.get_style().item_spacing.y
+        _begin_body(error_height)
         self._draw_source(app)
         kind = _KINDS.index(form.kind)
         _label("Kind")
@@ -185,7 +186,7 @@ class ImportDialog:
         tooltip("Recordings of ARKit's weights by Live Link Face or Face Cap, from which the prior is learned")
         if not form.captures:
             imgui.same_line()
-            imgui.text_disabled("none: natural expressions as the program knows them")
+            caption("none: natural expressions as the program knows them")
 
     def _draw_regions(self, marks: Marks, form: ImportForm) -> None:
         _label("Regions")
@@ -244,7 +245,7 @@ class ImportDialog:
     def _summary(self, app: "App", alone: bool) -> None:
         importing = app.importing
         assert importing.about is not None
-        _begin_body(imgui.get_frame_height() + em(1.3))
+        _begin_body()
         draw_summary(app.gui.fonts, importing.about)
         imgui.end_child()
         pressed = _foot(app.marks, (("open", "Open"), ("close", "Close")))
@@ -265,10 +266,10 @@ def _title(fonts: Fonts, text: str) -> None:
     imgui.dummy((0.0, em(0.2)))
 
 
-def _begin_body(foot: float) -> None:
-    """Begin what scrolls where the window has no room for it, above a foot of this height."""
-    padding = imgui.get_style().window_padding.y
-    most = imgui.get_main_viewport().size.y - imgui.get_cursor_pos_y() - foot - em(1.2) - padding
+def _begin_body(below: float = 0.0) -> None:
+    """Begin what scrolls where the window has no room for it, above the buttons and ``below`` more."""
+    foot = imgui.get_frame_height() + em(0.3) + 3.0 * imgui.get_style().item_spacing.y + below
+    most = imgui.get_main_viewport().size.y - imgui.get_cursor_pos_y() - foot - em(1.7)
     width = imgui.get_content_region_avail().x
     imgui.set_next_window_size_constraints((width, em(3)), (width, max(most, em(3))))
     imgui.begin_child("##body", (width, 0.0), imgui.ChildFlags_.auto_resize_y.value)
@@ -284,7 +285,7 @@ def _label(text: str, width: float | None = None) -> None:
 def _text_row(marks: Marks, key: str, label: str, value: str, tip: str) -> str:
     _label(label)
     imgui.set_next_item_width(-1.0)
-    _, value = imgui.input_text(f"##{key}", value)
+    _, value = imgui.input_text(f"##{key}", value, imgui.InputTextFlags_.auto_select_all.value)
     marks.note(f"import:{key}")
     tooltip(tip)
     return value
@@ -318,7 +319,7 @@ def _path_row(
     side, gap = em(2.2), imgui.get_style().item_inner_spacing.x
     count = 1 + folder
     imgui.set_next_item_width(-(count * (side + gap)))
-    _, value = imgui.input_text_with_hint(f"##{key}", hint, value)
+    _, value = imgui.input_text_with_hint(f"##{key}", hint, value, imgui.InputTextFlags_.auto_select_all.value)
     app.marks.note(f"import:{key}")
     tooltip(f"{tip}\n{value}" if value else tip)
     imgui.same_line(0.0, gap)
