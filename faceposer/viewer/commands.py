@@ -154,7 +154,9 @@ def _tool_actions(app: "App", do: Commands, free: Callable[[], bool]) -> list[Ac
         return lambda: free() and (name != "gaze" or eyes_of(app.session.model.subject) is not None)
 
     tools = [
-        Action(f"tool-{name}", label, "Tools", partial(do.choose_tool, name), (key,), usable(name), chosen(name), help=text)
+        Action(
+            f"tool-{name}", label, "Tools", partial(do.choose_tool, name), (key,), usable(name), chosen(name), help=text
+        )
         for name, label, key, text in _TOOLS
     ]
     nudges = [

@@ -280,7 +280,9 @@ class PathBrowser:
         if self.request.purpose == "folder":
             advice = "A folder in the list, a whole path, or nothing for the folder that is shown"
         imgui.text_colored(WARNING if self.message else FAINT, self.message or advice)
-        verb = {"open": "Open", "folder": "Choose", "save": "Replace" if self._replacing else "Save"}[self.request.purpose]
+        verb = {"open": "Open", "folder": "Choose", "save": "Replace" if self._replacing else "Save"}[
+            self.request.purpose
+        ]
         width = em(6)
         imgui.set_cursor_pos_x(imgui.get_window_width() - 2 * width - em(0.55) - imgui.get_style().window_padding.x)
         imgui.push_style_color(imgui.Col_.button, ACCENT_DARK)

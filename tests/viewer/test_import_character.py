@@ -141,7 +141,7 @@ class Slow:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.go_on, self.begun = threading.Event(), threading.Event()
-        import faceposer.training.request as request
+        from faceposer.training import request
 
         self._train = request.train
         monkeypatch.setattr(request, "train", self)

@@ -269,7 +269,9 @@ def _title(fonts: Fonts, text: str) -> None:
 def _begin_body(below: float = 0.0) -> None:
     """Begin what scrolls where the window has no room for it, above the buttons and ``below`` more."""
     foot = imgui.get_frame_height() + em(0.3) + 3.0 * imgui.get_style().item_spacing.y + below
-    most = imgui.get_main_viewport().size.y - imgui.get_cursor_pos_y() - foot - em(1.7)
+    # Dear ImGui lets a window that fits its content grow no further.
+    room = imgui.get_main_viewport().work_size.y - 2.0 * imgui.get_style().display_safe_area_padding.y
+    most = room - imgui.get_cursor_pos_y() - foot - em(1.25)
     width = imgui.get_content_region_avail().x
     imgui.set_next_window_size_constraints((width, em(3)), (width, max(most, em(3))))
     imgui.begin_child("##body", (width, 0.0), imgui.ChildFlags_.auto_resize_y.value)
@@ -377,5 +379,3 @@ def _foot(marks: Marks, buttons: tuple[tuple[str, str], ...], lit: bool = True) 
 
 def _enter() -> bool:
     return imgui.is_key_pressed(imgui.Key.enter, False) or imgui.is_key_pressed(imgui.Key.keypad_enter, False)
-
-

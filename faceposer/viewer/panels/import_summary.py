@@ -68,7 +68,9 @@ def facts_of(about: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("Examples", f"{summary['examples']}, {summary['dimensions']} modes"))
         if "markers" in summary:
             marked = summary["markers"]
-            text = f"{marked['frames']} frames, {marked['frames_left_out']} left out, {marked['gaps_filled']} gaps filled"
+            text = (
+                f"{marked['frames']} frames, {marked['frames_left_out']} left out, {marked['gaps_filled']} gaps filled"
+            )
             rows.append(("Markers", text))
         rows.append(("Neutral", shown_path(summary["neutral"])))
         worst_region = summary["worst"]

@@ -149,7 +149,7 @@ def _fix(app: "App") -> None:
 
 
 def regions_to_hold(subject: Subject) -> list[tuple[str, tuple[str, ...]]]:
-    """Return the regions that have a button, with its label: those that people have words for, or else all there are."""
+    """Return the regions that have a button, with its label: those with words for them, or else all there are."""
     regions = subject.regions
     known = [(title, names) for title, names in HELD_REGIONS.items() if any(name in regions for name in names)]
     return known or [(name.replace("_", " ").capitalize(), (name,)) for name in sorted(regions)]
