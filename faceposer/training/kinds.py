@@ -1,6 +1,7 @@
 """What kind of source a file or folder is, told without the libraries that learning needs."""
 
 import re
+from itertools import islice
 from pathlib import Path
 from typing import Literal
 
@@ -15,6 +16,8 @@ Kind = Literal["rig", "examples", "markers"]
 MARKER_SUFFIXES = (".c3d", ".csv")
 # So many files called like ARKit's shapes make a folder a rig and not a heap of examples.
 _SHAPES_IN_RIG = 5
+# A rig's folder does not hold more: the window looks into folders while their path is typed.
+_MOST_FILES = 1000
 
 
 def kind_of(source: Path) -> Kind:
@@ -26,10 +29,11 @@ def kind_of(source: Path) -> Kind:
     suffix = source.suffix.lower()
     if source.is_dir():
         try:
-            shapes = [path for path in source.iterdir() if _last_name(path.stem) is not None]
+            files = islice(source.iterdir(), _MOST_FILES)
+            shapes = islice((path for path in files if _last_name(path.stem) is not None), _SHAPES_IN_RIG)
+            return "rig" if len(list(shapes)) == _SHAPES_IN_RIG else "examples"
         except OSError as error:
             raise FacePoserError(f"The folder '{source}' cannot be read: {error.strerror}.") from error
-        return "rig" if len(shapes) >= _SHAPES_IN_RIG else "examples"
     if suffix in GLTF_SUFFIXES:
         return "rig"
     if suffix == ARRAY_SUFFIX:

@@ -136,8 +136,8 @@ def _draw_curves(curves: dict[str, Any]) -> None:
         imgui.begin_group()
         imgui.text_colored(FAINT, title)
         values = factor * np.asarray(curves[key], dtype=np.float64)
-        if implot.begin_plot(f"##{key}", (width, em(8)), flags):
-            implot.setup_axes("", "", axis, axis)
+        if implot.begin_plot(f"##{key}", (width, em(9)), flags):
+            implot.setup_axes("components", "", axis, axis)
             top = 1.05 * max(float(values.max()), 1e-6)
             implot.setup_axes_limits(0.0, float(components[-1]) + 1.0, 0.0, top, implot.Cond_.always)
             spec = implot.Spec()
