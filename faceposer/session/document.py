@@ -28,7 +28,8 @@ class Document:
     """One state of the user's work; every edit makes a new one.
 
     Attributes:
-        subject: Name of a shipped subject, or the path of a subject's file.
+        subject: Name of a shipped subject, or the path of a subject's file: from everywhere while it is edited, and in
+            a file as seen from where that lies.
         constraints: In the order in which they were made.
         prior_weight: Weight of the prior, at least 0.
         coefficients: The pose, shape (r,), read-only; None for the neutral face.
@@ -152,6 +153,34 @@ class Document:
             except ValueError as error:
                 raise FacePoserError(f"constraints[{i}]: {error}.") from error
         return replace(self, constraints=tuple(constraints))
+
+
+def whole_subject(subject: str, folder: Path) -> str:
+    """Return ``subject``, if it is the path of a file, as seen from ``folder``, from everywhere."""
+    if not _is_file(subject):
+        return subject
+    return os.path.normpath((folder / Path(subject).expanduser()).absolute())
+
+
+def subject_from(subject: str, folder: Path) -> str:
+    """Return how a session in ``folder`` names ``subject``.
+
+    A file in the folder, beneath it, or in a folder beside it is named from there, with slashes, so that both can be
+    moved together; any other by its whole path. ``subject`` itself is a name, a whole path, or as seen from the current
+    folder.
+    """
+    if not _is_file(subject):
+        return subject
+    whole = whole_subject(subject, Path())
+    try:
+        relative = Path(os.path.relpath(whole, folder.absolute()))
+    except ValueError:  # on another drive
+        return whole
+    return whole if relative.is_absolute() or relative.parts[:2] == ("..", "..") else relative.as_posix()
+
+
+def _is_file(subject: str) -> bool:
+    return subject.lower().endswith(".npz")
 
 
 def _pose_from_json(values: Any, where: str) -> list[float]:

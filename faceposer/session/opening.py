@@ -1,24 +1,36 @@
 """Opens what a user names: a subject, or a session with its subject."""
 
 import difflib
+from contextlib import suppress
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
 from faceposer.errors import FacePoserError
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.subject_file import available_subjects, load_subject
-from faceposer.session.document import Document, read_document
+from faceposer.session.document import Document, read_document, whole_subject
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
 
 
-@lru_cache(maxsize=2)
 def load_model(subject: str) -> FaceModel:
-    """Return the face model of the subject with this name or path, remembering the last two.
+    """Return the face model of the subject with this name or path, remembering the last two as long as they stay.
 
     Raises:
         FacePoserError: If there is no such subject or its file is damaged.
     """
+    stamp: tuple[int, ...] = ()
+    if subject.lower().endswith(".npz"):
+        # A file may have been written anew since.
+        with suppress(OSError):
+            status = Path(subject).expanduser().stat()
+            stamp = (status.st_mtime_ns, status.st_size, status.st_ino)
+    return _load_model(subject, stamp)
+
+
+@lru_cache(maxsize=2)
+def _load_model(subject: str, _stamp: tuple[int, ...]) -> FaceModel:
     return build_face_model(load_subject(subject))
 
 
@@ -37,7 +49,7 @@ def open_session(what: str, worker: Worker | None = None) -> Session:
             close = difflib.get_close_matches(what, names, 1)
             guess = f" Did you mean '{close[0]}'?" if close else ""
             raise FacePoserError(f"'{what}' is no subject ({', '.join(names)}) and no session file (.json).{guess}")
-    return Session(load_model(what), Document(what), worker)
+    return Session(load_model(what), Document(whole_subject(what, Path())), worker)
 
 
 def session_of(document: Document, path: Path | None, worker: Worker | None = None) -> Session:
@@ -51,11 +63,9 @@ def session_of(document: Document, path: Path | None, worker: Worker | None = No
     Raises:
         FacePoserError: If the subject cannot be found or read, or does not fit.
     """
-    subject = document.subject
-    if path is not None and subject.lower().endswith(".npz") and not Path(subject).is_absolute():
-        subject = str(path.parent / subject)
+    subject = whole_subject(document.subject, Path() if path is None else path.parent)
     try:
-        return Session(load_model(subject), document, worker, path)
+        return Session(load_model(subject), replace(document, subject=subject), worker, path)
     except FacePoserError as error:
         if path is None:
             raise

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
-from faceposer.session.document import Document, write_document
+from faceposer.session.document import Document, subject_from, write_document
 from faceposer.session.history import History
 from faceposer.session.solver_worker import InlineWorker, Job, Worker
 from faceposer.solve.constraints.registry import Constraint
@@ -330,7 +330,8 @@ class Session:
         Raises:
             FacePoserError: If the file cannot be written.
         """
-        write_document(path, self._document if camera is None else replace(self._document, camera=camera))
+        written = replace(self._document, subject=subject_from(self._document.subject, path.parent))
+        write_document(path, written if camera is None else replace(written, camera=camera))
         self.path = path
         self._saved = self._document
         self.revision += 1

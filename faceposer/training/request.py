@@ -1,25 +1,17 @@
 """What a user asks to be learned, however it was asked, and the way to the right kind of learning."""
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from faceposer.errors import FacePoserError
-from faceposer.geometry.gltf_io import GLTF_SUFFIXES
-from faceposer.geometry.mesh_sequence import ARRAY_SUFFIX
-from faceposer.model.shape_names import canonical_shape
 from faceposer.model.subject import Subject
 from faceposer.training.examples import ExampleOptions, subject_from_examples
+from faceposer.training.kinds import Kind, kind_of, plain_name
 from faceposer.training.marked import subject_from_markers
 from faceposer.training.progress import Progress
 from faceposer.training.rigs import RigOptions, subject_from_rig
 
-Kind = Literal["rig", "examples", "markers"]
-
-# So many files called like ARKit's shapes make a folder a rig and not a heap of examples.
-_SHAPES_IN_RIG = 5
-_MARKER_SUFFIXES = (".c3d", ".csv")
+__all__ = ["Kind", "TrainingRequest", "kind_of", "plain_name", "train"]
 
 
 @dataclass(frozen=True)
@@ -97,37 +89,3 @@ def train(request: TrainingRequest, progress: Progress | None = None) -> Subject
     if request.marker_map is None:
         raise FacePoserError(f"The markers in '{request.source}' need a map (--marker-map) that says where they are.")
     return subject_from_markers(request.source, request.marker_map, request.scan, example_options, progress)
-
-
-def kind_of(source: Path) -> Kind:
-    """Return what ``source`` most likely is: a rig, examples or markers.
-
-    Raises:
-        FacePoserError: If it is none of them.
-    """
-    suffix = source.suffix.lower()
-    if source.is_dir():
-        shapes = [path for path in source.iterdir() if _last_name(path.stem) is not None]
-        return "rig" if len(shapes) >= _SHAPES_IN_RIG else "examples"
-    if suffix in GLTF_SUFFIXES:
-        return "rig"
-    if suffix == ARRAY_SUFFIX:
-        return "examples"
-    if suffix in _MARKER_SUFFIXES:
-        return "markers"
-    raise FacePoserError(
-        f"'{source}' is nothing to learn a character from; give a glTF file with shapes, a folder of meshes, or the "
-        "motion of markers."
-    )
-
-
-def plain_name(path: Path) -> str:
-    """Return a short name for a subject from the name of its source."""
-    name = re.sub(r"[^a-z0-9]+", "-", (path.name if path.is_dir() else path.stem).lower()).strip("-")
-    return name or "character"
-
-
-def _last_name(stem: str) -> str | None:
-    """Return the ARKit shape that a file is called after, whatever stands before it."""
-    words = re.split(r"[-.\s]+", stem)
-    return canonical_shape(stem) or canonical_shape(words[-1])

@@ -20,9 +20,11 @@ from faceposer.viewer.ending import interrupted_by_signals
 from faceposer.viewer.file_dialogs import FileDialogs, FileRequest
 from faceposer.viewer.files import Files
 from faceposer.viewer.gui import Gui
+from faceposer.viewer.importing import Importing
 from faceposer.viewer.panels.constraints import ConstraintsPanel
 from faceposer.viewer.panels.dialogs import Dialogs
 from faceposer.viewer.panels.guide import GuideCard
+from faceposer.viewer.panels.import_character import ImportDialog
 from faceposer.viewer.panels.layout import draw_window
 from faceposer.viewer.panels.palette import Palette
 from faceposer.viewer.panels.pose import PosePanel
@@ -98,6 +100,7 @@ class App:
         self.dialogs = Dialogs(self.gui.fonts, self.marks)
         self.file_dialogs = FileDialogs(self.gui.fonts, self.marks, use_native=False if hidden else None)
         self.files = Files(self)
+        self.importing, self.import_dialog = Importing(self, self._wake), ImportDialog()
         self.recovery = Recovery(self, self.remembers if journal is None else journal)
         self.toolbox = Toolbox(self.viewport)
         self.palette, self.guide = Palette(), GuideCard(self.settings)
@@ -147,7 +150,7 @@ class App:
         patience = min(0.5, self.recovery.patience)
         if self.router.over_widget and now - self._last_event < _LINGER:
             patience = min(patience, 0.05)
-        if self.file_dialogs.polling or self.gui.io.want_text_input:
+        if self.file_dialogs.polling or self.gui.io.want_text_input or self.importing.running:
             patience = min(patience, 0.1)
         if self.notice:
             patience = min(patience, max(self._notice_until - now, 0.01))
@@ -159,7 +162,7 @@ class App:
         Raises:
             FacePoserError: If frame after frame fails; the work is then kept for the next start.
         """
-        for part in (self._take_events, self._follow_session, self.recovery.follow):
+        for part in (self._take_events, self._follow_session, self.importing.follow, self.recovery.follow):
             try:
                 part()
             except Exception as error:  # the window goes on, whatever it was
@@ -193,9 +196,9 @@ class App:
         self.guide.follow(self)
         self.router.follow()
 
-    def redraw(self) -> None:
+    def redraw(self, frames: int = _FRAMES_AFTER_EVENT) -> None:
         """See to it that what has changed is drawn."""
-        self._frames_due = _FRAMES_AFTER_EVENT
+        self._frames_due = max(self._frames_due, frames)
 
     def _draw(self) -> None:
         begun = time.perf_counter()
@@ -309,7 +312,8 @@ class App:
     @property
     def covered(self) -> bool:
         """Whether a menu or a dialog keeps the pointer from the view."""
-        return self.gui.popup_open or self.palette.open or self.dialogs.open or self.file_dialogs.browsing
+        asking = self.dialogs.open or self.file_dialogs.browsing or self.importing.open
+        return asking or self.gui.popup_open or self.palette.open
 
     def point_name(self, index: int) -> str:
         """Return what people call the place of constraint ``index``."""
@@ -361,6 +365,7 @@ class App:
         self.scene.release()
         self.gui.close()
         self.window.close()
+        self.importing.end()
 
 
 def run(what: str, exit_after_first_frame: bool = False) -> int:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from faceposer.tools.gaze_tool import eyes_of
 from faceposer.tools.tool import Navigation
 from faceposer.viewer.actions import Action, Actions, Submenu
 from faceposer.viewer.panels.dialogs import Question
@@ -33,6 +34,8 @@ _TOOLS = (
     ("fix", "Fix", "H", "Hold vertices where they are"),
     ("gaze", "Gaze", "G", "Let both eyes follow a handle"),
 )
+
+_IMPORT = "Make a character of your own from a rig, from example meshes or from the motion of markers"
 
 
 class Commands:
@@ -147,8 +150,13 @@ def _tool_actions(app: "App", do: Commands, free: Callable[[], bool]) -> list[Ac
     def chosen(name: str) -> Callable[[], bool]:
         return lambda: app.toolbox.chosen.name == name
 
+    def usable(name: str) -> Callable[[], bool]:
+        return lambda: free() and (name != "gaze" or eyes_of(app.session.model.subject) is not None)
+
     tools = [
-        Action(f"tool-{name}", label, "Tools", partial(do.choose_tool, name), (key,), free, chosen(name), help=text)
+        Action(
+            f"tool-{name}", label, "Tools", partial(do.choose_tool, name), (key,), usable(name), chosen(name), help=text
+        )
         for name, label, key, text in _TOOLS
     ]
     nudges = [
@@ -207,6 +215,7 @@ def build_actions(app: "App") -> Actions:
         [
             Action("open", "Open...", "File", app.files.open_dialog, ("Ctrl+O",), help="Open a session or a subject"),
             Submenu("open-recent", "Open recent", "File", app.files.recent.entries, lambda: bool(app.settings.recent)),
+            Action("import", "Import character...", "File", app.importing.show, (), free, help=_IMPORT),
             Action("save", "Save", "File", app.files.save, ("Ctrl+S",), separated=True, help="Save the session"),
             Action("save-as", "Save as...", "File", app.files.save_as, ("Ctrl+Shift+S",)),
             Action("export", "Save OBJ", "File", app.files.export, ("Ctrl+E",), help="Save the posed face as OBJ"),

@@ -1,4 +1,4 @@
-"""Asks for a file: by the system's own dialog where there is one, else by a small browser of our own."""
+"""Asks for a file or a folder: by the system's own dialog where there is one, else by a small browser of our own."""
 
 import os
 import shutil
@@ -14,7 +14,7 @@ from imgui_bundle import portable_file_dialogs as native
 from faceposer.viewer.panels.widgets import Marks
 from faceposer.viewer.theme import ACCENT_DARK, FAINT, WARNING, Fonts, Icon, em
 
-Purpose = Literal["open", "save"]
+Purpose = Literal["open", "save", "folder"]
 _MOST_ENTRIES = 5000
 
 
@@ -23,7 +23,7 @@ class FileRequest:
     """What to ask for.
 
     Attributes:
-        purpose: "open" for a file that exists, "save" for one to write.
+        purpose: "open" for a file that exists, "save" for one to write, "folder" for a folder that exists.
         title: What the file is for.
         kind: What such files are called, for example "Sessions".
         suffixes: Their endings, with dots; a name without one of them gets the first.
@@ -40,7 +40,7 @@ class FileRequest:
 
     def completed(self, path: Path) -> Path:
         """Return ``path`` with a suffix, if it is to be written and lacks one."""
-        if self.purpose == "open" or path.suffix.lower() in self.suffixes:
+        if self.purpose != "save" or path.suffix.lower() in self.suffixes:
             return path
         return path.with_name(path.name + self.suffixes[0])
 
@@ -89,7 +89,9 @@ class FileDialogs:
             return
         filters = [request.kind, " ".join(f"*{suffix}" for suffix in request.suffixes), "All files", "*"]
         start = str(request.start)
-        if request.purpose == "open":
+        if request.purpose == "folder":
+            self._native = (request, native.select_folder(request.title, start))
+        elif request.purpose == "open":
             self._native = (request, native.open_file(request.title, start, filters))
         else:
             self._native = (request, native.save_file(request.title, start, filters))
@@ -159,6 +161,8 @@ class PathBrowser:
 
     def accept(self) -> Path | None:
         """Return the path that is typed, if it will do; else go there or say why not."""
+        if self.request.purpose == "folder":
+            return self._accept_folder()
         if not self.name.strip():
             self.message = "Give a name."
             return None
@@ -181,6 +185,13 @@ class PathBrowser:
             self.message = f"'{path.name}' exists; accept again to replace it."
             return None
         return path
+
+    def _accept_folder(self) -> Path | None:
+        path = self.folder / Path(self.name.strip()).expanduser()
+        if path.is_dir():
+            return path
+        self.message = f"There is no folder '{path}'."
+        return None
 
     def draw(self, fonts: Fonts, marks: Marks) -> Path | None:
         """Draw the browser and return the path once one is chosen."""
@@ -229,14 +240,19 @@ class PathBrowser:
         imgui.begin_child("##list", (0.0, -foot), imgui.ChildFlags_.always_use_window_padding.value)
         if not self._entries:
             imgui.text_disabled(f"No folders and no {self.request.kind.lower()} here.")
+        folders_only = self.request.purpose == "folder"
         for is_folder, name in list(self._entries):
             imgui.text_colored(FAINT, Icon.FOLDER if is_folder else Icon.FILE)
             imgui.same_line(em(2.4))
+            # Files only show what is in the folder where one of those is wanted.
+            imgui.begin_disabled(folders_only and not is_folder)
             imgui.selectable(f"{name}##entry", name == self.name, imgui.SelectableFlags_.allow_double_click.value)
+            imgui.end_disabled()
             marks.note(f"files:{name}")
             if imgui.is_item_hovered() and imgui.is_mouse_clicked(0):
                 twice = imgui.is_mouse_double_clicked(0)
                 if is_folder:
+                    self.name = name if folders_only and not twice else "" if folders_only else self.name
                     if twice:
                         self._enter(self.folder / name)
                 else:
@@ -261,8 +277,12 @@ class PathBrowser:
             chosen = self.accept()
             self._focus = chosen is None
         advice = f"A name, or a whole path ({', '.join(self.request.suffixes)})"
+        if self.request.purpose == "folder":
+            advice = "A folder in the list, a whole path, or nothing for the folder that is shown"
         imgui.text_colored(WARNING if self.message else FAINT, self.message or advice)
-        verb = "Open" if self.request.purpose == "open" else "Replace" if self._replacing else "Save"
+        verb = {"open": "Open", "folder": "Choose", "save": "Replace" if self._replacing else "Save"}[
+            self.request.purpose
+        ]
         width = em(6)
         imgui.set_cursor_pos_x(imgui.get_window_width() - 2 * width - em(0.55) - imgui.get_style().window_padding.x)
         imgui.push_style_color(imgui.Col_.button, ACCENT_DARK)

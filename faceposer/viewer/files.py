@@ -162,8 +162,18 @@ class Files:
     # Leaving
 
     def quit(self) -> None:
-        """Close the window, after asking about changes that are not saved."""
-        self.guard(self._app.close_soon)
+        """Close the window, after asking about a character that is being learned and changes that are not saved."""
+        app = self._app
+        if not app.importing.running:
+            self.guard(app.close_soon)
+            return
+        app.dialogs.ask(
+            Question(
+                "Stop learning and quit?",
+                "A character is being learned. What has been learned of it so far would be lost.",
+                (Choice("Stop and quit", lambda: self.guard(app.close_soon)), Choice("Go on learning")),
+            )
+        )
 
     def guard(self, go_on: Callable[[], None]) -> None:
         """Ask what to do with changes that are not saved, then go on; without any, go on at once."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from imgui_bundle import imgui
+from imgui_bundle import imgui, implot
 
 from faceposer.viewer.cursors import Cursors
 from faceposer.viewer.theme import Fonts, apply_theme, load_fonts
@@ -19,6 +19,7 @@ class Gui:
             FacePoserError: If a font is missing.
         """
         imgui.create_context()
+        implot.create_context()
         self.io = imgui.get_io()
         self.io.set_ini_filename(None)
         self.io.config_windows_move_from_title_bar_only = True
@@ -74,4 +75,5 @@ class Gui:
         """End it, before the window closes."""
         imgui.backends.opengl3_shutdown()
         imgui.backends.glfw_shutdown()
+        implot.destroy_context()
         imgui.destroy_context()

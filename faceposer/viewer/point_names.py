@@ -102,12 +102,12 @@ class PointNames:
 
 def _without_side(region: str) -> str:
     """Return "lids" for "lids_left", and "mouth" for a lip."""
-    word = region.split("_", maxsplit=1)[0]
+    word = region.replace("_", " ").split(maxsplit=1)[0]
     return "mouth" if word == "lip" else word
 
 
 def _readable(region: str) -> str:
-    """Return "left cheek" for "cheek_left"."""
-    words = region.split("_")
+    """Return "left cheek" for "cheek_left", and for "cheek left", as regions of examples are called."""
+    words = region.replace("_", " ").split()
     side = [word for word in words if word in ("left", "right", "upper", "lower")]
     return " ".join(side + [word for word in words if word not in side])

@@ -47,7 +47,7 @@ class Recovery:
         app = self._app
         if self._journal is None:
             return
-        if self._waiting and not (app.dialogs.open or app.file_dialogs.open or app.busy):
+        if self._waiting and not (app.dialogs.open or app.file_dialogs.open or app.importing.open or app.busy):
             self._offer(self._waiting.pop(0))
         try:
             self._journal.follow(app.session, app.viewport.camera)

@@ -121,8 +121,7 @@ class Renderer:
         program = self._surface
         self._set_camera(program, camera)
         set_uniform(program, "viewport", size)
-        low, high = buffers.subject.vertices[:, 1].min(), buffers.subject.vertices[:, 1].max()
-        set_uniform(program, "neck", (float(low), float(low + _NECK_FADE * (high - low))))
+        set_uniform(program, "neck", _cut_of_neck(buffers.subject))
         set_uniform(program, "mouth", _front_of_teeth(buffers.subject))
         self._draw_parts(shading, opaque=True)
         if wireframe:
@@ -200,6 +199,14 @@ class Renderer:
         self._backdrop.release()
         for program in (self._surface, self._background, self._edges, self._triangle_id):
             program.release()
+
+
+def _cut_of_neck(subject: Subject) -> tuple[float, float]:
+    """Return between which heights the skin fades away; below everything where the mesh ends above the neck."""
+    low, high = float(subject.vertices[:, 1].min()), float(subject.vertices[:, 1].max())
+    if "neck" not in subject.regions:
+        return low - 2.0, low - 1.0
+    return low, low + _NECK_FADE * (high - low)
 
 
 def _front_of_teeth(subject: Subject) -> float:

@@ -42,7 +42,7 @@ class Router:
             elif isinstance(event, Key):
                 self._on_key(event)
             elif isinstance(event, Drop):
-                self._app.files.open(event.paths[0])
+                self._on_drop(event.paths)
             elif isinstance(event, FocusLost):
                 self._on_focus_lost()
             elif isinstance(event, CloseRequest):
@@ -101,7 +101,7 @@ class Router:
             if key.key == "C":
                 self._release_compare(key.time)
             return
-        if app.dialogs.open or app.file_dialogs.browsing:
+        if app.dialogs.open or app.file_dialogs.browsing or app.importing.open:
             return
         if app.gui.popup_open or app.palette.open:
             again = app.palette.open and app.actions.for_key(key.key, key.modifiers) is app.actions["palette"]
@@ -117,6 +117,14 @@ class Router:
         if action.name == "compare":
             self._compare = (key.time, app.comparing)
         action.run()
+
+    def _on_drop(self, paths: tuple[str, ...]) -> None:
+        app = self._app
+        if app.importing.takes(paths[0]):
+            app.importing.drop(paths)
+        elif not app.importing.running:
+            app.importing.close()
+            app.files.open(paths[0])
 
     def _release_compare(self, time: float) -> None:
         if self._compare is not None:

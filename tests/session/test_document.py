@@ -1,6 +1,7 @@
 """Session files come back as they were written, and wrong ones are refused with their place."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,9 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.picking import SurfacePoint
 from faceposer.model.face_model import FaceModel
+from faceposer.model.subject_file import load_subject, save_subject
 from faceposer.session.document import Document, read_document, write_document
+from faceposer.session.opening import open_session
 from faceposer.solve.constraints.point import PointConstraint
 
 CAMERA = OrbitView((0.0, 1.0, 2.0), 0.3, 0.2).camera((640, 480))
@@ -143,3 +146,44 @@ def test_documents_are_checked_against_their_face(model: FaceModel) -> None:
         Document("man", (PointConstraint(SurfacePoint(9999999, (1.0, 0.0, 0.0)), (0.0, 0.0), camera),)).resolved(model)
     with pytest.raises(FacePoserError, match="coefficients has 2 numbers"):
         Document("man").posed([1.0, 2.0]).resolved(model)
+
+
+@pytest.mark.parametrize(
+    ("place", "written"),
+    [
+        ("", "heads/hero.npz"),
+        ("heads", "hero.npz"),
+        ("poses", "../heads/hero.npz"),
+        ("poses/new", None),
+        ("../other/deep", None),
+    ],
+)
+def test_a_session_finds_its_subject_wherever_it_is_saved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, written: str | None
+) -> None:
+    work = tmp_path / "work"
+    (work / "heads").mkdir(parents=True)
+    folder = work / place
+    folder.mkdir(parents=True, exist_ok=True)
+    save_subject(work / "heads" / "hero.npz", load_subject("man"))
+    monkeypatch.chdir(work)
+    for name in ("heads/hero.npz", str(work / "heads" / "hero.npz")):
+        session = open_session(name)
+        session.save(folder / "pose.json")
+        assert not session.dirty
+        subject = json.loads((folder / "pose.json").read_text())["subject"]
+        assert subject == (str(work / "heads" / "hero.npz") if written is None else written)
+    monkeypatch.chdir(tmp_path)
+    again = open_session(str(folder / "pose.json"))
+    assert again.model.subject.name == "man"
+    again.save(tmp_path / "moved.json")
+    assert open_session(str(tmp_path / "moved.json")).document.subject == str(work / "heads" / "hero.npz")
+
+
+def test_a_subject_written_anew_is_loaded_anew(tmp_path: Path) -> None:
+    path = tmp_path / "hero.npz"
+    save_subject(path, load_subject("man"))
+    first = open_session(str(path)).model
+    assert open_session(str(path)).model is first
+    save_subject(path, replace(load_subject("man"), title="Another"))
+    assert open_session(str(path)).model.subject.title == "Another"

@@ -1,6 +1,7 @@
 """What is drawn lies where the camera says, and picking by picture agrees with picking by ray."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import moderngl
 import numpy as np
@@ -130,3 +131,16 @@ def test_missing_textures_are_replaced_by_plain_colours() -> None:
     subject = plain_subject(vertices, [[0, 1, 2]])
     picture = render_subject(subject, subject.vertices, OrbitView((0, 0, 0), distance=40).camera((64, 64)))
     assert picture[32, 32, 0] > picture[32, 32, 2] + 20
+
+
+def test_a_head_that_ends_above_the_neck_does_not_fade(model: FaceModel) -> None:
+    subject = model.subject
+    regions = {name: ids for name, ids in subject.regions.items() if name != "neck"}
+    camera = OrbitView.preset(*box(model)).camera((200, 200))
+    faded, whole = (
+        render_subject(shown, shown.vertices, camera).astype(int)
+        for shown in (subject, replace(subject, regions=regions))
+    )
+    rows = np.flatnonzero(np.abs(whole - faded).max(axis=(1, 2)) > 20)
+    assert len(rows) > 2
+    assert rows.min() > 150, "only the lowest part is another"

@@ -52,6 +52,13 @@ def draw_window(app: "App") -> None:
     imgui.pop_style_color()
     app.guide.draw(app)
     app.palette.draw(app)
+    if app.importing.open:
+        app.import_dialog.draw(app, lambda: _draw_dialogs(app))
+    else:
+        _draw_dialogs(app)
+
+
+def _draw_dialogs(app: "App") -> None:
     app.dialogs.draw(app.actions, app.viewport.navigation)
     if not app.dialogs.open:
         app.file_dialogs.draw()

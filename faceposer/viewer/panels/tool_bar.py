@@ -5,9 +5,11 @@ from typing import TYPE_CHECKING
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.geometry.strokes import STROKE_SHAPES
+from faceposer.model.subject import Subject
 from faceposer.solve.constraints.stroke import STROKE_ENERGIES
 from faceposer.tools.distance_tool import add_distance
 from faceposer.tools.fix_tool import region_held, toggle_region
+from faceposer.tools.gaze_tool import eyes_of
 from faceposer.viewer.panels.widgets import button_width, caption, choice, heading, tooltip
 from faceposer.viewer.point_names import MEASURES
 from faceposer.viewer.theme import ACCENT_DARK, HELD, Icon, em
@@ -24,13 +26,13 @@ TOOL_ICONS = {
     "fix": Icon.FIX,
     "gaze": Icon.GAZE,
 }
-#: Regions that one holds with a click, by what people call them.
+#: Regions that one holds with a click, by what people call them; those with spaces are of characters from examples.
 HELD_REGIONS: dict[str, tuple[str, ...]] = {
     "Mouth": ("mouth", "lip_upper", "lip_lower"),
-    "Eyes": ("lids_left", "lids_right", "eye_left", "eye_right"),
-    "Brows": ("brow_left", "brow_right", "forehead"),
+    "Eyes": ("lids_left", "lids_right", "eye_left", "eye_right", "eye left", "eye right"),
+    "Brows": ("brow_left", "brow_right", "forehead", "brow left", "brow right"),
     "Nose": ("nose",),
-    "Cheeks": ("cheek_left", "cheek_right"),
+    "Cheeks": ("cheek_left", "cheek_right", "cheeks"),
     "Jaw": ("jaw",),
 }
 _TITLES = {
@@ -47,6 +49,8 @@ def draw_tool_strip(app: "App") -> None:
     """Draw the buttons of the tools, one below the other, and that of symmetry."""
     side = em(2.3)
     for name in app.toolbox.tools:
+        if name == "gaze" and eyes_of(app.session.model.subject) is None:
+            continue
         _strip_button(app, f"tool-{name}", TOOL_ICONS[name], side, app.toolbox.chosen.name == name)
     imgui.dummy((0.0, em(0.4)))
     _strip_button(app, "symmetry", Icon.SYMMETRY, side, app.toolbox.bench.symmetry.on)
@@ -79,6 +83,8 @@ def _distance(app: "App") -> None:
     """One click each for what one usually wants to set."""
     features = app.session.model.subject.feature_points
     known = [(title, pair) for title, pair in MEASURES.items() if set(pair) <= features.keys()]
+    if not known:
+        caption("Drag from one point of the face to another.")
     for i, (title, (first, second)) in enumerate(known):
         if i % 2:
             imgui.same_line()
@@ -124,8 +130,7 @@ def _fix(app: "App") -> None:
     options.fix_mode = "lasso" if chosen else "brush"
     if options.fix_mode == "brush":
         options.fix_brush = _brush(app, "fix-brush", options.fix_brush, 160.0)
-    regions = app.session.model.subject.regions
-    known = [(title, names) for title, names in HELD_REGIONS.items() if any(name in regions for name in names)]
+    known = regions_to_hold(app.session.model.subject)
     for i, (title, names) in enumerate(known):
         if i % 3:
             imgui.same_line()
@@ -141,6 +146,13 @@ def _fix(app: "App") -> None:
         tooltip(
             f"{'Let go' if held else 'Hold'} the {title.lower()} where {'they are' if title.endswith('s') else 'it is'}"
         )
+
+
+def regions_to_hold(subject: Subject) -> list[tuple[str, tuple[str, ...]]]:
+    """Return the regions that have a button, with its label: those with words for them, or else all there are."""
+    regions = subject.regions
+    known = [(title, names) for title, names in HELD_REGIONS.items() if any(name in regions for name in names)]
+    return known or [(name.replace("_", " ").capitalize(), (name,)) for name in sorted(regions)]
 
 
 def _brush(app: "App", name: str, value: float, most: float) -> float:

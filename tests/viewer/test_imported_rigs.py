@@ -1,0 +1,128 @@
+"""Real rigs of other people, imported and posed like the faces that come with the program."""
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faceposer.geometry.mesh_io import read_mesh
+from faceposer.model.subject import Subject
+from faceposer.model.subject_file import save_subject
+from faceposer.session.opening import open_session
+from faceposer.viewer.app import App
+from faceposer.viewer.robot import Robot
+from faceposer.viewer.settings import Settings
+
+RIGS = os.environ.get("FACEPOSER_RIGS")
+pytestmark = pytest.mark.skipif(not RIGS, reason="FACEPOSER_RIGS names no folder of rigs")
+
+
+@pytest.fixture(scope="module", params=["facecap", "facecap_multi"])
+def subject(request: pytest.FixtureRequest) -> Subject:
+    from faceposer.training.request import TrainingRequest, train
+
+    return train(TrainingRequest("rig", Path(RIGS or "") / f"{request.param}.glb", request.param, request.param))
+
+
+Start = Callable[[str], Robot]
+
+
+@pytest.fixture
+def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    running: list[App] = []
+
+    def call(what: str) -> Robot:
+        settings = Settings(window_size=(900, 680), folder=str(tmp_path), welcome_done=False)
+        running.append(App(what, hidden=True, threaded=False, settings=settings, journal=True))
+        return Robot(running[-1])
+
+    yield call
+    for app in running:
+        if app._window is not None:
+            app.close()
+
+
+@pytest.fixture
+def robot(subject: Subject, start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Robot:
+    """The program with the rig, named as seen from the folder that it was started in."""
+    work = tmp_path / "work"
+    work.mkdir()
+    save_subject(work / "head.npz", subject)
+    monkeypatch.chdir(work)
+    return start("head.npz")
+
+
+def test_tools_know_the_face(subject: Subject, robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    work = tmp_path / "work"
+    assert app.settings.recent == [str(work / "head.npz")]
+    neutral = app.scene.vertices.copy()
+
+    # The guided pose finds its places.
+    x, y = robot.at("8.3")
+    robot.drag((x, y), (x + 12, y - 14))
+    assert app.guide.step is not None
+    assert app.guide.step.name == "brow"
+    assert app.point_name(0) == "left mouth corner"
+    weights = dict(zip(subject.shape_names, app.session.model.weights_of(app.session.coefficients), strict=True))
+    assert weights["mouthSmileLeft"] > 0.2
+    robot.key("R")
+
+    robot.key("X")
+    x, y = robot.at("4.3")
+    robot.drag((x, y), (x, y - 10))
+    points = [subject.feature_points["4.3"], subject.feature_points["4.4"]]
+    left, right = (app.scene.vertices - neutral)[points, 1]
+    assert left > 0.1
+    assert right == pytest.approx(left, rel=0.35)
+    robot.key("X")
+    robot.key("R")
+
+    eyes = sum(part.material == "eye" for part in subject.parts)
+    assert ("tool-gaze" in app.marks) == (eyes == 2)
+    robot.key("D")
+    robot.frames(3)
+    assert sum(mark.startswith("measure:") for mark in app.marks) == 6
+    robot.key("H")
+    robot.frames(3)
+    assert {"hold:Mouth", "hold:Brows", "hold:Cheeks", "hold:Jaw"} <= set(app.marks)
+
+
+def test_posed_saved_and_recovered(
+    subject: Subject, robot: Robot, start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = robot.app
+    neutral = app.scene.vertices.copy()
+    robot.click_widget("tab:Shapes")
+    robot.frames(4)
+    left_edge, top, _, bottom = app.marks["shape:browInnerUp"]
+    robot.drag((left_edge + 12, 0.5 * (top + bottom)), (left_edge + 70, 0.5 * (top + bottom)))
+    assert np.abs(app.scene.vertices - neutral).max() > 0.1
+    pose = app.session.coefficients.copy()
+
+    # The mesh has the file's own vertices and unit; so has the session's subject its place.
+    app.files._export(tmp_path / "posed.obj")
+    assert subject.origin is not None
+    assert len(read_mesh(tmp_path / "posed.obj").vertices) == len(subject.origin.neutral)
+    saved = tmp_path / "elsewhere" / "far" / "pose.json"
+    saved.parent.mkdir(parents=True)
+    app.files._save(saved)
+    robot.click_widget("tab:Pose")
+    x, y = robot.at("8.3")
+    robot.drag((x, y), (x + 12, y - 14))
+    unsaved = app.session.document
+    app.close()
+    monkeypatch.chdir(tmp_path)
+    again = open_session(str(saved))
+    np.testing.assert_allclose(again.coefficients, pose, atol=1e-9)
+
+    robot = start("man")
+    robot.frames(2)
+    assert robot.app.dialogs.waiting[0].title == "Recover pose.json?"
+    robot.click_widget("choice:0")
+    robot.frames(2)
+    assert robot.app.session.model.subject.name == subject.name
+    assert robot.app.session.document.same_input(unsaved)
