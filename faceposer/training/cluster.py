@@ -87,11 +87,9 @@ class ClusteredFrames:
         Raises:
             FacePoserError: If it failed.
         """
-        from distributed import wait
-
         while not future.done():
             try:
-                wait(future, timeout=_POLL_S)
+                future.exception(timeout=_POLL_S)
             except TimeoutError:
                 self._progress.at("Waiting for the cluster")
                 if self._client.status != "running" or not self._client.scheduler_info(n_workers=1)["workers"]:
