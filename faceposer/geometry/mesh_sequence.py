@@ -267,8 +267,9 @@ def _open_vertices(path: Path) -> Iterator[tuple[IO[bytes], zipfile.ZipInfo]]:
 def _arrays(path: Path, first: int) -> _Source:
     try:
         with _open_vertices(path) as (stream, info):
+            begin = stream.tell()
             shape, dtype = _array_header(stream, path)
-            if math.prod(shape) * dtype.itemsize > info.file_size:
+            if stream.tell() - begin + math.prod(shape) * dtype.itemsize > info.file_size:
                 raise EOFError
     except KeyError:
         raise FacePoserError(f"'{path}' has no array 'vertices' of shape (frames, vertices, 3); store it so.") from None

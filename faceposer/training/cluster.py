@@ -127,7 +127,7 @@ def clustered(reader: AlignedReader, scheduler: str, progress: Progress) -> Iter
         ) from error
     progress.at("Looking for the cluster")
     try:
-        client = Client(scheduler, timeout=_PATIENCE_S, set_as_default=False)
+        client: Any = Client(scheduler, timeout=_PATIENCE_S, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, ImportError) as error:
         raise FacePoserError(
             f"No Dask scheduler answers at '{scheduler}'; start one with 'dask scheduler', and give the address that "
