@@ -12,7 +12,7 @@ from faceposer.training.selection import Choice, block_folds, calm_covariance, c
 Array = NDArray[np.float64]
 
 _BLOCKS = 5
-_MOST_TO_CHOOSE = 4000
+_MOST_TO_CHOOSE = 2000
 _MOST_TO_FIT = 20_000
 _SHRINKAGE = 0.1
 
