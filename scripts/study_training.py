@@ -7,9 +7,12 @@
 The shipped man, posed by two real takes, with noise on each vertex and the head turned and shifted anywhere, makes
 7,842 frames of 19,187 vertices. `train/...` is the whole command `faceposer train --examples`, from one file of arrays
 and, with --obj, from a folder of OBJ files. The other rows learn the leading components alone, of the whole face in the
-program's metric, from frames aligned before: `streaming` is the program's own way, `incremental` scikit-learn's
-IncrementalPCA with batches of 200, `rig` the exact way in the rig's weights, with which the others are compared. Memory
-is resident, of the process and all that it starts. Each row runs in a process of its own, one after another.
+program's metric, from frames aligned before: `exact` decomposes all inner products of the frames, with all of them in
+memory; `streaming` is the program's own way, `incremental` scikit-learn's IncrementalPCA with batches of 200, `rig` the
+exact way in the rig's weights. `degrees_K` is the largest angle between the first K directions and the exact ones of
+the same frames, noise included; `rig_degrees_K` that to what the rig's weights give, without noise. IncrementalPCA
+works about the mean, the program about the neutral face; each is compared with the exact of its kind. Memory is
+resident, of the process and all that it starts. Each row runs in a process of its own, one after another.
 """
 
 import os
@@ -29,6 +32,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import subspace_angles
+from scipy.sparse.linalg import eigsh
 
 ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
@@ -46,7 +51,7 @@ from scripts.studying.memory import PeakMemory
 Array = NDArray[np.float64]
 Row = dict[str, Any]
 
-METHODS = ("streaming", "incremental", "rig")
+METHODS = ("exact", "streaming", "incremental", "rig")
 BATCH = 200
 
 
@@ -152,7 +157,9 @@ def components(options: argparse.Namespace) -> Row:
     everything = Region(np.arange(n), np.ones(n, dtype=np.float32), metric)
     with spooled(AlignedReader(sequence, steady), Progress()) as store, PeakMemory() as memory:
         began = time.perf_counter()
-        if options.method == "streaming":
+        if options.method == "exact":
+            basis, settled = decomposed(store, everything, count, options.folder / "exact.npz"), True
+        elif options.method == "streaming":
             found = regional_pca(store, [everything], sample, count)[0]
             basis, settled = found.directions.T.astype(np.float64), found.settled
         else:
@@ -161,9 +168,25 @@ def components(options: argparse.Namespace) -> Row:
     return {
         "seconds": round(seconds, 1),
         "peak_gb": round(memory.bytes / 1e9, 2),
-        **accuracy(data, scale, basis, centred=options.method == "incremental"),
+        **accuracy(data, scale, basis, options.folder / "exact.npz", centred=options.method == "incremental"),
         "settled": settled,
     }
+
+
+def decomposed(store: SpooledFrames, region: Region, count: int, path: Path) -> Array:
+    """Return the components, (3 N, k), of all frames at once about the neutral, and write those about the mean too."""
+    everything = np.concatenate([region.weigh(store.read(i, i + 1)) for i in range(store.n_frames)])
+    inner = (everything @ everything.T).astype(np.float64)
+    bases = {}
+    for name in ("neutral", "mean"):
+        if name == "mean":
+            inner -= inner.mean(axis=0)
+            inner -= inner.mean(axis=1)[:, None]
+            everything -= everything.mean(axis=0, dtype=np.float64).astype(np.float32)
+        axes = eigsh(inner, count, v0=np.ones(len(inner)))[1][:, ::-1]
+        bases[name] = np.linalg.qr(everything.T @ axes.astype(np.float32))[0]
+    np.savez(path, **bases)
+    return bases["neutral"].astype(np.float64)
 
 
 def incremental(store: SpooledFrames, region: Region, count: int) -> Array:
@@ -177,15 +200,20 @@ def incremental(store: SpooledFrames, region: Region, count: int) -> Array:
     return estimator.components_.T.astype(np.float64)
 
 
-def accuracy(data: ExampleData, scale: Array, basis: Array, centred: bool) -> Row:
-    """Return how far ``basis``, (3 N, k), is from the exact one, as angles in degrees and as energy lost."""
+def accuracy(data: ExampleData, scale: Array, basis: Array, path: Path, centred: bool) -> Row:
+    """Return how far ``basis``, (3 N, k), is from the exact ones, as angles in degrees and as energy lost."""
     k = basis.shape[1]
     exact, energies, total = data.exact_basis(scale, k, centred)
-    basis = np.linalg.qr(basis)[0]
+    references = {"rig_degrees": exact}
+    if path.exists():
+        with np.load(path, allow_pickle=False) as file:
+            references["degrees"] = file["mean" if centred else "neutral"].astype(np.float64)
     row: Row = {}
-    for count in sorted({max(1, k // 2), k}):
-        sines = np.linalg.norm(exact[:, :count] - basis @ (basis.T @ exact[:, :count]), 2)
-        row[f"degrees_{count}"] = round(float(np.rad2deg(np.arcsin(min(sines, 1.0)))), 3)
+    for name, reference in references.items():
+        for count in sorted({max(1, k // 2), k}):
+            angle = subspace_angles(basis[:, :count], reference[:, :count])[0]
+            row[f"{name}_{count}"] = round(float(np.rad2deg(angle)), 3)
+    basis = np.linalg.qr(basis)[0]
     weights = data.weights - data.weights.mean(axis=0) if centred else data.weights
     projected = weights @ ((data.shapes * scale[:, None]).reshape(len(data.shapes), -1) @ basis)
     row["kept"] = round(float((projected**2).sum() / len(weights) / total), 7)
