@@ -19,6 +19,8 @@ Floats = NDArray[np.float32]
 _MOST_PASSES = 8
 # The iteration ends when no kept energy rises by more than this share in a pass.
 _SETTLED = 1e-5
+# A larger rise than this in the last pass is worth telling; noise without a direction makes for small ones for ever.
+_UNSETTLED = 1e-4
 _SPARE = 8
 
 
@@ -85,19 +87,20 @@ def regional_pca(store: FrameStore, regions: Sequence[Region], sample: Floats, n
     found = [Components(basis.T, np.zeros(basis.shape[1]), 0.0, False) for basis in bases]
     for _ in range(_MOST_PASSES):
         sums = store.total(_pass, regions, bases)
-        settled = True
+        largest = 0.0
         for i, (product, inner, squared) in enumerate(zip(sums[0::3], sums[1::3], sums[2::3], strict=True)):
             total = float(squared)
             energies, rotation = np.linalg.eigh(inner / store.n_frames)
             energies, rotation = np.maximum(energies[::-1], 0.0), rotation[:, ::-1]
             before = found[i].energies[:n_components].sum()
-            rise = energies[:n_components].sum() - before
-            settled &= bool(rise <= _SETTLED * max(total / store.n_frames, np.finfo(float).tiny))
+            mean = max(total / store.n_frames, np.finfo(float).tiny)
+            rise = float(energies[:n_components].sum() - before) / mean
+            largest = max(largest, rise)
             directions = (bases[i].astype(np.float64) @ rotation).T.astype(np.float32)
-            found[i] = Components(directions, energies, total / store.n_frames, settled)
+            found[i] = Components(directions, energies, total / store.n_frames, rise <= _UNSETTLED)
             # What lies along the leading directions already need not be found again.
             bases[i] = np.linalg.qr(product.T @ rotation)[0].astype(np.float32)
-        if settled:
+        if largest <= _SETTLED:
             break
     return [_leading(components, n_components) for components in found]
 

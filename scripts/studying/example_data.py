@@ -78,8 +78,9 @@ def example_data(n_frames: int, n_vertices: int) -> ExampleData:
     if not folder:
         sys.exit("Set FACEPOSER_CAPTURES to the folder with the capture files.")
     man = load_subject("man")
-    if not 100 <= n_vertices <= len(man.vertices):
-        sys.exit(f"The mesh can have 100 to {len(man.vertices)} vertices, not {n_vertices}.")
+    least = man.part("skin").vertices[1]
+    if not least <= n_vertices <= len(man.vertices):
+        sys.exit(f"The mesh can have {least} to {len(man.vertices)} vertices, not {n_vertices}.")
     takes = [read_capture(Path(folder) / take).with_shapes(man.shape_names).from_rest() for take in TAKES]
     weights = np.concatenate([take.weights for take in takes])
     weights = weights[np.arange(n_frames) % len(weights)]
