@@ -2,6 +2,7 @@
 
 import builtins
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from faceposer.geometry.obj_io import write_obj
 from faceposer.training import cluster as cluster_module
 from faceposer.training import frames as frames_module
 from faceposer.training.cluster import clustered
+from faceposer.training.examples import ExampleOptions, subject_from_examples
 from faceposer.training.frames import spooled
 from faceposer.training.progress import Progress, TrainingCancelled
 from faceposer.training.streaming_pca import Region, regional_pca, scores_of
@@ -61,6 +63,19 @@ def test_same_components_and_scores_as_on_one_machine(tmp_path: Path, address: s
         np.testing.assert_allclose(one.energies, other.energies, rtol=1e-5)
         np.testing.assert_allclose(np.abs(np.sum(one.directions * other.directions, axis=1)), 1.0, atol=1e-5)
     np.testing.assert_allclose(np.abs(scores), np.abs(expected_scores), atol=1e-3)
+
+
+def test_same_character_as_on_one_machine(tmp_path: Path, address: str) -> None:
+    mesh = surface()
+    path = tmp_path / "a.npz"
+    np.savez(path, vertices=shaken(moving(mesh, 40)), faces=mesh.polygons)
+    options = ExampleOptions("a", "A", segments="whole", n_dimensions=4, n_components=1, n_factors=2)
+    alone = subject_from_examples(path, options)
+    together = subject_from_examples(path, replace(options, scheduler=address))
+    np.testing.assert_allclose(np.abs(together.shapes), np.abs(alone.shapes), atol=1e-4)
+    assert together.summary is not None
+    assert alone.summary is not None
+    assert together.summary["kept_energy"] == pytest.approx(alone.summary["kept_energy"], abs=1e-4)
 
 
 def test_results_come_in_order_and_the_workers_are_freed(
