@@ -109,8 +109,8 @@ def subject_from_sequence(
     progress.at("Finding the regions")
     triangles = _triangles(mesh)
     vertices = mesh.vertices.astype(np.float64)
-    own_sample = sample[:, mesh.file_ids]
-    segments = _segments(options.segments, vertices, triangles, mesh.displacements(sample))
+    own_sample = mesh.displacements(sample)
+    segments = _segments(options.segments, vertices, triangles, own_sample)
     metric = local_metric(vertices, triangles, motion[mesh.file_ids])
     with _store(AlignedReader(sequence, steady), options.scheduler, progress) as store:
         modes = learn_modes(store, sample, segments, metric, mesh.file_ids, options.n_dimensions)
@@ -120,8 +120,8 @@ def subject_from_sequence(
     room = _MARGIN * (upper - lower)
     shapes = mesh.displacements(modes.fields)
     progress.at("Measuring what was learned")
-    inner = np.einsum("fmd,gmd->fg", own_sample, own_sample, optimize=True).astype(np.float64)
-    curves = curves_of(inner * float(upright.scale) ** 2, len(mesh.vertices), _MOST_CURVE)
+    flat = own_sample.reshape(len(own_sample), -1)
+    curves = curves_of((flat @ flat.T).astype(np.float64), len(mesh.vertices), _MOST_CURVE)
     summary: dict[str, Any] = {
         "kind": "examples",
         "source": source,
@@ -130,7 +130,7 @@ def subject_from_sequence(
         "vertices": len(neutral),
         "parts": [part.name for part in mesh.parts],
         "dimensions": len(modes.names),
-        **_kept_energy(shapes, mesh.displacements(sample), modes, segments),
+        **_kept_energy(shapes, own_sample, modes, segments),
         "settled": modes.settled,
         "prior": {"from": "examples", **choice.as_json()},
         "curves": curves.as_json(),

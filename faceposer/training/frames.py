@@ -4,7 +4,9 @@ What is learned from examples needs only sums over frames. A store lets a functi
 gives its results; whether the chunks lie in a file on this machine or in the memory of many is its own affair.
 """
 
+import errno
 import os
+import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, ThreadPoolExecutor
@@ -197,6 +199,9 @@ def spooled(reader: AlignedReader, progress: Progress) -> Iterator[SpooledFrames
     count, width = len(reader.sequence), len(reader.sequence.neutral.vertices)
     try:
         with tempfile.TemporaryDirectory(prefix="faceposer-") as folder:
+            # A file with holes is made whatever the disk has room for; better to know now than after half the work.
+            if shutil.disk_usage(folder).free < 12 * count * width:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             path = Path(folder) / "frames"
             with path.open("wb") as file:
                 file.truncate(12 * count * width)

@@ -2,6 +2,7 @@
 
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -126,6 +127,17 @@ def test_full_disk_has_a_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     reader = reader_of(sequence_of(moving(mesh, 4), mesh, tmp_path / "a.npz"))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "not there"))
     with pytest.raises(FacePoserError, match="TMPDIR"), spooled(reader, Progress()):
+        pass
+
+
+def test_disk_without_room_is_noticed_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = surface()
+    reader = reader_of(sequence_of(moving(mesh, 4), mesh, tmp_path / "a.npz"))
+    monkeypatch.setattr(frames_module.shutil, "disk_usage", lambda _: SimpleNamespace(free=12 * 4 * 256 - 1))
+    with (
+        pytest.raises(FacePoserError, match=r"No space left on device.*make 0\.0 GB free"),
+        spooled(reader, Progress()),
+    ):
         pass
 
 
