@@ -1,10 +1,14 @@
 """Many meshes of one topology: a folder of files, or arrays, read one after another in bounded memory."""
 
+import math
 import re
+import struct
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any
 
@@ -19,6 +23,7 @@ from faceposer.geometry.polygon_mesh import PolygonMesh
 Array = NDArray[np.float64]
 
 ARRAY_SUFFIX = ".npz"
+_VERTICES = "vertices.npy"
 _NEUTRAL_WORDS = ("neutral", "rest", "base")
 _MAX_FRAMES = 1_000_000
 _MAX_FILE_BYTES = 1 << 30
@@ -26,11 +31,12 @@ _MAX_FILE_BYTES = 1 << 30
 
 @dataclass(frozen=True)
 class _Source:
-    """A file with the frames ``first`` to ``first + count - 1`` of a sequence."""
+    """A file with the frames ``first`` to ``first + count - 1`` of a sequence, to be read in order if compressed."""
 
     path: Path
     first: int
     count: int
+    compressed: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,20 +58,39 @@ class MeshSequence:
     def __len__(self) -> int:
         return self.sources[-1].first + self.sources[-1].count if self.sources else 0
 
+    @property
+    def compressed(self) -> bool:
+        """Whether it takes long to reach a frame in the middle, since all before it must be unpacked."""
+        return any(source.compressed for source in self.sources)
+
+    def absolute(self) -> "MeshSequence":
+        """Return the same with paths that hold in any working folder."""
+        return replace(self, sources=tuple(replace(source, path=source.path.absolute()) for source in self.sources))
+
     def read(self, first: int, stop: int) -> Iterator[Array]:
         """Yield the vertices, (N, 3), of the frames from ``first`` to the one before ``stop``.
 
         Raises:
             FacePoserError: If a file is damaged or has another topology than the neutral.
         """
-        for source in self.sources:
-            begin, end = max(first, source.first), min(stop, source.first + source.count)
-            if begin >= end:
-                continue
+        return self.pick(range(first, stop))
+
+    def pick(self, frames: Sequence[int]) -> Iterator[Array]:
+        """Yield the vertices, (N, 3), of some ``frames``, given in ascending order.
+
+        Raises:
+            FacePoserError: If a file is damaged or has another topology than the neutral.
+        """
+        for source in self.sources_of(frames):
+            wanted = [frame - source.first for frame in _between(frames, source.first, source.first + source.count)]
             if source.path.suffix.lower() == ARRAY_SUFFIX:
-                yield from self._read_arrays(source, begin - source.first, end - source.first)
+                yield from self._read_arrays(source, wanted)
             else:
                 yield self._read_mesh(source.path)
+
+    def sources_of(self, frames: Sequence[int]) -> list[_Source]:
+        """Return the files that have some of ``frames``, given in ascending order."""
+        return [s for s in self.sources if _between(frames, s.first, s.first + s.count)]
 
     def name_of(self, frame: int) -> str:
         """Return what to call a frame: its file, with its number in it where it has several."""
@@ -108,16 +133,16 @@ class MeshSequence:
                 "export it anew."
             )
 
-    def _read_arrays(self, source: _Source, first: int, stop: int) -> Iterator[Array]:
+    def _read_arrays(self, source: _Source, frames: Iterable[int]) -> Iterator[Array]:
         try:
-            with zipfile.ZipFile(source.path) as archive, archive.open("vertices.npy") as stream:
+            with _open_vertices(source.path) as (stream, _):
                 shape, dtype = _array_header(stream, source.path)
                 count = shape[-2]
                 self._check_count(str(source.path), count)
                 size = count * 3 * dtype.itemsize
-                if first:
-                    stream.seek(first * size, 1)
-                for frame in range(first, stop):
+                start = stream.tell()
+                for frame in frames:
+                    stream.seek(start + frame * size)
                     data = stream.read(size)
                     if len(data) < size:
                         raise EOFError
@@ -152,8 +177,8 @@ def open_sequence(path: Path, neutral: Path | None = None) -> MeshSequence:
     chosen = neutral or _neutral_among(files)
     sources: list[_Source] = []
     for file in files:
-        count = _frames_in(file) if file.suffix.lower() == ARRAY_SUFFIX else 1
-        sources.append(_Source(file, sources[-1].first + sources[-1].count if sources else 0, count))
+        first = sources[-1].first + sources[-1].count if sources else 0
+        sources.append(_arrays(file, first) if file.suffix.lower() == ARRAY_SUFFIX else _Source(file, first, 1))
     total = sources[-1].first + sources[-1].count
     if total > _MAX_FRAMES:
         raise FacePoserError(f"'{path}' has {total} frames, more than {_MAX_FRAMES}; leave some out.")
@@ -172,7 +197,7 @@ def write_frames(path: Path, frames: Iterable[NDArray[np.floating]], count: int,
     """
     header = {"descr": "<f4", "fortran_order": False, "shape": (count, n_vertices, 3)}
     written = 0
-    with zipfile.ZipFile(path, "w") as archive, archive.open("vertices.npy", "w", force_zip64=True) as stream:
+    with zipfile.ZipFile(path, "w") as archive, archive.open(_VERTICES, "w", force_zip64=True) as stream:
         np.lib.format.write_array_header_1_0(stream, header)
         for frame in frames:
             stream.write(np.ascontiguousarray(frame, dtype="<f4").tobytes())
@@ -183,7 +208,7 @@ def write_frames(path: Path, frames: Iterable[NDArray[np.floating]], count: int,
 
 def frames_of(path: Path, neutral: PolygonMesh, name: str) -> MeshSequence:
     """Return the frames in the ``.npz`` file ``path`` as examples of the mesh ``neutral``, called ``name``."""
-    return MeshSequence(neutral, name, (_Source(path, 0, _frames_in(path)),))
+    return MeshSequence(neutral, name, (_arrays(path, 0),))
 
 
 def _neutral_among(files: list[Path]) -> Path:
@@ -208,21 +233,55 @@ def _neutral_mesh(path: Path, meshes: list[Path]) -> PolygonMesh:
     return read_mesh(meshes[0])
 
 
-def _frames_in(path: Path) -> int:
+def _between(frames: Sequence[int], begin: int, end: int) -> Sequence[int]:
+    return frames[bisect_left(frames, begin) : bisect_left(frames, end)]
+
+
+@contextmanager
+def _open_vertices(path: Path) -> Iterator[tuple[IO[bytes], zipfile.ZipInfo]]:
+    """Yield the array of vertices as a stream that is quick to seek in unless it is compressed.
+
+    Raises:
+        KeyError: If there is none.
+        zipfile.BadZipFile: If the file is damaged.
+    """
+    with zipfile.ZipFile(path) as archive:
+        info = archive.getinfo(_VERTICES)
+        with archive.open(info) as stream:
+            if info.compress_type != zipfile.ZIP_STORED:
+                yield stream, info
+                return
+    # zipfile reads all that it passes over; the bytes lie in the file as they are.
+    with path.open("rb") as file:
+        file.seek(info.header_offset)
+        header = file.read(30)
+        if len(header) < 30:
+            raise zipfile.BadZipFile
+        begin = info.header_offset + 30 + sum(struct.unpack("<HH", header[26:]))
+        if begin + info.file_size > path.stat().st_size:
+            raise zipfile.BadZipFile
+        file.seek(begin)
+        yield file, info
+
+
+def _arrays(path: Path, first: int) -> _Source:
     try:
-        with zipfile.ZipFile(path) as archive, archive.open("vertices.npy") as stream:
-            shape, _ = _array_header(stream, path)
+        with _open_vertices(path) as (stream, info):
+            begin = stream.tell()
+            shape, dtype = _array_header(stream, path)
+            if stream.tell() - begin + math.prod(shape) * dtype.itemsize > info.file_size:
+                raise EOFError
     except KeyError:
         raise FacePoserError(f"'{path}' has no array 'vertices' of shape (frames, vertices, 3); store it so.") from None
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
         raise FacePoserError(f"'{path}' is damaged or no .npz file; write it again.") from error
-    return 1 if len(shape) == 2 else shape[0]
+    return _Source(path, first, 1 if len(shape) == 2 else shape[0], info.compress_type != zipfile.ZIP_STORED)
 
 
 def _first_frame(path: Path) -> tuple[Array, NDArray[np.int32] | None]:
     try:
         with zipfile.ZipFile(path) as archive:
-            with archive.open("vertices.npy") as stream:
+            with archive.open(_VERTICES) as stream:
                 shape, dtype = _array_header(stream, path)
                 data = stream.read(shape[-2] * 3 * dtype.itemsize)
                 vertices = np.frombuffer(data, dtype=dtype).reshape(-1, 3).astype(np.float64)

@@ -3,8 +3,8 @@
 import hashlib
 import os
 import re
-import warnings
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -169,26 +169,56 @@ def read_obj_positions_and_digest(path: Path) -> tuple[NDArray[np.float64], str]
         OSError: If the file cannot be read.
         FacePoserError: If a line of a vertex is broken, naming it.
     """
-    lines = path.read_bytes().splitlines()
+    data = path.read_bytes()
+    vertices, faces = _run_of(data, b"v "), _run_of(data, b"f ")
+    if vertices is not None and faces is not None:
+        numbers = _numbers(vertices.replace(b"\nv ", b"\n")[2:])
+        # A row of six numbers has a colour; what has anything else is read line by line.
+        rows = vertices.count(b"\n") + 1
+        if numbers is not None and len(numbers) in (3 * rows, 6 * rows):
+            return np.ascontiguousarray(numbers.reshape(rows, -1)[:, :3]), _digest(faces)
+    lines = data.splitlines()
+    return _positions(path, lines), _digest(b"\n".join(line for line in lines if line.startswith((b"f ", b"f\t"))))
+
+
+def _run_of(data: bytes, keyword: bytes) -> bytes | None:
+    """Return the lines that begin with ``keyword`` if they follow one another and are plain, else None."""
+    start = 0 if data.startswith(keyword) else data.find(b"\n" + keyword) + 1
+    last = data.rfind(b"\n" + keyword) + 1
+    end = data.find(b"\n", max(last, start))
+    run = data[start : len(data) if end < 0 else end]
+    if not run.startswith(keyword) or b"\r" in run or run.count(b"\n" + keyword) != run.count(b"\n"):
+        return None
+    # The same with a tab may stand elsewhere.
+    return None if b"\n" + keyword[:1] + b"\t" in data else run
+
+
+@lru_cache(maxsize=4)
+def _digest(faces: bytes) -> str:
+    """Return a digest of the lines of faces; that of the file read before is at hand."""
     # Exporters number normals anew in each file: what follows a vertex's slash does not count.
-    faces = re.sub(rb"/\S*", b"", b"\n".join(line for line in lines if line.startswith((b"f ", b"f\t"))))
-    digest = "" if b"-" in faces else hashlib.blake2b(faces).hexdigest()
-    return _positions(path, lines), digest
+    plain = re.sub(rb"/\S*", b"", faces)
+    return "" if b"-" in plain else hashlib.blake2b(plain).hexdigest()
 
 
 def _positions(path: Path, lines: list[bytes]) -> NDArray[np.float64]:
     rows = [line[2:] for line in lines if line.startswith((b"v ", b"v\t"))]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)
-        try:
-            numbers = np.fromstring(b" ".join(rows).decode("ascii"), dtype=np.float64, sep=" ")
-        except (DeprecationWarning, UnicodeDecodeError, ValueError):
-            return read_obj(path).vertices
+    numbers = _numbers(b" ".join(rows))
     # Rows of six numbers carry colours; others are read with care.
     for columns in (3, 6):
-        if len(numbers) == columns * len(rows):
+        if numbers is not None and len(numbers) == columns * len(rows):
             return np.ascontiguousarray(numbers.reshape(-1, columns)[:, :3])
     return read_obj(path).vertices
+
+
+def _numbers(text: bytes) -> NDArray[np.float64] | None:
+    """Return the numbers in ``text``, or None if there is anything else."""
+    try:
+        # It warns of anything else, which Python shows nobody, and gives what comes before: too few, as callers see.
+        # To turn the warning into an error for a while would not be safe among threads.
+        return np.fromstring(text.decode("ascii"), dtype=np.float64, sep=" ")
+    except (DeprecationWarning, UnicodeDecodeError, ValueError):
+        return None
 
 
 def _index(word: str, count: int) -> int:

@@ -56,6 +56,16 @@ class GaussianMixture:
         top = log_joint.max()
         return float(top + np.log(np.exp(log_joint - top).sum()))
 
+    def log_densities(self, points: Array) -> Array:
+        """Return ln pr(p) for each p of ``points``, (n, r), shape (n,)."""
+        _, offsets, peaks = self._stacked
+        log_joint = np.empty((len(points), self.n_components))
+        for k, (whitener, offset) in enumerate(zip(self.whiteners, offsets, strict=True)):
+            deviations = points @ whitener.T - offset
+            log_joint[:, k] = peaks[k] - 0.5 * np.einsum("nr,nr->n", deviations, deviations)
+        densities: Array = np.logaddexp.reduce(log_joint, axis=1)
+        return densities
+
     def responsibilities(self, p: Array) -> Array:
         """Return the posterior probability of each component given ``p`` of shape (r,), shape (K,)."""
         log_joint, _ = self._log_joint(p)

@@ -91,10 +91,11 @@ def subject_from_sequence(
     if len(sequence) < 2:
         raise FacePoserError(f"'{source}' has a single mesh; give at least two, one of them neutral.")
     neutral = sequence.neutral.vertices
-    raw = sample_of(sequence, progress)
+    _, sample = sample_of(sequence, progress)
     try:
-        steady = steady_vertices(raw, neutral)
-        sample = (rigid_alignment(raw[:, steady], neutral[steady]).apply(raw) - neutral).astype(np.float32)
+        steady = steady_vertices(sample, neutral)
+        for frame in sample:
+            frame[:] = rigid_alignment(frame[steady], neutral[steady]).apply(frame) - neutral
     except ValueError as error:
         raise FacePoserError(f"The meshes of '{source}' cannot be laid on each other: {error}.") from error
     motion = np.einsum("fmd,fmd->m", sample, sample, dtype=np.float64) / len(sample)
@@ -119,8 +120,8 @@ def subject_from_sequence(
     room = _MARGIN * (upper - lower)
     shapes = mesh.displacements(modes.fields)
     progress.at("Measuring what was learned")
-    inner = np.einsum("fmd,gmd->fg", own_sample, own_sample, optimize=True).astype(np.float64)
-    curves = curves_of(inner, len(mesh.vertices), _MOST_CURVE)
+    flat = own_sample.reshape(len(own_sample), -1)
+    curves = curves_of((flat @ flat.T).astype(np.float64), len(mesh.vertices), _MOST_CURVE)
     summary: dict[str, Any] = {
         "kind": "examples",
         "source": source,
@@ -184,11 +185,13 @@ def _triangles(mesh: UprightMesh) -> NDArray[np.int32]:
 
 def _kept_energy(shapes: Floats, sample: Floats, modes: Modes, segments: Segments) -> dict[str, Any]:
     """Return the share of the sample's squared displacement that the modes make, of all and of each region."""
-    flat = shapes.reshape(len(shapes), -1).astype(np.float64)
-    data = sample.reshape(len(sample), -1).astype(np.float64)
-    weights = np.linalg.lstsq(flat @ flat.T, flat @ data.T, rcond=1e-10)[0]
-    left = ((data.T - flat.T @ weights) ** 2).sum(axis=1).reshape(-1, 3).sum(axis=1)
-    total = (data**2).sum(axis=0).reshape(-1, 3).sum(axis=1)
+    flat = shapes.reshape(len(shapes), -1)
+    solve = np.linalg.pinv(flat.astype(np.float64) @ flat.T.astype(np.float64), rcond=1e-10, hermitian=True)
+    left, total = np.zeros(shapes.shape[1]), np.zeros(shapes.shape[1])
+    for frame in sample:
+        fitted = (flat.T @ (solve @ (flat @ frame.ravel())).astype(np.float32)).reshape(-1, 3)
+        left += ((frame - fitted) ** 2).sum(axis=1)
+        total += (frame**2).sum(axis=1)
     tiny = np.finfo(float).tiny
     shares = {
         name: round(1.0 - float(mask @ left) / max(float(mask @ total), tiny), 5)

@@ -4,10 +4,12 @@ What is learned from examples needs only sums over frames. A store lets a functi
 gives its results; whether the chunks lie in a file on this machine or in the memory of many is its own affair.
 """
 
+import errno
 import os
+import shutil
 import tempfile
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -30,6 +32,9 @@ Result = TypeVar("Result")
 STEADY_SHARE = 0.3
 #: Frames from which it is found what moves, and in what regions: as many as fit into memory anywhere.
 SAMPLE_FRAMES = 192
+_SAMPLE_BYTES = 64 * 2**20
+# So many of them tell which vertices move least.
+_STEADY_FRAMES = 48
 _CHUNK_BYTES = 24 * 2**20
 _ROUNDS = 12
 # Below this many numbers it takes longer to start other processes than to read the files.
@@ -51,21 +56,30 @@ class AlignedReader:
     def read(self, first: int, stop: int) -> Frames:
         """Return the displacements of all vertices in the frames from ``first`` to before ``stop``, (n, N, 3).
 
+        Raises:
+            FacePoserError: If a frame cannot be read or aligned.
+        """
+        frames = np.empty((stop - first, len(self.sequence.neutral.vertices), 3), dtype=np.float32)
+        for i, frame in enumerate(self.each(range(first, stop))):
+            frames[i] = frame
+        return frames
+
+    def each(self, numbers: Sequence[int]) -> Iterator[Frames]:
+        """Yield the displacements of all vertices, (N, 3), in the frames ``numbers``, given in ascending order.
+
         Each frame is laid on the neutral face by the vertices that move least (Lau et al. 2009, section 3.1).
 
         Raises:
             FacePoserError: If a frame cannot be read or aligned.
         """
         neutral = self.sequence.neutral.vertices
-        frames = np.empty((stop - first, len(neutral), 3), dtype=np.float32)
-        for i, vertices in enumerate(self.sequence.read(first, stop)):
+        for number, vertices in zip(numbers, self.sequence.pick(numbers), strict=True):
             try:
                 alignment = rigid_alignment(vertices[self.steady], neutral[self.steady])
             except ValueError as error:
-                name = self.sequence.name_of(first + i)
+                name = self.sequence.name_of(number)
                 raise FacePoserError(f"The neutral face and {name} cannot be laid on each other: {error}.") from error
-            frames[i] = alignment.apply(vertices) - neutral
-        return frames
+            yield (alignment.apply(vertices) - neutral).astype(np.float32)
 
 
 class FrameStore(Protocol):
@@ -76,6 +90,10 @@ class FrameStore(Protocol):
 
     def run(self, function: Callable[..., Result], *arguments: Any) -> Iterator[Result]:
         """Yield ``function(chunk, *arguments)`` of each chunk, (n, N, 3), in order; both can be sent elsewhere."""
+        ...
+
+    def total(self, function: Callable[..., list[Array]], *arguments: Any) -> list[Array]:
+        """Return the sum over all chunks of the arrays that ``function(chunk, *arguments)`` gives."""
         ...
 
 
@@ -99,6 +117,10 @@ class SpooledFrames:
                 self._progress.at("Principal components", (i + 1) / len(chunks))
                 yield result
 
+    def total(self, function: Callable[..., list[Array]], *arguments: Any) -> list[Array]:
+        """Return the sum over all chunks of the arrays that ``function(chunk, *arguments)`` gives."""
+        return sum_of(self.run(function, *arguments))
+
     def read(self, first: int, stop: int) -> Frames:
         """Return the frames from ``first`` to before ``stop``, shape (n, N, 3)."""
         width = 3 * self.n_vertices
@@ -112,17 +134,35 @@ def chunk_ranges(n_frames: int, n_vertices: int) -> list[tuple[int, int]]:
     return [(first, min(first + size, n_frames)) for first in range(0, n_frames, size)]
 
 
-def sample_of(sequence: MeshSequence, progress: Progress, most: int = SAMPLE_FRAMES) -> Array:
-    """Return the vertices of at most ``most`` frames, evenly chosen, as they are in the files, shape (n, N, 3)."""
-    chosen = np.unique(np.linspace(0, len(sequence) - 1, min(most, len(sequence))).round().astype(int))
-    frames: list[Array] = []
-    for i, frame in enumerate(chosen.tolist()):
+def sum_of(results: Iterable[list[Array]]) -> list[Array]:
+    """Return the sums of arrays at the same places of lists that come one after another; the lists are used up."""
+    total: list[Array] = []
+    for arrays in results:
+        if not total:
+            total = [np.array(array, dtype=np.float64) for array in arrays]
+        else:
+            for i, array in enumerate(arrays):
+                total[i] += array
+    return total
+
+
+def sample_of(sequence: MeshSequence, progress: Progress, most: int = SAMPLE_FRAMES) -> tuple[list[int], Frames]:
+    """Return the numbers of some frames, evenly chosen, and their vertices as they are in the files, shape (n, N, 3).
+
+    There are at most ``most``, and fewer of a large mesh. Each frame is shifted to have its middle at the origin, lest
+    single precision lose what is far from there.
+    """
+    n_vertices = len(sequence.neutral.vertices)
+    count = min(most, len(sequence), max(2, _SAMPLE_BYTES // (12 * n_vertices)))
+    chosen = np.unique(np.linspace(0, len(sequence) - 1, count).round().astype(int)).tolist()
+    frames = np.empty((len(chosen), n_vertices, 3), dtype=np.float32)
+    for i, frame in enumerate(sequence.pick(chosen)):
         progress.at("Reading a sample of the meshes", i / len(chosen))
-        frames.extend(sequence.read(frame, frame + 1))
-    return np.array(frames)
+        frames[i] = frame - frame.mean(axis=0)
+    return chosen, frames
 
 
-def steady_vertices(sample: Array, neutral: Array) -> NDArray[np.intp]:
+def steady_vertices(sample: Frames, neutral: Array) -> NDArray[np.intp]:
     """Return the ids of the vertices that move least once head motion is taken out.
 
     Frames are laid on the neutral by all vertices, then again and again by those that were farthest from moving.
@@ -134,11 +174,14 @@ def steady_vertices(sample: Array, neutral: Array) -> NDArray[np.intp]:
     Raises:
         ValueError: If the vertices do not determine an alignment.
     """
+    sample = sample[:: max(1, len(sample) // _STEADY_FRAMES)]
     count = max(3, round(STEADY_SHARE * len(neutral)))
     steady = np.arange(len(neutral))
     for _ in range(_ROUNDS):
-        aligned = rigid_alignment(sample[:, steady], neutral[steady]).apply(sample)
-        residual = ((aligned - neutral) ** 2).sum(axis=2).mean(axis=0)
+        residual = np.zeros(len(neutral))
+        for frame in sample:
+            moved = rigid_alignment(frame[steady], neutral[steady]).apply(frame) - neutral
+            residual += np.einsum("nd,nd->n", moved, moved)
         calmest = np.sort(np.argsort(residual, kind="stable")[:count])
         if np.array_equal(calmest, steady):
             break
@@ -156,15 +199,24 @@ def spooled(reader: AlignedReader, progress: Progress) -> Iterator[SpooledFrames
     count, width = len(reader.sequence), len(reader.sequence.neutral.vertices)
     try:
         with tempfile.TemporaryDirectory(prefix="faceposer-") as folder:
+            # A file with holes is made whatever the disk has room for; better to know now than after half the work.
+            if shutil.disk_usage(folder).free < 12 * count * width:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             path = Path(folder) / "frames"
             with path.open("wb") as file:
                 file.truncate(12 * count * width)
-            chunks = chunk_ranges(count, width)
+            # What is compressed is unpacked from the beginning once by each of two workers.
+            chunks = _halves(count) if reader.sequence.compressed else chunk_ranges(count, width)
             with _workers(3 * count * width) as pool:
                 jobs = ((reader, path, first, stop) for first, stop in chunks)
                 for i, _ in enumerate(_in_order(pool, _spool_chunk, jobs)):
                     progress.at("Reading and aligning", (i + 1) / len(chunks))
             yield SpooledFrames(path, count, width, progress)
+    except BrokenExecutor as error:
+        raise FacePoserError(
+            "A process that read the meshes was ended from outside, as happens when memory is short; close other "
+            "programs, or train with --scheduler on a cluster."
+        ) from error
     except OSError as error:
         raise FacePoserError(
             f"The meshes cannot be copied to '{tempfile.gettempdir()}' ({error.strerror}); make "
@@ -174,10 +226,14 @@ def spooled(reader: AlignedReader, progress: Progress) -> Iterator[SpooledFrames
 
 def _spool_chunk(job: tuple[AlignedReader, Path, int, int]) -> None:
     reader, path, first, stop = job
-    frames = reader.read(first, stop)
     with path.open("r+b") as file:
-        file.seek(first * frames[0].nbytes)
-        file.write(frames.tobytes())
+        file.seek(first * 12 * len(reader.sequence.neutral.vertices))
+        for frame in reader.each(range(first, stop)):
+            file.write(frame.tobytes())
+
+
+def _halves(count: int) -> list[tuple[int, int]]:
+    return [(first, stop) for first, stop in ((0, count // 2), (count // 2, count)) if first < stop]
 
 
 def _workers(numbers: int) -> Executor:

@@ -15,7 +15,7 @@ from faceposer.training.selection import Choice, Fold, block_folds, calm_covaria
 Array = NDArray[np.float64]
 
 _BLOCKS = 5
-_MOST_TO_CHOOSE = 4000
+_MOST_TO_CHOOSE = 2000
 _MOST_TO_FIT = 20_000
 _SHRINKAGE = 0.1
 # Least variance in any direction, the weights' own being 1: what no example did is unlikely, but not impossible.

@@ -22,6 +22,9 @@ FRAMES_PER_MODE = 3
 _STILL = 0.04
 # A vertex of which a region has less than this is none of its.
 _NO_SHARE = 1e-3
+_LEAST_AREA = 1e-3
+# Share of another region's energy that single precision makes out of nothing.
+_ROUNDING = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +63,8 @@ def local_metric(vertices: Array, triangles: NDArray[np.integer], motion: Array)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = 0.5 * np.sqrt(np.einsum("ij,ij->i", cross, cross))
     area = np.bincount(np.ravel(triangles), np.repeat(areas / 3.0, 3), minlength=len(vertices))
+    # A vertex at which all triangles are flat must not weigh nothing: displacements are divided by the weights again.
+    area = np.maximum(area, _LEAST_AREA * area.mean())
     still = _STILL**2 * max(float(motion.max(initial=0.0)), np.finfo(float).tiny)
     weights = area / (motion + still)
     return (weights / max(float(weights.sum()), np.finfo(float).tiny)).astype(np.float32)
@@ -104,7 +109,7 @@ def learn_modes(
     fields = np.zeros((len(sizes), store.n_vertices, 3), dtype=np.float32)
     row = 0
     for region, part in zip(regions, found, strict=True):
-        unscaled = part.directions.reshape(len(part.directions), -1, 3) / np.sqrt(region.metric)[None, :, None]
+        unscaled = part.directions.reshape(-1, len(region.ids), 3) / np.sqrt(region.metric)[None, :, None]
         fields[row : row + len(unscaled), region.ids] = unscaled * sizes[row : row + len(unscaled), None, None]
         row += len(unscaled)
     names = [f"{name} {i + 1}" for name, count in zip(segments.names, counts, strict=True) for i in range(count)]
@@ -113,16 +118,20 @@ def learn_modes(
 
 
 def _counts(found: Sequence[Components], n_dimensions: int | None) -> list[int]:
-    """Return how many components of each region to keep."""
+    """Return how many components of each region to keep: none where nothing but rounding moves."""
+    moves = [part.total > _ROUNDING * max(other.total for other in found) for part in found]
     if n_dimensions is None:
         shares = [np.cumsum(part.energies) / max(part.total, np.finfo(float).tiny) for part in found]
-        return [min(int(np.searchsorted(share, KEEP)) + 1, len(share)) for share in shares]
+        return [
+            min(int(np.searchsorted(share, KEEP)) + 1, len(share)) if moving else 0
+            for share, moving in zip(shares, moves, strict=True)
+        ]
     # One each, then always where most energy is still left out.
-    counts = [1] * len(found)
+    counts = [int(moving) for moving in moves]
     while sum(counts) < n_dimensions:
         gains = [
-            part.energies[count] if count < len(part.energies) else 0.0
-            for part, count in zip(found, counts, strict=True)
+            part.energies[count] if moving and count < len(part.energies) else 0.0
+            for part, count, moving in zip(found, counts, moves, strict=True)
         ]
         if max(gains) <= 0.0:
             break

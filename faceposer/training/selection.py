@@ -1,6 +1,7 @@
 """The size of a mixture of factor analyzers, chosen by what it makes of frames that it did not see."""
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -111,9 +112,9 @@ def _judge(
     folds: Sequence[Fold], n_components: int, n_factors: int, shrinkage: float, noise: float
 ) -> tuple[float, float]:
     """Return the mean log-likelihood of the frames left out and the blend that gives it."""
-    totals = np.zeros(len(_BLENDS))
-    count = sum(len(left_out) for _, left_out in folds)
-    for train, left_out in folds:
+
+    def judge(fold: Fold) -> Array:
+        train, left_out = fold
         fitted = MixtureOfFactorAnalyzers(
             min(n_components, len(train)),
             n_factors,
@@ -123,11 +124,17 @@ def _judge(
             tol=1e-2,
             random_state=0,
         ).fit(train)
-        calm = calm_covariance(train, noise)
-        for i, blend in enumerate(_BLENDS):
-            mixed = (1.0 - blend) * fitted.covariances_ + blend * calm
-            mixture = GaussianMixture(fitted.weights_, fitted.means_, mixed)
-            totals[i] += sum(mixture.log_density(sample) for sample in left_out)
+        calm, covariances = calm_covariance(train, noise), fitted.covariances_
+        mixtures = (
+            GaussianMixture(fitted.weights_, fitted.means_, (1.0 - blend) * covariances + blend * calm)
+            for blend in _BLENDS
+        )
+        return np.array([mixture.log_densities(left_out).sum() for mixture in mixtures])
+
+    count = sum(len(left_out) for _, left_out in folds)
+    # NumPy leaves the interpreter free while it multiplies.
+    with ThreadPoolExecutor(2) as pool:
+        totals = np.sum([*pool.map(judge, folds)], axis=0)
     best = int(np.argmax(totals))
     return float(totals[best] / count), _BLENDS[best]
 

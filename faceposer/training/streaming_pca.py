@@ -19,6 +19,8 @@ Floats = NDArray[np.float32]
 _MOST_PASSES = 8
 # The iteration ends when no kept energy rises by more than this share in a pass.
 _SETTLED = 1e-5
+# A larger rise than this in the last pass is worth telling; noise without a direction makes for small ones for ever.
+_UNSETTLED = 1e-4
 _SPARE = 8
 
 
@@ -38,7 +40,8 @@ class Region:
 
     def weigh(self, frames: Floats) -> Floats:
         """Return masked displacements in the region's metric, shape (f, 3 n), of ``frames``, (f, N, 3)."""
-        scaled = frames[:, self.ids] * (self.mask * np.sqrt(self.metric))[None, :, None]
+        scaled = frames.take(self.ids, axis=1)
+        scaled *= (self.mask * np.sqrt(self.metric))[None, :, None]
         return scaled.reshape(len(frames), -1)
 
 
@@ -77,29 +80,27 @@ def regional_pca(store: FrameStore, regions: Sequence[Region], sample: Floats, n
     for region in regions:
         width = 3 * len(region.ids)
         wanted = min(n_components + _SPARE, store.n_frames, width)
-        _, _, rows = np.linalg.svd(region.weigh(sample), full_matrices=False)
-        start = rows[:wanted]
+        start = _leading_rows(region.weigh(sample), wanted)
         if len(start) < wanted:
             start = np.vstack([start, rng.standard_normal((wanted - len(start), width)).astype(np.float32)])
         bases.append(np.linalg.qr(start.T)[0].astype(np.float32))
     found = [Components(basis.T, np.zeros(basis.shape[1]), 0.0, False) for basis in bases]
     for _ in range(_MOST_PASSES):
-        sums = None
-        for result in store.run(_pass, regions, bases):
-            sums = result if sums is None else [_added(a, b) for a, b in zip(sums, result, strict=True)]
-        assert sums is not None
-        settled = True
-        for i, (product, inner, total) in enumerate(sums):
+        sums = store.total(_pass, regions, bases)
+        largest = 0.0
+        for i, (product, inner, squared) in enumerate(zip(sums[0::3], sums[1::3], sums[2::3], strict=True)):
+            total = float(squared)
             energies, rotation = np.linalg.eigh(inner / store.n_frames)
             energies, rotation = np.maximum(energies[::-1], 0.0), rotation[:, ::-1]
             before = found[i].energies[:n_components].sum()
-            rise = energies[:n_components].sum() - before
-            settled &= bool(rise <= _SETTLED * max(total / store.n_frames, np.finfo(float).tiny))
+            mean = max(total / store.n_frames, np.finfo(float).tiny)
+            rise = float(energies[:n_components].sum() - before) / mean
+            largest = max(largest, rise)
             directions = (bases[i].astype(np.float64) @ rotation).T.astype(np.float32)
-            found[i] = Components(directions, energies, total / store.n_frames, settled)
+            found[i] = Components(directions, energies, total / store.n_frames, rise <= _UNSETTLED)
             # What lies along the leading directions already need not be found again.
-            bases[i] = np.linalg.qr(product @ rotation)[0].astype(np.float32)
-        if settled:
+            bases[i] = np.linalg.qr(product.T @ rotation)[0].astype(np.float32)
+        if largest <= _SETTLED:
             break
     return [_leading(components, n_components) for components in found]
 
@@ -121,20 +122,24 @@ def _leading(components: Components, most: int) -> Components:
     return Components(directions * signs[:, None], components.energies[:count], components.total, components.settled)
 
 
-def _pass(frames: Floats, regions: Sequence[Region], bases: Sequence[Floats]) -> list[tuple[Array, Array, float]]:
-    """Return of each region X^T X Q, Q^T X^T X Q and the squared length of its weighted displacements X."""
+def _leading_rows(weighted: Floats, most: int) -> Floats:
+    """Return at most ``most`` leading principal directions of few rows, (s, d), of any length, shape (k, d)."""
+    values, axes = np.linalg.eigh(weighted.astype(np.float64) @ weighted.T.astype(np.float64))
+    real = np.flatnonzero(values > 1e-7 * max(float(values[-1]), np.finfo(float).tiny))[::-1][:most]
+    rows: Floats = (axes[:, real] / np.sqrt(values[real])).astype(np.float32).T @ weighted
+    return rows
+
+
+def _pass(frames: Floats, regions: Sequence[Region], bases: Sequence[Floats]) -> list[Array]:
+    """Return of each region (X Q)^T X, (X Q)^T X Q and the squared length of its weighted displacements X."""
     sums = []
     for region, basis in zip(regions, bases, strict=True):
         weighted = region.weigh(frames)
         scores = weighted @ basis
-        squared = float(np.einsum("fd,fd->", weighted, weighted, dtype=np.float64))
-        inner = scores.T.astype(np.float64) @ scores
-        sums.append(((weighted.T @ scores).astype(np.float64), inner, squared))
+        # Row by row, so that single precision adds few numbers at a time.
+        squared = np.sum([np.dot(row, row) for row in weighted], dtype=np.float64)
+        sums += [(scores.T @ weighted).astype(np.float64), scores.T.astype(np.float64) @ scores, np.asarray(squared)]
     return sums
-
-
-def _added(one: tuple[Array, Array, float], other: tuple[Array, Array, float]) -> tuple[Array, Array, float]:
-    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
 
 
 def _project(frames: Floats, regions: Sequence[Region], bases: Sequence[Floats]) -> Floats:

@@ -55,3 +55,13 @@ def test_as_gaussian_keeps_the_moments(mixture: GaussianMixture) -> None:
     assert single.n_components == 1
     for ours, theirs in zip(single.moments(), mixture.moments(), strict=True):
         np.testing.assert_allclose(ours, theirs)
+
+
+def test_densities_of_many_points_are_those_of_each() -> None:
+    rng = np.random.default_rng(7)
+    roots = rng.standard_normal((3, 4, 4))
+    mixture = GaussianMixture(
+        np.array([0.2, 0.3, 0.5]), rng.standard_normal((3, 4)), roots @ roots.transpose(0, 2, 1) + np.eye(4)
+    )
+    points = rng.standard_normal((9, 4))
+    np.testing.assert_allclose(mixture.log_densities(points), [mixture.log_density(point) for point in points])

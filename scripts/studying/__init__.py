@@ -1,0 +1,1 @@
+"""Parts of the studies: made data, and measurements of memory."""
