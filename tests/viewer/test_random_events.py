@@ -17,8 +17,8 @@ from faceposer.viewer.settings import Settings
 EVENTS = 2500
 # Widgets that edit the session or its tools; others open files, menus or dialogs.
 _WIDGETS = (
-    *("tool-", "symmetry", "point:", "detail:", "hold", "measure:", "shape", "weight", "mode:", "tab:", "fix"),
-    *("brush", "energy:", "curve:", "redraw", "stroke-energy:", "delete", "clear", "its-view"),
+    *("tool-", "symmetry", "point:", "detail:", "hold", "measure:", "shape", "weight", "prior:", "mode:", "tab:"),
+    *("fix", "brush", "energy:", "curve:", "redraw", "stroke-energy:", "delete", "clear", "its-view"),
 )
 _MODIFIERS: tuple[frozenset[str], ...] = (
     *(frozenset() for _ in range(9)),
