@@ -43,15 +43,15 @@ if str(ROOT) not in sys.path:
 
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.strokes import resampled, smoothed
-from faceposer.model.capture import read_capture
 from faceposer.model.face_model import FaceModel, build_face_model, gram_of_shapes
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
-from faceposer.model.training import Recipe, clean, learn_from_frames
 from faceposer.solve.constraints.stroke import StrokeConstraint, StrokeEnergy, as_pixels
 from faceposer.solve.constraints.stroke_terms import StrokeDistanceTerm
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
+from faceposer.training.capture import read_capture
+from faceposer.training.expressions import Recipe, clean, learn_from_frames
 from scripts.benchmarking.feature_lines import FEATURE_LINES, feature_line, of_length, width_of
 
 TRAIN, TEST = "alex_rom_3.csv", "alex_rom_4.csv"

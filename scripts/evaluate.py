@@ -36,14 +36,14 @@ if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
 from faceposer.geometry.camera import Camera, OrbitView
-from faceposer.model.capture import read_capture
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.face_model import FaceModel, build_face_model, gram_of_shapes
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
-from faceposer.model.training import Recipe, augment, clean, fit_statistics, learn_from_frames
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
+from faceposer.training.capture import read_capture
+from faceposer.training.expressions import Recipe, augment, clean, fit_statistics, learn_from_frames
 from scripts.evaluation.judging import Method, Row, judge, judge_region
 from scripts.evaluation.trials import FACE_REGIONS, make_trials, region_vertices, visible_anchors
 

@@ -20,12 +20,12 @@ from pathlib import Path
 
 import numpy as np
 
-from faceposer.model.capture import read_capture
 from faceposer.model.expression_statistics import load_expression_statistics
 from faceposer.model.face_model import gram_of_shapes
 from faceposer.model.subject_file import load_subject
-from faceposer.model.training import learn
 from faceposer.resources import asset_path
+from faceposer.training.capture import read_capture
+from faceposer.training.expressions import learn
 
 TAKE = "alex_rom_3.csv"
 CREDITS = "Learned from facial capture (c) 2021 Alexandre Donciu-Julin, MIT licence; see assets/README.md."

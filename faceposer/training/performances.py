@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.model.capture import Capture, read_capture
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.face_model import gram_of_shapes
 from faceposer.model.subject_file import load_subject
-from faceposer.model.training import Recipe, augment, clean, learn, shapes_of
+from faceposer.training.capture import Capture, read_capture
+from faceposer.training.expressions import Recipe, augment, clean, learn, shapes_of
 from faceposer.training.progress import Progress
 from faceposer.training.selection import Choice, Fold, choose_mixture
 

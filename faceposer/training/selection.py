@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.model.mfa import MixtureOfFactorAnalyzers
 from faceposer.model.mixture import GaussianMixture
+from faceposer.training.mfa import MixtureOfFactorAnalyzers
 from faceposer.training.progress import Progress
 
 Array = NDArray[np.float64]

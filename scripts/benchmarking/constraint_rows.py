@@ -10,10 +10,8 @@ import numpy as np
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.strokes import stroke_pixels
-from faceposer.model.capture import read_capture
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.subject import ARKIT_SHAPES
-from faceposer.model.training import Recipe, clean, learn_from_frames
 from faceposer.solve.constraints.curve import CurveConstraint
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.fixed import FixedConstraint
@@ -22,6 +20,8 @@ from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.constraints.stroke import StrokeConstraint, as_pixels
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
+from faceposer.training.capture import read_capture
+from faceposer.training.expressions import Recipe, clean, learn_from_frames
 from scripts.benchmarking.feature_lines import FEATURE_LINES, feature_line, width_of
 from scripts.benchmarking.timing import Row, elapsed, row
 

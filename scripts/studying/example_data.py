@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from faceposer.geometry.mesh_sequence import write_frames
 from faceposer.geometry.obj_io import write_obj
-from faceposer.model.capture import read_capture
 from faceposer.model.subject_file import load_subject
+from faceposer.training.capture import read_capture
 
 Array = NDArray[np.float64]
 TAKES = ("alex_rom_3.csv", "alex_rom_4.csv")

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from faceposer.errors import FacePoserError
-from faceposer.model.capture import Capture, missing_shapes, read_capture
 from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.training.capture import Capture, missing_shapes, read_capture
 
 
 def write(path: Path, rows: list[list[object]], names: tuple[str, ...] = ARKIT_SHAPES) -> Path:

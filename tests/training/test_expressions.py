@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from faceposer.errors import FacePoserError
-from faceposer.model.capture import Capture
 from faceposer.model.expression_statistics import load_expression_statistics
 from faceposer.model.subject import ARKIT_SHAPES
-from faceposer.model.training import Recipe, augment, couple, fit_statistics, learn, mirror_indices
+from faceposer.training.capture import Capture
+from faceposer.training.expressions import Recipe, augment, couple, fit_statistics, learn, mirror_indices
 
 RECIPE = Recipe(n_examples=2000, n_components=3, n_factors=2)
 NAMES = list(ARKIT_SHAPES)

@@ -8,7 +8,7 @@ from sklearn.base import clone
 from sklearn.decomposition import FactorAnalysis
 from sklearn.exceptions import NotFittedError
 
-from faceposer.model.mfa import MixtureOfFactorAnalyzers
+from faceposer.training.mfa import MixtureOfFactorAnalyzers
 
 
 @pytest.fixture

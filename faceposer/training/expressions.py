@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.model.capture import Capture
 from faceposer.model.coupling import BROWS, GAZE, LIDS, learn_coupling, region_of_shape
 from faceposer.model.expression_statistics import ExpressionStatistics
-from faceposer.model.mfa import MixtureOfFactorAnalyzers
 from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.training.capture import Capture
+from faceposer.training.mfa import MixtureOfFactorAnalyzers
 
 Array = NDArray[np.float64]
 
