@@ -24,6 +24,8 @@ from faceposer.training.upright import upright_by_shapes
 #: Fewer of ARKit's shapes than this are no rig for it.
 _FEWEST_SHAPES = 5
 _DRAWS = 256
+# A shape of which more than this share is not reached is listed.
+_WORTH_TELLING = 0.01
 
 
 @dataclass(frozen=True)
@@ -138,8 +140,8 @@ def _subject(
 def _measures(subject: Subject) -> dict[str, object]:
     """Return what the subspace keeps, and the curves of expressions drawn from the statistics."""
     model = build_face_model(subject)
-    unreached = {name: round(share, 4) for name, share in model.unreached().items() if share > 0.01}
-    worst = max(unreached, key=lambda name: unreached[name], default="")
+    left = {name: round(share, 4) for name, share in model.unreached().items()}
+    worst = max(left, key=lambda name: left[name])
     variances = model.subspace.variances
     rng = np.random.default_rng(0)
     mixture = model.mixture
@@ -150,8 +152,8 @@ def _measures(subject: Subject) -> dict[str, object]:
     return {
         "dimensions": model.n_coefficients,
         "kept_energy": round(float(1.0 - _lost(model.subspace.directions, model.gram, weights)), 5),
-        "unreached": unreached,
-        "worst": {"shape": worst, "unreached": unreached.get(worst, 0.0)},
+        "unreached": {name: share for name, share in left.items() if share > _WORTH_TELLING},
+        "worst": {"shape": worst, "unreached": left[worst]},
         "variances": [round(float(v), 6) for v in variances[:5]],
         "curves": curves.as_json(),
     }

@@ -144,6 +144,8 @@ class ImportDialog:
         importing = app.importing
         tip = "What to learn from; it can also be dropped here, or pasted as a path"
         every = tuple(suffix for _, suffixes in _SOURCES.values() for suffix in suffixes)
+        if imgui.is_window_appearing() and not importing.form.source:
+            imgui.set_keyboard_focus_here()
         source = _path_row(
             app,
             "source",
