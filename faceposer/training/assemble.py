@@ -34,6 +34,8 @@ class UprightMesh:
         textures: Encoded images by part or material.
         origin: How the file has it.
         file_ids: One of the file's vertices for each, shape (N,).
+        regions: Vertex ids by the names that the program's own faces have, where they are known.
+        like_a_man: Whether it lies on the program's own man so well that his regions are its own.
     """
 
     vertices: NDArray[np.float32]
@@ -44,6 +46,8 @@ class UprightMesh:
     textures: Mapping[str, bytes]
     origin: Origin
     file_ids: NDArray[np.int32]
+    regions: Mapping[str, NDArray[np.int32]] | None = None
+    like_a_man: bool = True
 
     def displacements(self, of_file: NDArray[np.floating]) -> NDArray[np.float32]:
         """Return displacements of the file's vertices, (..., M, 3), as those of this mesh, (..., N, 3)."""

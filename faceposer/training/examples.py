@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,8 @@ from faceposer.training.upright import upright_by_motion
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
+# Regions of a face so unlike a man's that his do not fit; what lies on both sides counts once.
+_CLUSTERS = 4
 # Room beyond the examples' own extremes that a mode may go, as a share of their range.
 _MARGIN = 0.1
 _MOST_CURVE = 40
@@ -103,14 +105,14 @@ def subject_from_sequence(
     if not motion.max() > (1e-5 * size) ** 2:
         raise FacePoserError(f"The meshes of '{source}' are all the same; give examples of different expressions.")
     if mesh is None:
-        upright = upright_by_motion(neutral, sequence.neutral.triangles(), motion)
-        mesh = assemble(sequence.neutral, upright, sample, {})
+        upright, like_a_man = upright_by_motion(neutral, sequence.neutral.triangles(), motion)
+        mesh = replace(assemble(sequence.neutral, upright, sample, {}), like_a_man=like_a_man)
 
     progress.at("Finding the regions")
     triangles = _triangles(mesh)
     vertices = mesh.vertices.astype(np.float64)
     own_sample = mesh.displacements(sample)
-    segments = _segments(options.segments, vertices, triangles, own_sample)
+    segments = _segments(options.segments, mesh, triangles, own_sample)
     metric = local_metric(vertices, triangles, motion[mesh.file_ids])
     with _store(AlignedReader(sequence, steady), options.scheduler, progress) as store:
         modes = learn_modes(store, sample, segments, metric, mesh.file_ids, options.n_dimensions)
@@ -171,10 +173,15 @@ def _store(reader: AlignedReader, scheduler: str | None, progress: Progress) -> 
             yield distributed
 
 
-def _segments(wanted: str | int, vertices: Array, triangles: NDArray[np.int32], sample: Floats) -> Segments:
-    if wanted == "face":
-        return face_segments(vertices, triangles, sample)
-    return whole_face(len(vertices)) if isinstance(wanted, str) else find_segments(vertices, triangles, sample, wanted)
+def _segments(wanted: str | int, mesh: UprightMesh, triangles: NDArray[np.int32], sample: Floats) -> Segments:
+    vertices = mesh.vertices.astype(np.float64)
+    if wanted == "whole":
+        return whole_face(len(vertices))
+    if isinstance(wanted, int):
+        return find_segments(vertices, triangles, sample, wanted)
+    if mesh.regions is None and not mesh.like_a_man:
+        return find_segments(vertices, triangles, sample, _CLUSTERS)
+    return face_segments(vertices, triangles, sample, mesh.regions)
 
 
 def _triangles(mesh: UprightMesh) -> NDArray[np.int32]:

@@ -88,4 +88,5 @@ def _as_upright(known: Subject) -> UprightMesh:
         known.textures,
         origin,
         ids,
+        known.regions or None,
     )

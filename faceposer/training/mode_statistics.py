@@ -14,7 +14,8 @@ from faceposer.training.selection import Choice, Fold, block_folds, calm_covaria
 
 Array = NDArray[np.float64]
 
-_BLOCKS = 5
+# Blocks that are left out in turn: of few frames more, so that each leaves enough to learn from.
+_BLOCKS, _BLOCKS_OF_MANY, _MANY = 5, 3, 500
 _MOST_TO_CHOOSE = 2000
 _MOST_TO_FIT = 20_000
 _SHRINKAGE = 0.1
@@ -35,7 +36,7 @@ def statistics_of_modes(
     """
     samples = modes.weights
     step = max(1, len(samples) // _MOST_TO_CHOOSE)
-    folds = block_folds(samples[::step], _BLOCKS)
+    folds = block_folds(samples[::step], _BLOCKS_OF_MANY if len(samples) > _MANY else _BLOCKS)
     choice = choose_mixture(folds, progress, n_components, n_factors, _SHRINKAGE, _NOISE)
     progress.at("Learning the prior")
     fitted = MixtureOfFactorAnalyzers(

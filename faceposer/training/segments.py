@@ -6,6 +6,7 @@ the examples: vertices whose movements go together belong together. The masks ad
 that the sum of all segments is the face again.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,26 +65,34 @@ def whole_face(n_vertices: int) -> Segments:
     return Segments(("face",), np.ones((1, n_vertices), dtype=np.float32))
 
 
-def face_segments(vertices: Array, triangles: NDArray[np.integer], sample: NDArray[np.float32]) -> Segments:
+def face_segments(
+    vertices: Array,
+    triangles: NDArray[np.integer],
+    sample: NDArray[np.float32],
+    regions: Mapping[str, NDArray[np.int32]] | None = None,
+) -> Segments:
     """Return brows, eyes, cheeks with the nose, ears if they move, and the mouth with all the rest, of an upright face.
 
     Args:
         vertices: Upright neutral face in centimetres, shape (N, 3).
         triangles: Vertex ids, shape (T, 3).
         sample: Displacements in some examples, shape (n, N, 3).
+        regions: The face's own regions, if it has them; else those of the man, on whom it lies.
     """
     motion = np.sqrt(np.einsum("fnd,fnd->n", sample, sample, dtype=np.float64) / len(sample))
-    man = load_subject("man")
-    label_of = np.full(len(man.vertices), -1, dtype=np.intp)
-    for label, (_, regions) in enumerate(_FACE):
-        for region in regions:
-            label_of[man.regions[region]] = label
-    forehead = man.regions["forehead"]
-    on_left = man.vertices[forehead, 0] > 0.0
+    places, of = vertices, regions
+    if of is None:
+        man = load_subject("man")
+        places, of = man.vertices.astype(np.float64), man.regions
+    label_of = np.full(len(places), -1, dtype=np.intp)
     names = [name for name, _ in _FACE]
-    label_of[forehead] = np.where(on_left, names.index("brow left"), names.index("brow right"))
+    for label, (_, members) in enumerate(_FACE):
+        for region in members:
+            label_of[of.get(region, [])] = label
+    forehead = of.get("forehead", np.zeros(0, dtype=np.int32))
+    label_of[forehead] = np.where(places[forehead, 0] > 0.0, names.index("brow left"), names.index("brow right"))
     known = np.flatnonzero(label_of >= 0)
-    _, nearest = KDTree(man.vertices[known]).query(vertices)
+    _, nearest = KDTree(places[known]).query(vertices)
     labels = _whole_pieces(label_of[known[nearest]], triangles)
     for label in range(len(_FACE)):
         if np.any(labels == label) and motion[labels == label].max() < _LEAST_MOTION * motion.max():

@@ -25,8 +25,13 @@ _SAMPLES = 3000
 _FEW = 500
 #: Where the middle of what moves is on the program's own man, in centimetres.
 _FACE_MIDDLE = np.array([0.0, -5.3, 7.4])
-# What moves by less than this share of the most moving vertex, squared, is not taken for the face.
-_MOVING = 0.02
+# What moves by less than this share of how far most of the moving vertices do is not taken for the face.
+_MOVING = 0.15
+# How much worse, as a share, a place must be whose way up is square to the file's.
+_UNUSUAL = 0.2
+# Mean distance, in centimetres, of faces that are like the man's, and the cosine of how far from up an axis may be.
+_LIKE_A_MAN = 0.36
+_NEARLY_UP = 0.7
 # Nods from which the search for the best place starts, in degrees, and the share of the points that counts in it.
 _BENDS = (-40.0, -30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0, 40.0)
 _TRIMMED = 0.8
@@ -54,8 +59,8 @@ def upright_by_shapes(vertices: Array, shapes: Mapping[str, NDArray[np.float32]]
     return _made_symmetric(vertices, rigid_alignment(middles, targets, scale=True))
 
 
-def upright_by_motion(vertices: Array, triangles: NDArray[np.integer], motion: Array) -> Similarity:
-    """Return what brings a face upright of which only is known how much each vertex moves.
+def upright_by_motion(vertices: Array, triangles: NDArray[np.integer], motion: Array) -> tuple[Similarity, bool]:
+    """Return what brings a face upright of which only is known how much each vertex moves, and if it is like a man's.
 
     What moves faces forward; the plane of symmetry gives the sides; which way is up and how far the head is bent shows
     where its face lies best on that of the program's own man, by iterated closest points.
@@ -65,7 +70,8 @@ def upright_by_motion(vertices: Array, triangles: NDArray[np.integer], motion: A
         triangles: Vertex ids, shape (T, 3).
         motion: Mean squared distance that each vertex moves, shape (N,).
     """
-    weights = motion / max(float(motion.sum()), np.finfo(float).tiny)
+    extent = _capped_extent(motion)
+    weights = extent / max(float(extent.sum()), np.finfo(float).tiny)
     middle = weights @ vertices
     normals = VertexNormals(triangles, len(vertices))(vertices).astype(np.float64)
     forward = _unit(weights @ normals)
@@ -84,14 +90,36 @@ def upright_by_motion(vertices: Array, triangles: NDArray[np.integer], motion: A
     roll = float(angles[int(np.argmin(errors))])
     upright = [_centred_on(rolled(angle), middle) for angle in (roll, roll + np.pi)]
     upright = [_made_symmetric(vertices, start) for start in upright]
-    moving = _sample(vertices[motion > _MOVING * motion.max()])
+    moving = _sample(vertices[extent > _MOVING * extent.max()])
     everything = _sample(vertices)
     tree = KDTree(everything)
     few = moving[:: max(1, len(moving) // _FEW)]
     starts = [_bent(start, np.deg2rad(angle)) for start in upright for angle in _BENDS]
     fits = [_laid_on_the_man(few, everything, tree, start, 12) for start in starts]
-    best, _ = min(fits, key=lambda fit: fit[1])
-    return _laid_on_the_man(moving, everything, tree, best, 30)[0]
+    # Faces of other beings lie on a man's nearly as well upside down; files mostly have y or z upwards.
+    best, _ = min(fits, key=lambda fit: fit[1] * (1.0 + _UNUSUAL * (1.0 - float(fit[0].rotation[1, 1:].max()))))
+    found, distance = _laid_on_the_man(moving, everything, tree, best, 30)
+    if distance < _LIKE_A_MAN:
+        return found, True
+    # How far the head is bent cannot be told from a face so unlike a man's: the file's own way up is taken.
+    level = _levelled(found)
+    return _laid_on_the_man(moving, everything, tree, level, 30, turning=False)[0], False
+
+
+def _levelled(found: Similarity) -> Similarity:
+    """Return ``found`` with a nod after it that puts the file's y or z straight up, if one of them nearly is."""
+    _, up, forward = found.rotation
+    axis = max((np.eye(3)[1], np.eye(3)[2]), key=lambda axis: float(axis @ up))
+    if axis @ up < _NEARLY_UP:
+        return found
+    return _bent(found, float(np.arctan2(-(axis @ forward), axis @ up)))
+
+
+def _capped_extent(motion: Array) -> Array:
+    """Return how far vertices move, (N,), at most as far as most of the moving ones do: ears may move most of all."""
+    extent = np.sqrt(motion)
+    moving = extent[extent > 0.05 * extent.max(initial=0.0)]
+    return np.minimum(extent, np.quantile(moving, 0.75)) if len(moving) else extent
 
 
 def _centred_on(turn: Similarity, middle: Array) -> Similarity:
@@ -106,7 +134,7 @@ def _bent(start: Similarity, angle: float) -> Similarity:
 
 
 def _laid_on_the_man(
-    moving: Array, everything: Array, tree: KDTree, start: Similarity, rounds: int
+    moving: Array, everything: Array, tree: KDTree, start: Similarity, rounds: int, turning: bool = True
 ) -> tuple[Similarity, float]:
     """Return ``start`` after iterated closest points with the man's face, and how far apart the faces are.
 
@@ -127,6 +155,9 @@ def _laid_on_the_man(
             return similarity, np.inf
         both = np.vstack([source, source * _MIRROR]), np.vstack([target, target * _MIRROR])
         step = rigid_alignment(*both, np.tile(weights, 2), scale=True)
+        if not turning:
+            shift = step.apply(source).mean(axis=0) - step.scale * source.mean(axis=0)
+            step = Similarity(np.eye(3), shift * (0.0, 1.0, 1.0), step.scale)
         similarity = Similarity(
             step.rotation @ similarity.rotation,
             step.apply(similarity.translation[None])[0],
@@ -140,8 +171,8 @@ def _face_of_man() -> tuple[Array, KDTree]:
     """Return the points of the man's face that expressions move, and a tree of them."""
     man = load_subject("man")
     skin = slice(*man.part("skin").vertices)
-    motion = np.einsum("snd,snd->n", man.shapes[:, skin], man.shapes[:, skin])
-    surface = _sample(man.vertices[skin][motion > 0.25 * _MOVING * motion.max()].astype(np.float64))
+    extent = _capped_extent(np.einsum("snd,snd->n", man.shapes[:, skin], man.shapes[:, skin]))
+    surface = _sample(man.vertices[skin][extent > 0.5 * _MOVING * extent.max()].astype(np.float64))
     return surface, KDTree(surface)
 
 
