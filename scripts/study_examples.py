@@ -8,7 +8,7 @@ The examples are parted into folds. A character is learned from the neutral face
 of each left-out example that move are given their pixels there, off by 1.5 px as a hand is, and the pose found is
 compared with the example. Errors are mean vertex distances of the skin, relative to those of the neutral face.
 
-  face     the default: modes for brows, eyes, cheeks, ears and mouth, coupled as the examples say
+  face     the default: modes for brows, eyes, ears and the mouth with its cheeks, coupled as the examples say
   face-9   the same with nine modes in all
   whole    principal components of the whole face
   whole-5  five of them, as the paper has for its characters of thirty examples (section 9)

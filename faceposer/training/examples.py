@@ -44,7 +44,7 @@ class ExampleOptions:
         name: Short name of the subject.
         title: Name to show.
         neutral: File of the neutral mesh, if no name tells.
-        segments: Regions that get modes of their own: "face" for brows, eyes, cheeks and mouth, "whole" for one, or how
+        segments: Regions that get modes of their own: "face" for brows, eyes, ears and mouth, "whole" for one, or how
             many to find by what moves together.
         n_dimensions: Number of modes in all, as many as the energy asks for if None.
         n_components: Number of factor analyzers, chosen by blocks left out if None.

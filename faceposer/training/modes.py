@@ -15,9 +15,9 @@ Floats = NDArray[np.float32]
 
 #: A region gets as many modes as have this share of its energy, at most so many.
 KEEP = 0.998
-MOST_MODES = 14
+MOST_MODES = 20
 #: A region gets at most one mode for so many examples: of few, the last components are each one example's own.
-FRAMES_PER_MODE = 3
+FRAMES_PER_MODE = 2
 # What moves less than this share of the most moving vertex counts as if it moved so much.
 _STILL = 0.04
 # A vertex of which a region has less than this is none of its.
@@ -96,7 +96,7 @@ def learn_modes(
     if n_dimensions is not None:
         most = min(n_dimensions, store.n_frames)
     else:
-        most = min(MOST_MODES if len(regions) > 1 else 4 * MOST_MODES, max(2, store.n_frames // FRAMES_PER_MODE))
+        most = min(MOST_MODES if len(regions) > 1 else 2 * MOST_MODES, max(2, store.n_frames // FRAMES_PER_MODE))
     found = regional_pca(store, regions, sample, most)
     counts = _counts(found, n_dimensions)
     kept = {name: part.kept(count) for name, part, count in zip(segments.names, found, counts, strict=True)}

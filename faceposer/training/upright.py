@@ -22,6 +22,7 @@ _FACE_RADIUS = 4.0
 #: A mesh whose halves differ by more than this share of the face's radius has no plane of symmetry to find.
 _SYMMETRIC = 0.12
 _SAMPLES = 3000
+_ROUNDS = 60
 _FEW = 500
 #: Where the middle of what moves is on the program's own man, in centimetres.
 _FACE_MIDDLE = np.array([0.0, -5.3, 7.4])
@@ -98,12 +99,12 @@ def upright_by_motion(vertices: Array, triangles: NDArray[np.integer], motion: A
     fits = [_laid_on_the_man(few, everything, tree, start, 12) for start in starts]
     # Faces of other beings lie on a man's nearly as well upside down; files mostly have y or z upwards.
     best, _ = min(fits, key=lambda fit: fit[1] * (1.0 + _UNUSUAL * (1.0 - float(fit[0].rotation[1, 1:].max()))))
-    found, distance = _laid_on_the_man(moving, everything, tree, best, 30)
+    found, distance = _laid_on_the_man(moving, everything, tree, best, _ROUNDS)
     if distance < _LIKE_A_MAN:
         return found, True
     # How far the head is bent cannot be told from a face so unlike a man's: the file's own way up is taken.
     level = _levelled(found)
-    return _laid_on_the_man(moving, everything, tree, level, 30, turning=False)[0], False
+    return _laid_on_the_man(moving, everything, tree, level, _ROUNDS, turning=False)[0], False
 
 
 def _levelled(found: Similarity) -> Similarity:
@@ -180,7 +181,7 @@ def _made_symmetric(vertices: Array, start: Similarity) -> Similarity:
     """Return ``start`` turned and shifted so that x = 0 is the face's plane of symmetry, if it has one."""
     similarity = start
     points = _sample(vertices)
-    for _ in range(12):
+    for _ in range(_ROUNDS):
         placed = similarity.apply(points)
         distances, partners = KDTree(placed).query(placed * _MIRROR)
         near = distances <= np.quantile(distances, 0.7)

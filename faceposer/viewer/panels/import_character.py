@@ -34,7 +34,7 @@ _KIND_WORDS = (
 _REGIONS = ("face", "whole", "parts")
 _REGION_LABELS = ("Parts of a face", "The whole", "By motion")
 _REGION_TIPS = (
-    "Brows, eyes, cheeks and mouth move by themselves.",
+    "Brows, eyes and mouth move by themselves.",
     "All moves together, as in the paper of 2009.",
     "What moves together in the examples belongs together.",
 )

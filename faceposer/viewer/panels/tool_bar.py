@@ -32,7 +32,7 @@ HELD_REGIONS: dict[str, tuple[str, ...]] = {
     "Eyes": ("lids_left", "lids_right", "eye_left", "eye_right", "eye left", "eye right"),
     "Brows": ("brow_left", "brow_right", "forehead", "brow left", "brow right"),
     "Nose": ("nose",),
-    "Cheeks": ("cheek_left", "cheek_right", "cheeks"),
+    "Cheeks": ("cheek_left", "cheek_right"),
     "Jaw": ("jaw",),
 }
 _TITLES = {
