@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -117,6 +118,8 @@ def check_output(path: Path, suffix: str) -> None:
         raise FacePoserError(f"The output '{path}' is a folder; give the name of a file.")
     if not path.parent.is_dir():
         raise FacePoserError(f"The folder '{path.parent}' of the output does not exist; make it first.")
+    if not os.access(path.parent, os.W_OK):
+        raise FacePoserError(f"The folder '{path.parent}' of the output cannot be written to; choose another.")
 
 
 def _train(options: argparse.Namespace) -> int:
@@ -221,7 +224,7 @@ def _rename(options: argparse.Namespace) -> int:
         pairs[old] = new
     if not (pairs or options.name or options.title or options.credits is not None):
         raise FacePoserError("Nothing is to be renamed; give --name, --title, --credits or --shape OLD=NEW.")
-    subject = renamed(load_subject(path), options.name, options.title, options.credits, pairs)
+    subject = renamed(load_subject(path), f"'{path}'", options.name, options.title, options.credits, pairs)
     save_subject(path, subject)
     print(f"{path} written")
     return 0

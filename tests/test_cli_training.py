@@ -132,3 +132,34 @@ def test_shapes_are_not_renamed_into_each_other(rig: Path, tmp_path: Path, capsy
     status, _, err = run(capsys, "subject", "rename", output, "--shape", "smirk=jawOpen")
     assert "has no shape 'smirk'" in err
     assert output.read_bytes() == before
+
+
+def test_wishes_and_data_that_are_too_little_are_refused(
+    rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, output = tmp_path / "meshes", tmp_path / "me.npz"
+    folder.mkdir()
+    paths = write_examples(folder, 5)
+    status, _, err = run(capsys, "train", "--examples", folder, "-o", output, "--components", "40")
+    assert status == 2
+    assert "40 factor analyzers are too many" in err
+    capture = tmp_path / "take.csv"
+    capture.write_text("Timecode,BlendShapeCount,JawOpen,EyeBlinkLeft\n" + "0,61,0.1,0.2\n" * 3)
+    status, _, err = run(capsys, "train", "--rig", rig, "--capture", capture, "-o", output)
+    assert status == 2
+    assert f"The capture '{capture}' has 3 frames with a face, too few to learn from" in err
+    lines = paths[2].read_text().replace("v ", "v 1e300 ", 1)
+    paths[2].write_text(lines)
+    status, _, err = run(capsys, "train", "--examples", folder, "-o", output)
+    assert status == 2
+    assert "frame2.obj' has a vertex that is too far away, number 1" in err
+    assert err.count("\n") == 1
+    assert not output.exists()
+
+
+def test_two_examples_are_the_fewest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_examples(tmp_path, 1)
+    status, out, err = run(capsys, "train", "--examples", tmp_path, "-o", tmp_path / "me.npz")
+    assert (status, err) == (0, "")
+    assert "2 examples are too few to judge the model" in out
+    assert run(capsys, "subject", "check", tmp_path / "me.npz")[0] == 0

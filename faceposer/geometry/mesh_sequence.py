@@ -26,6 +26,8 @@ ARRAY_SUFFIX = ".npz"
 _VERTICES = "vertices.npy"
 _NEUTRAL_WORDS = ("neutral", "rest", "base")
 _MAX_FRAMES = 1_000_000
+# Squares of larger coordinates, summed over a mesh, would leave single precision.
+_LARGEST = 1e12
 _MAX_FILE_BYTES = 1 << 30
 
 
@@ -106,6 +108,7 @@ class MeshSequence:
                 return vertices
         mesh = read_mesh(path)
         self._check_count(str(path), len(mesh.vertices))
+        self._check_finite(f"'{path}'", mesh.vertices)
         ours = self.neutral.polygons
         if mesh.polygons.shape != ours.shape or not np.array_equal(mesh.polygons, ours):
             n = min(len(mesh.polygons), len(ours))
@@ -126,11 +129,13 @@ class MeshSequence:
             )
 
     def _check_finite(self, name: str, vertices: Array) -> None:
-        finite = np.isfinite(vertices).all(axis=1)
-        if not finite.all():
+        # A comparison with NaN is false too.
+        sound = (np.abs(vertices) < _LARGEST).all(axis=1)
+        if not sound.all():
+            vertex = int(np.argmin(sound))
+            why = "too far away" if np.isfinite(vertices[vertex]).all() else "not finite"
             raise FacePoserError(
-                f"{name[:1].upper()}{name[1:]} has a vertex that is not finite, number {int(np.argmin(finite)) + 1}; "
-                "export it anew."
+                f"{name[:1].upper()}{name[1:]} has a vertex that is {why}, number {vertex + 1}; export it anew."
             )
 
     def _read_arrays(self, source: _Source, frames: Iterable[int]) -> Iterator[Array]:
@@ -307,11 +312,13 @@ def _array_header(stream: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dt
         shape, fortran, dtype = read(stream)
     except ValueError as error:
         raise FacePoserError(f"'{path}' is damaged: its vertices have no readable header; write it again.") from error
-    if dtype.kind != "f" or fortran or len(shape) not in (2, 3) or shape[-1] != 3 or 0 in shape:
+    if dtype.kind != "f" or len(shape) not in (2, 3) or shape[-1] != 3 or 0 in shape:
         raise FacePoserError(
-            f"The vertices in '{path}' must be real numbers of shape (frames, vertices, 3) in C order, not "
-            f"{dtype} of shape {shape}."
+            f"The vertices in '{path}' are {dtype} of shape {shape}; store them as floating-point numbers of shape "
+            "(frames, vertices, 3)."
         )
+    if fortran:
+        raise FacePoserError(f"The vertices in '{path}' are in Fortran order; store numpy.ascontiguousarray of them.")
     if shape[-2] * 3 * dtype.itemsize > _MAX_FILE_BYTES:
         raise FacePoserError(f"'{path}' claims {shape[-2]} vertices; give a smaller mesh.")
     return shape, dtype

@@ -74,6 +74,10 @@ def _find_neutral(folder: Path, files: list[Path]) -> Path:
             f"In the folder '{folder}' both '{found[0].name}' and '{found[1].name}' may be the neutral face; rename "
             "one or say which it is."
         )
+    if not files:
+        raise FacePoserError(
+            f"The folder '{folder}' has no meshes; put a mesh for each shape there and one that is called neutral."
+        )
     if not found:
         raise FacePoserError(
             f"The folder '{folder}' has no neutral face among its {len(files)} meshes; call it "

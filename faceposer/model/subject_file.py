@@ -121,9 +121,12 @@ def save_subject(path: str | os.PathLike[str], subject: Subject) -> None:
             np.savez_compressed(file, allow_pickle=False, **arrays)
         Path(temporary).chmod(0o644)
         Path(temporary).replace(target)
-    except OSError as error:
+    except BaseException as error:
+        # An interrupt must not leave half a file behind either.
         if temporary is not None:
             Path(temporary).unlink(missing_ok=True)
+        if not isinstance(error, OSError):
+            raise
         raise FacePoserError(f"The subject file '{target}' cannot be written: {error.strerror or error}.") from error
 
 

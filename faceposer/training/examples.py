@@ -127,7 +127,7 @@ def subject_from_sequence(
     summary: dict[str, Any] = {
         "kind": "examples",
         "source": source,
-        "neutral": sequence.neutral_name,
+        "neutral": sequence.neutral_name.removeprefix("the neutral "),
         "examples": len(sequence),
         "vertices": len(neutral),
         "parts": [part.name for part in mesh.parts],

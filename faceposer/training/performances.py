@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.errors import FacePoserError
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.face_model import gram_of_shapes
 from faceposer.model.subject_file import load_subject
@@ -22,6 +23,7 @@ Array = NDArray[np.float64]
 _EXAMPLES_TO_CHOOSE = 3000
 _BLOCKS = 3
 _FRAMES_LEFT_OUT = 400
+_FEWEST_FRAMES = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +64,11 @@ def statistics_of_captures(
     for i, path in enumerate(paths):
         progress.at("Reading the performances", i / len(paths))
         captures.append(read_capture(path))
+        if len(captures[-1].weights) < _FEWEST_FRAMES:
+            raise FacePoserError(
+                f"The capture '{path}' has {len(captures[-1].weights)} frames with a face, too few to learn from; "
+                f"record at least {_FEWEST_FRAMES}."
+            )
     names = shapes_of(captures)
     recipe = Recipe()
     choice = choose_mixture(_folds(captures, names, recipe), progress, n_components, n_factors, recipe.fit_shrinkage)

@@ -8,12 +8,13 @@ from faceposer.model.subject import Subject
 
 
 def renamed(
-    subject: Subject, name: str | None, title: str | None, credits: str | None, shapes: Mapping[str, str]
+    subject: Subject, where: str, name: str | None, title: str | None, credits: str | None, shapes: Mapping[str, str]
 ) -> Subject:
     """Return ``subject`` with other names, those that are None staying as they are.
 
     Args:
         subject: The character.
+        where: What it is in, to begin a sentence with.
         name: Short name.
         title: Name to show.
         credits: Where it comes from, and its licence.
@@ -24,7 +25,7 @@ def renamed(
     """
     for old in shapes:
         if old not in subject.shape_names:
-            raise FacePoserError(f"The subject '{subject.name}' has no shape '{old}'; see 'faceposer subject info'.")
+            raise FacePoserError(f"{where} has no shape '{old}'; see 'faceposer subject info --json'.")
     names = tuple(shapes.get(shape, shape) for shape in subject.shape_names)
     twice = next((shape for shape in names if names.count(shape) > 1), None)
     if twice is not None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.errors import FacePoserError
 from faceposer.model.mixture import GaussianMixture
 from faceposer.training.mfa import MixtureOfFactorAnalyzers
 from faceposer.training.progress import Progress
@@ -23,6 +24,8 @@ _SAMPLES_PER_COMPONENT = 25
 # A larger mixture must be better by this much per frame, or the smaller one is taken.
 _WORTH = 0.02
 NOISE = 1e-5
+# Of fewer samples nothing can be left out.
+_FEWEST_TO_LEAVE_OUT = 4
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ class Choice:
         held_out: Mean log-likelihood of frames that were left out.
         one_gaussian: The same of a single Gaussian.
         tried: All sizes that were tried, with their results.
-        fixed: Whether the user set the size.
+        fixed: Whether the user set the number of analyzers or of factors.
     """
 
     n_components: int
@@ -68,7 +71,7 @@ def choose_mixture(
     shrinkage: float = 0.1,
     noise: float = NOISE,
 ) -> Choice:
-    """Return the size of mixture that gives the frames left out the greatest mean log-likelihood.
+    """Return the size of a mixture that gives the frames left out the greatest mean log-likelihood.
 
     First the number of components is chosen, then that of factors; of sizes that are as good the smaller is taken.
 
@@ -79,12 +82,24 @@ def choose_mixture(
         n_factors: Likewise.
         shrinkage: Of the fit; see ``MixtureOfFactorAnalyzers``.
         noise: Least variance of the samples in any direction.
+
+    Raises:
+        FacePoserError: If more is wished than there are samples or dimensions.
     """
     n_samples, n_dimensions = min(len(train) for train, _ in folds), folds[0][0].shape[1]
+    if n_components is not None and n_components > n_samples:
+        raise FacePoserError(
+            f"{n_components} factor analyzers are too many for {n_samples} examples (some are left out in turn); ask "
+            "for fewer with --components."
+        )
+    if n_factors is not None and n_factors > n_dimensions:
+        raise FacePoserError(
+            f"{n_factors} factors are too many for {n_dimensions} dimensions; ask for fewer with --factors."
+        )
     most = max(1, n_samples // _SAMPLES_PER_COMPONENT)
-    sizes = [k for k in _COMPONENTS if k <= most] if n_components is None else [min(n_components, n_samples)]
+    sizes = [k for k in _COMPONENTS if k <= most] if n_components is None else [n_components]
     factors = [q for q in _FACTORS if q < n_dimensions] or [max(1, n_dimensions - 1)]
-    usual = factors[-1] if n_factors is None else min(n_factors, n_dimensions)
+    usual = factors[-1] if n_factors is None else n_factors
     tried: list[dict[str, Any]] = []
     best: tuple[float, int, int, float] | None = None
     gaussian = _judge(folds, 1, usual, shrinkage, noise)
@@ -104,7 +119,7 @@ def choose_mixture(
     assert best is not None
     score, k, q, blend = best
     return Choice(
-        k, q, blend, score, gaussian[0], tuple(tried), fixed=n_components is not None and n_factors is not None
+        k, q, blend, score, gaussian[0], tuple(tried), fixed=n_components is not None or n_factors is not None
     )
 
 
@@ -140,7 +155,9 @@ def _judge(
 
 
 def block_folds(samples: Array, n_blocks: int) -> list[Fold]:
-    """Return folds that leave out one of ``n_blocks`` contiguous blocks of ``samples``, (n, d), each."""
+    """Return folds that leave out one of ``n_blocks`` contiguous blocks of ``samples``, (n, d); none of very few."""
+    if len(samples) < _FEWEST_TO_LEAVE_OUT:
+        return [(samples, samples)]
     blocks = np.array_split(np.arange(len(samples)), min(n_blocks, len(samples)))
     return [(np.delete(samples, block, axis=0), samples[block]) for block in blocks if len(block)]
 

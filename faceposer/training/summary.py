@@ -90,7 +90,7 @@ def _prior_lines(prior: dict[str, Any]) -> list[str]:
         return [f"prior: {prior['from']}"] if prior else []
     lines = [
         f"prior: {prior['components']} factor analyzers of {prior['factors']} factors"
-        f"{', as you said' if prior['fixed_by_user'] else ', chosen by data left out'} (log-likelihood "
+        f"{', as wished' if prior['fixed_by_user'] else ', chosen by data left out'} (log-likelihood "
         f"{prior['held_out_log_likelihood']:.1f}; one Gaussian {prior['one_gaussian']:.1f})"
     ]
     if prior.get("takes"):

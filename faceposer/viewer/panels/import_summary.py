@@ -94,7 +94,7 @@ def _prior(prior: dict[str, Any]) -> str:
         return f"{prior['from']}"
     count, factors = prior["components"], prior["factors"]
     text = f"{count} factor analyzer{'s' if count != 1 else ''} of {factors} factor{'s' if factors != 1 else ''}"
-    text += ", as you said" if prior.get("fixed_by_user") else ", chosen by data left out"
+    text += ", as wished" if prior.get("fixed_by_user") else ", chosen by data left out"
     if prior.get("takes"):
         text += "; from " + _listed([f"{take['file']} ({take['frames']} frames)" for take in prior["takes"]])
     return text
