@@ -211,7 +211,7 @@ def test_other_arrays(tmp_path: Path) -> None:
     refused(arrays(path, np.asfortranarray(np.zeros((2, 5, 3)))), "in Fortran order")
     refused(arrays(path, np.zeros((0, 5, 3))), "store them as floating-point numbers of shape")
     ragged = np.array([np.zeros((5, 3)), np.zeros((4, 3))], dtype=object)
-    refused(arrays(path, ragged), "must be real numbers of shape .* not object")
+    refused(arrays(path, ragged), "are object of shape")
     path.write_text("no archive")
     refused(path, r"a\.npz' is damaged or no \.npz file")
 
