@@ -19,11 +19,15 @@ from faceposer.training.landmarks import find_landmarks
 from faceposer.training.measures import curves_of
 from faceposer.training.performances import Learned, statistics_of_captures
 from faceposer.training.progress import Progress
-from faceposer.training.upright import upright_by_shapes
+from faceposer.training.upright import other_side, upright_by_shapes
 
 #: Fewer of ARKit's shapes than this are no rig for it.
 _FEWEST_SHAPES = 5
 _DRAWS = 256
+_EXCHANGED = (
+    "Its left shapes move what is on its right: the mesh is mirrored, or its names are those of who looks at it. "
+    "Performances and gaze go to the other side."
+)
 # A shape of which more than this share is not reached is listed.
 _WORTH_TELLING = 0.01
 
@@ -78,11 +82,15 @@ def subject_from_morphs(rig: MorphMesh, source: str, options: RigOptions, progre
             f"{examples}); rename them as ARKit does, such as jawOpen, or learn from them with --examples."
         )
     progress.at("Finding the face", 0.2)
-    upright = upright_by_shapes(rig.mesh.vertices, named)
-    if upright is None:
-        raise FacePoserError(f"The shapes of the rig '{source}' move too little of a face to tell where it looks.")
+    found = upright_by_shapes(rig.mesh.vertices, named)
+    if found is None:
+        raise FacePoserError(
+            f"The shapes of the rig '{source}' move too little of a face to tell where it looks; add shapes of brows, "
+            "eyes and mouth, or learn from it with --examples."
+        )
+    upright, exchanged = found
     mesh = assemble(rig.mesh, upright, np.stack([*named.values()]), rig.textures)
-    return _subject(Path(source).name, named, match.missing, match.others, mesh, options, progress)
+    return _subject(Path(source).name, named, match.missing, match.others, exchanged, mesh, options, progress)
 
 
 def _subject(
@@ -90,6 +98,7 @@ def _subject(
     named: dict[str, NDArray[np.float32]],
     missing: Sequence[str],
     others: Sequence[str],
+    exchanged: bool,
     mesh: UprightMesh,
     options: RigOptions,
     progress: Progress,
@@ -98,7 +107,8 @@ def _subject(
     shapes = mesh.displacements(np.stack([named[name] for name in names]))
     turned = add_gaze(mesh.vertices.astype(np.float64), mesh.parts, names, shapes)
     progress.at("Finding eyes, brows and mouth", 0.4)
-    marks = find_landmarks(mesh.vertices, mesh.parts, dict(zip(names, shapes, strict=True)))
+    by_place = [other_side(name) if exchanged else name for name in names]
+    marks = find_landmarks(mesh.vertices, mesh.parts, dict(zip(by_place, shapes, strict=True)))
     learned: Learned | None = None
     if options.captures:
         learned = statistics_of_captures(options.captures, options.n_components, options.n_factors, progress)
@@ -131,6 +141,7 @@ def _subject(
         "empty": [name for name in names if not np.any(named[name])],
         "not_arkit": list(others),
         "eyes_turned": turned,
+        "warnings": [_EXCHANGED] if exchanged else [],
         "prior": learned.as_json() if learned else {"from": "the shipped statistics"},
         **_measures(subject),
     }

@@ -26,6 +26,8 @@ _ROUNDS = 60
 _FEW = 500
 #: Where the middle of what moves is on the program's own man, in centimetres.
 _FACE_MIDDLE = np.array([0.0, -5.3, 7.4])
+# Left and right count as exchanged where that fits better by this factor.
+_CLEARLY = 0.6
 # What moves by less than this share of how far most of the moving vertices do is not taken for the face.
 _MOVING = 0.15
 # How much worse, as a share, a place must be whose way up is square to the file's.
@@ -39,8 +41,8 @@ _TRIMMED = 0.8
 _MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
-def upright_by_shapes(vertices: Array, shapes: Mapping[str, NDArray[np.float32]]) -> Similarity | None:
-    """Return what brings a face with ARKit's shapes upright, or None if they are too few to tell.
+def upright_by_shapes(vertices: Array, shapes: Mapping[str, NDArray[np.float32]]) -> tuple[Similarity, bool] | None:
+    """Return what brings a face with ARKit's shapes upright, and if left and right are exchanged; None if none can tell.
 
     The middles of what each shape moves are laid on those of the program's own man; then the plane of symmetry is made
     exact.
@@ -57,7 +59,22 @@ def upright_by_shapes(vertices: Array, shapes: Mapping[str, NDArray[np.float32]]
     targets = np.array([reference[name] for name in names])
     if not determines_rotation(middles):
         return None
-    return _made_symmetric(vertices, rigid_alignment(middles, targets, scale=True))
+    crossed = np.array([reference[other_side(name)] for name in names])
+    fits = [rigid_alignment(middles, places, scale=True) for places in (targets, crossed)]
+    misses = [
+        float(np.linalg.norm(fit.apply(middles) - places, axis=1).mean())
+        for fit, places in zip(fits, (targets, crossed), strict=True)
+    ]
+    exchanged = misses[1] < _CLEARLY * misses[0]
+    return _made_symmetric(vertices, fits[int(exchanged)]), exchanged
+
+
+def other_side(name: str) -> str:
+    """Return the name of the same shape on the other side."""
+    for side, other in (("Left", "Right"), ("Right", "Left")):
+        if name.endswith(side):
+            return name.removesuffix(side) + other
+    return name
 
 
 def upright_by_motion(vertices: Array, triangles: NDArray[np.integer], motion: Array) -> tuple[Similarity, bool]:

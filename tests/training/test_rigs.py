@@ -219,3 +219,20 @@ def test_a_rig_of_another_program() -> None:
     corners = subject.vertices[[subject.feature_points["8.3"], subject.feature_points["8.4"]]]
     np.testing.assert_allclose(corners[0], corners[1] * [-1, 1, 1], atol=0.3)
     assert max(build_face_model(subject).unreached().values()) < 0.15
+
+
+def test_left_and_right_exchanged_is_noticed() -> None:
+    assert imported(morph_mesh()).summary["warnings"] == []
+    rig = morph_mesh()
+    mirror = np.array([-1.0, 1.0, 1.0])
+    faces = rig.mesh.polygons
+    flipped = np.where(faces[:, 3:] >= 0, faces[:, ::-1], faces[:, [2, 1, 0, 3]])
+    mesh = PolygonMesh(rig.mesh.vertices * mirror, flipped, groups=rig.mesh.groups)
+    targets = {name: (offsets * mirror).astype(np.float32) for name, offsets in rig.targets.items()}
+    subject = imported(MorphMesh(mesh, targets))
+    assert "mirrored" in subject.summary["warnings"][0]
+    # The face still looks forward, with the mouth below the brows, and the left corner is on the left.
+    corner, chin = (subject.vertices[subject.feature_points[name]] for name in ("8.3", "2.1"))
+    assert corner[0] > 1.0
+    assert chin[1] < corner[1]
+    assert corner[2] > 4.0
