@@ -42,7 +42,7 @@ _MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
 def upright_by_shapes(vertices: Array, shapes: Mapping[str, NDArray[np.float32]]) -> tuple[Similarity, bool] | None:
-    """Return what brings a face with ARKit's shapes upright, and if left and right are exchanged; None if none can tell.
+    """Return what brings a face with ARKit's shapes upright, and if its sides are exchanged; None if none can tell.
 
     The middles of what each shape moves are laid on those of the program's own man; then the plane of symmetry is made
     exact.
