@@ -156,7 +156,7 @@ def test_numbers_too_large_for_an_offset_are_told(tmp_path: Path) -> None:
 def test_what_is_no_rig(tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match="does not exist"):
         read_rig(tmp_path / "none")
-    with pytest.raises(FacePoserError, match="has no neutral face among its 0 meshes"):
+    with pytest.raises(FacePoserError, match="has no meshes; put a mesh for each shape there"):
         read_rig(tmp_path)
     with pytest.raises(FacePoserError, match="has no shapes; put a mesh for each"):
         read_rig(folder(tmp_path))
