@@ -52,7 +52,7 @@ from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
 from faceposer.training.capture import read_capture
 from faceposer.training.expressions import Recipe, clean, learn_from_frames
-from scripts.benchmarking.feature_lines import FEATURE_LINES, feature_line, of_length, width_of
+from faceposer.evaluation.feature_lines import FEATURE_LINES, feature_line, of_length, width_of
 
 TRAIN, TEST = "alex_rom_3.csv", "alex_rom_4.csv"
 SIZE = (1280, 800)

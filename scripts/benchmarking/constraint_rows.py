@@ -22,7 +22,7 @@ from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
 from faceposer.training.capture import read_capture
 from faceposer.training.expressions import Recipe, clean, learn_from_frames
-from scripts.benchmarking.feature_lines import FEATURE_LINES, feature_line, width_of
+from faceposer.evaluation.feature_lines import FEATURE_LINES, feature_line, width_of
 from scripts.benchmarking.timing import Row, elapsed, row
 
 # Mouth, eyelid and brow: what an artist opens and closes by a slider.

@@ -60,7 +60,11 @@ class DistanceConstraint(Switches):
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return by how many pixels the distance is missed on the face ``p``, shape (r,)."""
-        return abs(self.measured(model, p) - self.target)
+        return self.residual_of(self.pixels(model, p))
+
+    def residual_of(self, pixels: Array) -> float:
+        """Return by how much the distance is missed where the two points appear at ``pixels``, shape (2, 2)."""
+        return abs(float(np.hypot(*(pixels[0] - pixels[1]))) - self.target)
 
     @staticmethod
     def terms(constraints: Sequence["DistanceConstraint"], slots: Sequence[Indices], model: FaceModel) -> list[Term]:

@@ -43,8 +43,11 @@ class PointConstraint(Switches):
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return the distance to the target in pixels on the face ``p``, shape (r,)."""
-        pixel = self.camera.project(model.positions_at(self.points, p))[0]
-        return float(np.hypot(*(pixel - self.target)))
+        return self.residual_of(self.camera.project(model.positions_at(self.points, p)))
+
+    def residual_of(self, pixels: Array) -> float:
+        """Return the distance to the target where the point appears at ``pixels``, shape (1, 2)."""
+        return float(np.hypot(*(pixels[0] - self.target)))
 
     @staticmethod
     def terms(constraints: Sequence["PointConstraint"], slots: Sequence[Indices], model: FaceModel) -> list[Term]:

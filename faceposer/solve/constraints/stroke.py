@@ -87,10 +87,13 @@ class StrokeConstraint(Switches):
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return how far the two strokes lie apart: the mean distance to the nearest of the other, in pixels."""
+        return self.residual_of(self.camera.project(model.positions_at(self.points, p)))
+
+    def residual_of(self, pixels: Array) -> float:
+        """Return how far the strokes lie apart where ``points`` appear at ``pixels``, shape (n, 2)."""
         # The window's start does not wait for search trees.
         from scipy.spatial import cKDTree
 
-        pixels = self.camera.project(model.positions_at(self.points, p))
         target = self.target_pixels[_spread(len(self.target_pixels))]
         to_target, _ = cKDTree(self.target_pixels).query(pixels)
         to_source, _ = cKDTree(pixels).query(target)

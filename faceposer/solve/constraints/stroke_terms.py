@@ -10,9 +10,9 @@ from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm
 # A stroke is drawn with one sway of the hand: its pixels say as much as this many points.
 AS_MANY_POINTS = 6.0
 # What it counts that a pixel of the target is not covered, against a point of the source beside the target.
-_REVERSE = 0.5
+REVERSE = 0.5
 # What it counts that the centres are apart: it tells the way where the strokes are far from each other.
-_CENTRE = 0.5
+CENTRE = 0.5
 # sigma of the paper's eq. (12): a stroke of 150 pixels that is off by one pixel then counts like its points would.
 _SIGMA_IMAGE = 10.0
 # Pixels beyond the target within which the image of a source is kept: a line search may try faces that lie anywhere.
@@ -48,7 +48,7 @@ class StrokeDistanceTerm(ResidualTerm):
         self._from_target = -2.0 * centred
         scale = weight * AS_MANY_POINTS / SIGMA_PX**2
         n, m = len(points), len(target)
-        counts = np.concatenate([np.full(2 * n, 1.0 / n), np.full(2 * m, _REVERSE / m), np.full(2, _CENTRE)])
+        counts = np.concatenate([np.full(2 * n, 1.0 / n), np.full(2 * m, REVERSE / m), np.full(2, CENTRE)])
         super().__init__(scale * counts)
         self._match: _Match | None = None
 

@@ -1,0 +1,58 @@
+"""Optimisation in the subspace of principal components, without a prior (PCA) and with one Gaussian (PPCA)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from faceposer.evaluation.methods.method import Array, ModelMethod, Parameters
+from faceposer.evaluation.setting import Setting
+from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.solve.constraints.registry import Constraint
+from faceposer.solve.map_solver import solve
+from faceposer.solve.problem import PoseProblem
+
+
+def gaussian_model(setting: Setting, augmented: bool, energy: float) -> FaceModel:
+    """Return the face with one Gaussian, in as many principal components as have a share ``energy`` of the variance."""
+    statistics = setting.plain(setting.examples if augmented else setting.frames)
+    full = build_face_model(setting.subject, statistics, len(ARKIT_SHAPES), "plain")
+    shares = np.cumsum(full.subspace.variances) / full.subspace.variances.sum()
+    n = min(int(np.searchsorted(shares, energy)) + 1, full.n_coefficients)
+    return build_face_model(setting.subject, statistics, n, "plain")
+
+
+class Ppca(ModelMethod):
+    """One Gaussian over the subspace as the prior."""
+
+    name = "ppca"
+    title = "PCA with one Gaussian (PPCA)"
+    parameters = {"prior_weight": 1.0, "augmented": True, "energy": 1.0}
+    grid = {"augmented": (False, True), "energy": (0.99, 0.999, 1.0), "prior_weight": (0.5, 1.0, 2.0, 4.0)}
+
+    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+        """Learn the subspace from the captures of the ``setting``."""
+        self.model = gaussian_model(setting, parameters["augmented"], parameters["energy"])
+        self._weight = parameters["prior_weight"]
+
+    def solve(self, constraints: Sequence[Constraint]) -> Array:
+        """Return the coefficients, shape (r,), of the likeliest face."""
+        problem = PoseProblem(self.model, constraints, prior_weight=self._weight, mixture=self.model.mixture)
+        return solve(problem).coefficients
+
+
+class Pca(ModelMethod):
+    """No prior: only the subspace holds the face together."""
+
+    name = "pca"
+    title = "PCA without a prior"
+    parameters = {"augmented": False, "energy": 0.99}
+    grid = {"augmented": (False, True), "energy": (0.9, 0.95, 0.98, 0.99, 0.999)}
+
+    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+        """Learn the subspace from the captures of the ``setting``."""
+        self.model = gaussian_model(setting, parameters["augmented"], parameters["energy"])
+
+    def solve(self, constraints: Sequence[Constraint]) -> Array:
+        """Return the coefficients, shape (r,), of the face that fits best."""
+        return solve(PoseProblem(self.model, constraints, prior_weight=0.0)).coefficients

@@ -1,0 +1,32 @@
+"""Interp-all: all examples blended, each by how well it fits the constraints (Parke 1972; Sloan et al. 2001)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from faceposer.evaluation.methods.examples import Examples
+from faceposer.evaluation.methods.method import Array, ModelMethod, Parameters
+from faceposer.evaluation.setting import Setting
+from faceposer.solve.constraints.registry import Constraint
+
+
+class InterpAll(ModelMethod):
+    """The mean of all examples, each with the weight exp(-energy / temperature)."""
+
+    name = "interp-all"
+    title = "Interpolation of all examples (Interp-all)"
+    parameters = {"temperature": 8.0, "augmented": True}
+    grid = {"augmented": (False, True), "temperature": (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)}
+
+    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+        """Take the examples of the ``setting``."""
+        self._examples = Examples(setting, parameters["augmented"])
+        self.model = self._examples.model
+        self._temperature = parameters["temperature"]
+
+    def solve(self, constraints: Sequence[Constraint]) -> Array:
+        """Return the coefficients, shape (r,), of the blend."""
+        energies = self._examples.energies(constraints)
+        weights = np.exp(-(energies - energies.min()) / self._temperature)
+        blend: Array = weights @ self._examples.coefficients / weights.sum()
+        return blend

@@ -1,0 +1,70 @@
+"""What a technique of the comparison is: from constraints to a face."""
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from faceposer.evaluation.setting import Setting
+from faceposer.model.face_model import FaceModel
+from faceposer.solve.constraints.registry import Constraint
+
+Array = NDArray[np.float64]
+#: Parameters by name.
+Parameters = dict[str, Any]
+
+KINDS = ("point", "distance", "stroke")
+
+
+class Method:
+    """A technique, prepared on one face.
+
+    Subclasses say what they are called, what they can be told, which parameters they have been tuned to, and how they
+    find a pose. All learning and factoring that does not depend on constraints belongs into ``__init__``: ``solve`` is
+    timed.
+
+    Attributes:
+        name: As in tables.
+        title: In words.
+        kinds: The constraints that it understands.
+        parameters: What ``faceposer evaluate --tune`` found best on the end of the training take.
+        grid: The values of each parameter between which it chose.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    kinds: ClassVar[tuple[str, ...]] = KINDS
+    parameters: ClassVar[Parameters] = {}
+    grid: ClassVar[dict[str, Sequence[Any]]] = {}
+
+    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+        """Prepare the method for a ``setting``; ``parameters`` are complete."""
+        raise NotImplementedError
+
+    def solve(self, constraints: Sequence[Constraint]) -> Array:
+        """Return what stands for the face that the method finds for ``constraints``, as ``vertices`` takes it."""
+        raise NotImplementedError
+
+    def vertices(self, found: Array) -> ArrayLike:
+        """Return the vertices, shape (N, 3), of what ``solve`` returned."""
+        raise NotImplementedError
+
+
+class ModelMethod(Method):
+    """A technique that finds coefficients of a face model.
+
+    Attributes:
+        model: The face in whose coefficients, shape (r,), the method's answers are.
+    """
+
+    model: FaceModel
+
+    def vertices(self, found: Array) -> ArrayLike:
+        """Return the vertices, shape (N, 3), of the face with the coefficients ``found``, shape (r,)."""
+        return self.model.instance(found)
+
+
+def prepared(kind: type[Method], setting: Setting, **changes: Any) -> Method:
+    """Return the method ``kind`` on a ``setting``, with its tuned parameters but for ``changes``."""
+    return kind(setting, {**kind.parameters, **changes})

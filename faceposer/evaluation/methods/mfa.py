@@ -1,0 +1,72 @@
+"""Mixtures of factor analyzers: the prior that ships, over regions or the whole face, and the paper's recipe."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from faceposer.evaluation.methods.method import Array, ModelMethod, Parameters
+from faceposer.evaluation.setting import Setting
+from faceposer.model.face_model import build_face_model
+from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.solve.constraints.registry import Constraint
+from faceposer.solve.map_solver import solve
+from faceposer.solve.priors import Prior
+from faceposer.solve.problem import PoseProblem
+
+
+class RegionalMfa(ModelMethod):
+    """What ships: the mixture seen from the start pose, region by region, with bounds on the rig's weights."""
+
+    name = "mfa"
+    title = "Mixture of factor analyzers, as shipped"
+    parameters = {"prior_weight": 1.0}
+    grid = {"prior_weight": (0.25, 0.5, 1.0, 2.0, 4.0)}
+    _prior: Prior = "regions"
+
+    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+        """Prepare the method for a ``setting``."""
+        self.model = setting.model
+        self._weight = parameters["prior_weight"]
+
+    def solve(self, constraints: Sequence[Constraint]) -> Array:
+        """Return the coefficients, shape (r,), of the likeliest face."""
+        return solve(
+            PoseProblem(self.model, constraints, prior_weight=self._weight, prior=self._prior)
+        ).coefficients
+
+
+class WholeMfa(RegionalMfa):
+    """The other prior of the program: one mixture for the whole face."""
+
+    name = "mfa-whole"
+    title = "The same, one mixture for the whole face"
+    _prior: Prior = "whole"
+
+
+class PlainMfa(ModelMethod):
+    """The paper's recipe (section 5): plain maximum likelihood, the modes where the data have them."""
+
+    name = "mfa-plain"
+    title = "Mixture of factor analyzers by plain maximum likelihood (the paper)"
+    parameters = {"prior_weight": 1.0, "augmented": True, "components": 30, "factors": 10, "energy": 1.0}
+    grid = {
+        "augmented": (False, True),
+        "energy": (0.99, 0.999, 1.0),
+        "components": (10, 30),
+        "prior_weight": (0.5, 1.0, 2.0, 4.0),
+    }
+
+    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+        """Learn the mixture from the captures of the ``setting``."""
+        examples = setting.examples if parameters["augmented"] else setting.frames
+        statistics = setting.by_likelihood(examples, parameters["components"], parameters["factors"])
+        full = build_face_model(setting.subject, statistics, len(ARKIT_SHAPES), "plain")
+        shares = np.cumsum(full.subspace.variances) / full.subspace.variances.sum()
+        n = min(int(np.searchsorted(shares, parameters["energy"])) + 1, full.n_coefficients)
+        self.model = build_face_model(setting.subject, statistics, n, "plain")
+        self._weight = parameters["prior_weight"]
+
+    def solve(self, constraints: Sequence[Constraint]) -> Array:
+        """Return the coefficients, shape (r,), of the likeliest face."""
+        problem = PoseProblem(self.model, constraints, prior_weight=self._weight, mixture=self.model.mixture)
+        return solve(problem).coefficients

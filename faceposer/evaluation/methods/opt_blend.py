@@ -1,0 +1,61 @@
+"""Opt-blend: a weight for every example of the database, optimised for the constraints (Zhang et al. 2004)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import minimize
+
+from faceposer.evaluation.methods.examples import Examples
+from faceposer.evaluation.methods.method import Array, ModelMethod, Parameters
+from faceposer.evaluation.setting import Setting
+from faceposer.solve.constraints.registry import Constraint
+from faceposer.solve.problem import PoseProblem
+
+
+class OptBlend(ModelMethod):
+    """The face is a blend of all examples with weights of at least 0, and as few of them as the constraints ask for.
+
+    Added to the constraints' energy are ``sum_penalty`` * (sum of weights - 1)^2, which keeps the blend within what the
+    examples span, and ``ridge`` * n * sum of squared weights, which is least where all examples count the same. The
+    neutral face is one of them, so that the start is a blend, too.
+    """
+
+    name = "opt-blend"
+    title = "Optimisation of a blend of all examples (Opt-blend)"
+    parameters = {"examples": 2000, "augmented": True, "ridge": 1e-2, "sum_penalty": 1e3, "iterations": 60}
+    grid = {
+        "augmented": (False, True),
+        "ridge": (1e-3, 1e-2, 1e-1, 1.0),
+        "examples": (2000, 12000),
+    }
+
+    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+        """Take the examples of the ``setting``."""
+        examples = Examples(setting, parameters["augmented"], parameters["examples"])
+        self.model = examples.model
+        self._coefficients = np.concatenate([np.zeros((1, self.model.n_coefficients)), examples.coefficients])
+        self._ridge = parameters["ridge"] * len(self._coefficients)
+        self._penalty, self._iterations = parameters["sum_penalty"], parameters["iterations"]
+
+    def solve(self, constraints: Sequence[Constraint]) -> Array:
+        """Return the coefficients, shape (r,), of the best blend, from the neutral face."""
+        problem = PoseProblem(self.model, constraints, prior_weight=0.0)
+        rows = self._coefficients
+
+        def energy(weights: Array) -> tuple[float, Array]:
+            value, slope = problem.energy_and_gradient(weights @ rows)
+            excess = weights.sum() - 1.0
+            value += self._penalty * excess**2 + self._ridge * float(weights @ weights)
+            return value, rows @ slope + 2.0 * self._penalty * excess + 2.0 * self._ridge * weights
+
+        start = np.full(len(rows), 1.0 / len(rows))
+        result = minimize(
+            energy,
+            start,
+            jac=True,
+            method="L-BFGS-B",
+            bounds=[(0.0, None)] * len(rows),
+            options={"maxiter": self._iterations, "ftol": 1e-6},
+        )
+        blend: Array = result.x @ rows
+        return blend

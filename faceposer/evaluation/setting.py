@@ -1,0 +1,117 @@
+"""What all methods of a study share: a face, a camera, and the performances that they may learn from."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.camera import Camera, OrbitView
+from faceposer.model.expression_statistics import ExpressionStatistics
+from faceposer.model.face_model import FaceModel, build_face_model, gram_of_shapes
+from faceposer.model.subject import ARKIT_SHAPES, Subject
+from faceposer.model.subject_file import load_subject
+from faceposer.training.capture import Capture
+from faceposer.training.expressions import Recipe, augment, clean, fit_statistics, learn
+
+Array = NDArray[np.float64]
+
+#: Pixels of the picture in which constraints are given.
+SIZE = (800, 800)
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """A face, a camera, and what may be learned from.
+
+    Attributes:
+        subject: The face to pose; its shapes have ARKit's names.
+        captures: Performances to learn from.
+        recipe: How the prior that ships is learned from them.
+        camera: View in which all constraints are given.
+    """
+
+    subject: Subject
+    captures: tuple[Capture, ...]
+    recipe: Recipe
+    camera: Camera
+
+    @classmethod
+    def of(cls, subject: Subject, captures: Sequence[Capture], recipe: Recipe | None = None) -> "Setting":
+        """Return the setting with the window's front view of the ``subject``.
+
+        Raises:
+            FacePoserError: If the subject has none of ARKit's shapes.
+        """
+        if not set(subject.shape_names) & set(ARKIT_SHAPES):
+            raise FacePoserError(
+                f"The subject '{subject.name}' has none of the 52 ARKit shapes, which the captures speak of; "
+                "evaluate with one that has."
+            )
+        vertices = subject.vertices
+        camera = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0)).camera(SIZE)
+        return cls(subject, tuple(captures), recipe or Recipe(), camera)
+
+    @cached_property
+    def frames(self) -> Array:
+        """Cleaned frames to learn from, weights of ``ARKIT_SHAPES``, shape (F, 52)."""
+        return np.concatenate([clean(capture, self.recipe) for capture in self.captures])
+
+    @cached_property
+    def examples(self) -> Array:
+        """The augmented examples that the shipped prior is fitted to, shape (n, 52)."""
+        return augment(self.frames, ARKIT_SHAPES, self.recipe)
+
+    @cached_property
+    def statistics(self) -> ExpressionStatistics:
+        """What the recipe of the shipped prior learns from the captures."""
+        return learn(self.captures, self.recipe, metric=gram_of_shapes(load_subject("man")))
+
+    @cached_property
+    def model(self) -> FaceModel:
+        """The face with the prior as it ships, but learned from ``captures`` alone."""
+        return build_face_model(self.subject, self.statistics)
+
+    @cached_property
+    def full(self) -> FaceModel:
+        """The face with all its dimensions, principal components of plain squared distance first."""
+        return build_face_model(self.subject, self.plain(self.frames), len(ARKIT_SHAPES), "plain")
+
+    def plain(self, examples: Array) -> ExpressionStatistics:
+        """Return the moments of ``examples``, shape (n, 52), with one Gaussian for a density."""
+        covariance = np.cov(examples.T) + 1e-8 * np.eye(examples.shape[1])
+        mean = examples.mean(axis=0)
+        one = np.ones(1)
+        return ExpressionStatistics(ARKIT_SHAPES, one, mean[None], covariance[None], mean, covariance, "")
+
+    def by_likelihood(self, examples: Array, n_components: int, n_factors: int) -> ExpressionStatistics:
+        """Return the paper's mixture of factor analyzers (section 5): plain maximum likelihood, from ``examples``."""
+        from dataclasses import replace
+
+        recipe = replace(
+            self.recipe, n_components=n_components, n_factors=n_factors, fit_shrinkage=0.0, blend=0.0
+        )
+        return fit_statistics(examples, ARKIT_SHAPES, recipe, "")
+
+    def columns(self) -> NDArray[np.intp]:
+        """Return, for each of the subject's shapes, the column of ``ARKIT_SHAPES``, -1 where it is none of them."""
+        return np.array(
+            [ARKIT_SHAPES.index(name) if name in ARKIT_SHAPES else -1 for name in self.subject.shape_names],
+            dtype=np.intp,
+        )
+
+    def rig_weights(self, frames: Array) -> Array:
+        """Return ``frames`` of ARKit's weights, shape (F, 52), as weights of the subject's shapes, (F, S)."""
+        columns = self.columns()
+        weights: Array = np.where(columns >= 0, frames[:, columns], 0.0)
+        return weights
+
+    def vertices_of(self, weights: Array) -> NDArray[np.float32]:
+        """Return the vertices, (N, 3), of the face with the rig ``weights``, shape (S,)."""
+        subject = self.subject
+        shapes = np.ascontiguousarray(subject.shapes, dtype=np.float32).reshape(len(subject.shapes), -1)
+        offsets = weights.astype(np.float32) @ shapes
+        moved: NDArray[np.float32] = subject.vertices + offsets.reshape(-1, 3)
+        return moved

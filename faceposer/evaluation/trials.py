@@ -1,0 +1,241 @@
+"""Tests made from an unseen take: constraints that a frame gives, and the frame itself."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.evaluation.feature_lines import FEATURE_LINES, feature_line, width_of
+from faceposer.evaluation.setting import Setting
+from faceposer.geometry.mesh import VertexNormals
+from faceposer.geometry.picking import SurfacePoints
+from faceposer.geometry.strokes import resampled, smoothed
+from faceposer.model.subject import Subject
+from faceposer.solve.constraints.distance import DistanceConstraint
+from faceposer.solve.constraints.point import PointConstraint
+from faceposer.solve.constraints.registry import Constraint
+from faceposer.solve.constraints.stroke import StrokeConstraint, as_pixels
+
+Array = NDArray[np.float64]
+
+#: Kinds of constraints, with the numbers of them (pixels, of strokes) that are tried by default.
+COUNTS: dict[str, tuple[int, ...]] = {
+    "point": (1, 2, 4, 8, 16, 32),
+    "distance": (1, 2, 4, 8),
+    "stroke": (150, 300, 450, 900),
+}
+#: The subject's regions that make up each region of the judgement; together they are the face without ears and neck.
+FACE_REGIONS: dict[str, tuple[str, ...]] = {
+    "brows": ("brow_left", "brow_right", "forehead"),
+    "lids": ("lids_left", "lids_right", "eye_left", "eye_right"),
+    "midface": ("nose", "cheek_left", "cheek_right"),
+    "mouth": ("mouth", "lip_upper", "lip_lower", "jaw"),
+}
+# Where strokes are drawn, by region.
+_LINES = {"mouth": ("lip_upper", "lip_lower"), "brows": ("brow_left", "brow_right")}
+# A constraint is taken where the frame asks for a change of more than so many pixels.
+_POINT_MOVES, _DISTANCE_CHANGES, _LINE_MOVES = 1.0, 2.0, 3.0
+# Frames must move so many of the places that may be chosen, so that there is an expression to find.
+_ANCHORS_MOVE, _SHARE_MOVES = 100, 0.25
+# Pixels between the points along a line.
+_STEP = 4.0
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What the trials of one place in the table have in common.
+
+    Attributes:
+        constraint: "point", "distance" or "stroke".
+        count: Points or distances of a trial, or pixels of its stroke.
+        noise_px: Standard deviation of the hand, in pixels.
+        region: The only region of ``FACE_REGIONS`` that has constraints, if given.
+    """
+
+    constraint: str
+    count: int
+    noise_px: float
+    region: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One test.
+
+    Attributes:
+        constraints: What a method sees.
+        weights: Rig weights of the frame that they come from, shape (S,).
+    """
+
+    constraints: tuple[Constraint, ...]
+    weights: Array
+
+
+class TrialMaker:
+    """Makes trials on one face."""
+
+    def __init__(self, setting: Setting) -> None:
+        """Look at the neutral face of the ``setting`` for places that its camera sees."""
+        self._setting = setting
+
+    @cached_property
+    def regions(self) -> dict[str, NDArray[np.intp]]:
+        """Vertex ids of each of ``FACE_REGIONS`` that the subject has."""
+        return region_vertices(self._setting.subject)
+
+    @cached_property
+    def _visible(self) -> NDArray[np.intp]:
+        return visible_vertices(self._setting)
+
+    def places(self, cell: Cell) -> NDArray[np.intp]:
+        """Return the vertices between which the trials of ``cell`` choose."""
+        if cell.constraint == "distance":
+            features = np.array(sorted(self._setting.subject.feature_points.values()), dtype=np.intp)
+            # Feature points lie on edges and in corners, half hidden: what faces the camera is seen well enough.
+            places = features if len(features) >= 4 else self._visible[::30]
+        elif cell.region == "brows":
+            places = self._visible
+        else:
+            # Brows are small: every vertex of them is a candidate, elsewhere every third.
+            places = self._visible[::3]
+        if cell.region is not None:
+            places = places[np.isin(places, self.regions[cell.region])]
+        return places
+
+    def trials(self, cell: Cell, frames: Array, poses: int, seed: int) -> Iterator[Trial]:
+        """Yield ``poses`` trials of a ``cell``, fewer if too few frames move enough.
+
+        Args:
+            cell: What is asked.
+            frames: Rig weights of the unseen take, shape (F, S).
+            poses: Number of trials at most.
+            seed: Of frames, places and noise.
+
+        Raises:
+            KeyError: If strokes are asked for and the subject lacks the feature points to draw them along.
+        """
+        kinds = list(COUNTS)
+        regions = [None, *FACE_REGIONS]
+        rng = np.random.default_rng([seed, kinds.index(cell.constraint), cell.count, regions.index(cell.region)])
+        make = {"point": self._points, "distance": self._distances, "stroke": self._strokes}[cell.constraint]
+        return make(cell, frames, poses, rng)
+
+    def _in_turn(self, frames: Array, vertices: Sequence[int], rng: np.random.Generator) -> Iterator[tuple[int, Array]]:
+        """Yield random frames with the pixels of ``vertices`` in them, shape (n, 2)."""
+        subject, camera = self._setting.subject, self._setting.camera
+        ids = np.asarray(vertices, dtype=np.intp)
+        shapes = np.ascontiguousarray(subject.shapes[:, ids], dtype=np.float64)
+        for frame in rng.permutation(len(frames)):
+            yield int(frame), camera.project(subject.vertices[ids] + np.tensordot(frames[frame], shapes, axes=1))
+
+    def _points(self, cell: Cell, frames: Array, poses: int, rng: np.random.Generator) -> Iterator[Trial]:
+        setting = self._setting
+        places = self.places(cell)
+        rest = setting.camera.project(setting.subject.vertices[places])
+        enough = min(_ANCHORS_MOVE, len(places)) if cell.region is None else int(_SHARE_MOVES * len(places))
+        done = 0
+        for frame, pixels in self._in_turn(frames, places.tolist(), rng):
+            moving = np.flatnonzero(np.hypot(*(pixels - rest).T) > _POINT_MOVES)
+            if len(moving) < max(enough, cell.count):
+                continue
+            chosen = rng.choice(moving, cell.count, replace=False)
+            targets = pixels[chosen] + cell.noise_px * rng.standard_normal((cell.count, 2))
+            yield Trial(
+                tuple(
+                    PointConstraint(int(places[i]), (float(u), float(v)), setting.camera)
+                    for i, (u, v) in zip(chosen, targets, strict=True)
+                ),
+                frames[frame],
+            )
+            done += 1
+            if done == poses:
+                return
+
+    def _distances(self, cell: Cell, frames: Array, poses: int, rng: np.random.Generator) -> Iterator[Trial]:
+        setting = self._setting
+        places = self.places(cell)
+        first, second = np.triu_indices(len(places), 1)
+        rest = setting.camera.project(setting.subject.vertices[places])
+        at_rest = np.hypot(*(rest[first] - rest[second]).T)
+        done = 0
+        for frame, pixels in self._in_turn(frames, places.tolist(), rng):
+            lengths = np.hypot(*(pixels[first] - pixels[second]).T)
+            changed = np.flatnonzero(np.abs(lengths - at_rest) > _DISTANCE_CHANGES)
+            if len(changed) < max(cell.count, _SHARE_MOVES * len(places)):
+                continue
+            chosen = rng.choice(changed, cell.count, replace=False)
+            targets = np.maximum(lengths[chosen] + cell.noise_px * rng.standard_normal(cell.count), 0.0)
+            yield Trial(
+                tuple(
+                    DistanceConstraint(
+                        (int(places[first[i]]), int(places[second[i]])), float(length), setting.camera
+                    )
+                    for i, length in zip(chosen, targets, strict=True)
+                ),
+                frames[frame],
+            )
+            done += 1
+            if done == poses:
+                return
+
+    @cached_property
+    def _lines(self) -> dict[str, tuple[SurfacePoints, Array, Array]]:
+        """The points along each line of the face, and the pixels of these and of the whole way."""
+        setting, model, lines = self._setting, self._setting.model, {}
+        for name in (name for names in _LINES.values() for name in names):
+            line = feature_line(model, setting.subject.vertices, setting.camera, FEATURE_LINES[name])
+            way = resampled(line, _STEP)
+            points, met = model.pick(model.neutral(), setting.camera, way)
+            lines[name] = (points, way[met], way)
+        return lines
+
+    def _strokes(self, cell: Cell, frames: Array, poses: int, rng: np.random.Generator) -> Iterator[Trial]:
+        setting, model = self._setting, self._setting.model
+        names = [name for region, of in _LINES.items() if cell.region in (None, region) for name in of]
+        sources = {}
+        for name in names:
+            _, _, way = self._lines[name]
+            stroke = StrokeConstraint(as_pixels(way), as_pixels(way), width_of(way, cell.count), setting.camera)
+            sources[name] = stroke.resolved(model, model.neutral())
+        done = 0
+        for frame in rng.permutation(len(frames)):
+            # One line after another, each from another frame in which it moves.
+            name = names[done % len(names)]
+            points, rest, _ = self._lines[name]
+            line = setting.camera.project(points.positions(setting.vertices_of(frames[frame]), model.triangles))
+            if np.hypot(*(line - rest).T).mean() < _LINE_MOVES:
+                continue
+            if cell.noise_px > 0:
+                line = smoothed(line + cell.noise_px * rng.standard_normal(line.shape))
+            yield Trial((replace(sources[name], target=as_pixels(line)),), frames[frame])
+            done += 1
+            if done == poses:
+                return
+
+
+def region_vertices(subject: Subject) -> dict[str, NDArray[np.intp]]:
+    """Return the vertex ids of each of ``FACE_REGIONS`` of which the ``subject`` has some part, each shape (n,)."""
+    found = {}
+    for name, parts in FACE_REGIONS.items():
+        present = [subject.regions[part] for part in parts if part in subject.regions]
+        if present:
+            found[name] = np.unique(np.concatenate(present)).astype(np.intp)
+    return found
+
+
+def visible_vertices(setting: Setting) -> NDArray[np.intp]:
+    """Return the vertices of the skin, shape (n,), that the camera sees on the neutral face, well turned to it."""
+    subject, camera = setting.subject, setting.camera
+    vertices = subject.vertices
+    normals = VertexNormals(subject.triangles, len(vertices))(vertices)
+    towards = camera.center - vertices
+    facing = np.einsum("nd,nd->n", normals, towards) > 0.2 * np.linalg.norm(towards, axis=1)
+    skin = range(*subject.part("skin").vertices)
+    candidates = np.array([v for v in skin if facing[v]], dtype=np.intp)
+    points, met = setting.model.pick(setting.model.neutral(), camera, camera.project(vertices[candidates]))
+    seen = candidates[met]
+    # What is met first lies in front of a hidden vertex.
+    offsets = points.positions(vertices, subject.triangles) - vertices[seen]
+    return seen[np.linalg.norm(offsets, axis=1) < 0.02 * subject.height]
