@@ -41,6 +41,7 @@ ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
+from faceposer.evaluation.feature_lines import FEATURE_LINES, feature_line, of_length, width_of
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.strokes import resampled, smoothed
 from faceposer.model.face_model import FaceModel, build_face_model, gram_of_shapes
@@ -52,7 +53,6 @@ from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
 from faceposer.training.capture import read_capture
 from faceposer.training.expressions import Recipe, clean, learn_from_frames
-from faceposer.evaluation.feature_lines import FEATURE_LINES, feature_line, of_length, width_of
 
 TRAIN, TEST = "alex_rom_3.csv", "alex_rom_4.csv"
 SIZE = (1280, 800)

@@ -31,7 +31,7 @@ class Score:
         by_region: Error and neutral error of each region.
         error_2d_px: Mean residual of the constraints.
         to_real: Mean distance of probes on the skin from those of the nearest real frame of the test take.
-        log_likelihood: Log-density of the face per component, under one Gaussian of the test take, which no method knows.
+        log_likelihood: Log-density per component under one Gaussian of the test take, which no method knows.
         ms: Time of the solve.
     """
 
@@ -48,7 +48,7 @@ class Judge:
     """Compares faces with the truth."""
 
     def __init__(self, setting: Setting, frames: Array) -> None:
-        """Judge on the face of a ``setting``, naturalness by the test take's ``frames`` of rig weights, shape (F, S)."""
+        """Judge on the face of a ``setting``, by the rig weights of the test take's ``frames``, shape (F, S)."""
         self._setting = setting
         self._frames = frames
 
@@ -83,7 +83,7 @@ class Judge:
         return mean, axes[kept], np.sqrt(values[kept] ** 2 / len(self._real) + noise**2 / _LIKELIHOOD_COMPONENTS)
 
     def naturalness(self, vertices: ArrayLike) -> tuple[float, float]:
-        """Return the distance of ``vertices``, (N, 3), to the nearest real frame, and their log-density per component."""
+        """Return the distance of ``vertices``, (N, 3), to the nearest real frame, and their log-density."""
         neutral = self._setting.subject.vertices
         probes = (np.asarray(vertices, dtype=np.float64) - neutral)[self._probes].ravel()
         squared = ((self._real - probes) ** 2).sum(axis=1)

@@ -90,9 +90,7 @@ class Setting:
         """Return the paper's mixture of factor analyzers (section 5): plain maximum likelihood, from ``examples``."""
         from dataclasses import replace
 
-        recipe = replace(
-            self.recipe, n_components=n_components, n_factors=n_factors, fit_shrinkage=0.0, blend=0.0
-        )
+        recipe = replace(self.recipe, n_components=n_components, n_factors=n_factors, fit_shrinkage=0.0, blend=0.0)
         return fit_statistics(examples, ARKIT_SHAPES, recipe, "")
 
     def columns(self) -> NDArray[np.intp]:

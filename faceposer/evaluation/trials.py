@@ -134,7 +134,9 @@ class TrialMaker:
         setting = self._setting
         places = self.places(cell)
         rest = setting.camera.project(setting.subject.vertices[places])
-        enough = min(_ANCHORS_MOVE, len(places)) if cell.region is None else int(_SHARE_MOVES * len(places))
+        enough = int(_SHARE_MOVES * len(places))
+        if cell.region is None:
+            enough = min(_ANCHORS_MOVE, enough)
         done = 0
         for frame, pixels in self._in_turn(frames, places.tolist(), rng):
             moving = np.flatnonzero(np.hypot(*(pixels - rest).T) > _POINT_MOVES)
@@ -169,9 +171,7 @@ class TrialMaker:
             targets = np.maximum(lengths[chosen] + cell.noise_px * rng.standard_normal(cell.count), 0.0)
             yield Trial(
                 tuple(
-                    DistanceConstraint(
-                        (int(places[first[i]]), int(places[second[i]])), float(length), setting.camera
-                    )
+                    DistanceConstraint((int(places[first[i]]), int(places[second[i]])), float(length), setting.camera)
                     for i, length in zip(chosen, targets, strict=True)
                 ),
                 frames[frame],

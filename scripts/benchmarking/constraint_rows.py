@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from faceposer.evaluation.feature_lines import FEATURE_LINES, feature_line, width_of
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.strokes import stroke_pixels
@@ -22,7 +23,6 @@ from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
 from faceposer.training.capture import read_capture
 from faceposer.training.expressions import Recipe, clean, learn_from_frames
-from faceposer.evaluation.feature_lines import FEATURE_LINES, feature_line, width_of
 from scripts.benchmarking.timing import Row, elapsed, row
 
 # Mouth, eyelid and brow: what an artist opens and closes by a slider.

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from faceposer.geometry.strokes import stroke_pixels
 from faceposer.evaluation.feature_lines import of_length, width_of
+from faceposer.geometry.strokes import stroke_pixels
 
 ROOT = Path(__file__).resolve().parents[2]
 LINE = np.array([(100.3, 50.1), (160.2, 71.7), (220.8, 53.4)])

@@ -30,9 +30,7 @@ class RegionalMfa(ModelMethod):
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
         """Return the coefficients, shape (r,), of the likeliest face."""
-        return solve(
-            PoseProblem(self.model, constraints, prior_weight=self._weight, prior=self._prior)
-        ).coefficients
+        return solve(PoseProblem(self.model, constraints, prior_weight=self._weight, prior=self._prior)).coefficients
 
 
 class WholeMfa(RegionalMfa):

@@ -9,6 +9,5 @@ from faceposer.evaluation.methods.mfa import PlainMfa, RegionalMfa, WholeMfa
 from faceposer.evaluation.methods.opt_blend import OptBlend
 
 METHODS: dict[str, type[Method]] = {
-    kind.name: kind
-    for kind in (RegionalMfa, WholeMfa, PlainMfa, Ppca, Pca, Lwr, OptBlend, InterpAll, BoundedWeights)
+    kind.name: kind for kind in (RegionalMfa, WholeMfa, PlainMfa, Ppca, Pca, Lwr, OptBlend, InterpAll, BoundedWeights)
 }
