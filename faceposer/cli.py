@@ -10,11 +10,11 @@ from importlib import metadata
 from pathlib import Path
 from typing import NoReturn
 
-from faceposer import cli_training
+from faceposer import cli_evaluation, cli_training
 from faceposer.cli_training import check_output
 from faceposer.errors import FacePoserError, NoWindowError
 
-_COMMANDS = ("solve", "render", "subjects", "demo", *cli_training.COMMANDS)
+_COMMANDS = ("solve", "render", "subjects", "demo", *cli_training.COMMANDS, *cli_evaluation.COMMANDS)
 _VIEWS = ("front", "three-quarter", "left", "right")
 _MAX_SIDE = 8192
 
@@ -29,6 +29,7 @@ examples:
   faceposer demo -o DIR                      watch the program being used, as files
   faceposer train --rig me.glb -o me.npz     make a character of your own; also --examples, --markers
   faceposer subject info me.npz              say what is in a subject file; also check, rename
+  faceposer evaluate -o DIR                  how near the prior and its rivals come to unseen expressions
 
 'faceposer COMMAND --help' tells more of a command."""
 
@@ -64,6 +65,8 @@ def _run(words: list[str]) -> int:
         options = _command_parser().parse_args(words)
         if options.command in cli_training.COMMANDS:
             return cli_training.run(options)
+        if options.command in cli_evaluation.COMMANDS:
+            return cli_evaluation.run(options, words)
         return {"solve": _solve, "render": _render, "subjects": _subjects, "demo": _demo}[options.command](options)
     options = _window_parser().parse_args(words)
     return _window(options)
@@ -119,6 +122,7 @@ def _command_parser() -> argparse.ArgumentParser:
     )
     demo.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder to write into")
     cli_training.add_parsers(commands)
+    cli_evaluation.add_parsers(commands)
     return parser
 
 

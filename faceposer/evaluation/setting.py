@@ -1,7 +1,7 @@
 """What all methods of a study share: a face, a camera, and the performances that they may learn from."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -87,11 +87,20 @@ class Setting:
         return ExpressionStatistics(ARKIT_SHAPES, one, mean[None], covariance[None], mean, covariance, "")
 
     def by_likelihood(self, examples: Array, n_components: int, n_factors: int) -> ExpressionStatistics:
-        """Return the paper's mixture of factor analyzers (section 5): plain maximum likelihood, from ``examples``."""
-        from dataclasses import replace
+        """Return the paper's mixture of factor analyzers (section 5): plain maximum likelihood, from ``examples``.
 
-        recipe = replace(self.recipe, n_components=n_components, n_factors=n_factors, fit_shrinkage=0.0, blend=0.0)
-        return fit_statistics(examples, ARKIT_SHAPES, recipe, "")
+        A fit takes half a minute and is remembered, since most parameters of the methods do not change it.
+        """
+        key = (id(examples), n_components, n_factors)
+        if key not in self._fits:
+            recipe = replace(self.recipe, n_components=n_components, n_factors=n_factors, fit_shrinkage=0.0, blend=0.0)
+            # The examples are kept beside their fit: no others can have their id then.
+            self._fits[key] = (examples, fit_statistics(examples, ARKIT_SHAPES, recipe, ""))
+        return self._fits[key][1]
+
+    @cached_property
+    def _fits(self) -> dict[tuple[int, int, int], tuple[Array, ExpressionStatistics]]:
+        return {}
 
     def columns(self) -> NDArray[np.intp]:
         """Return, for each of the subject's shapes, the column of ``ARKIT_SHAPES``, -1 where it is none of them."""

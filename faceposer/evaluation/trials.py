@@ -33,8 +33,8 @@ FACE_REGIONS: dict[str, tuple[str, ...]] = {
     "midface": ("nose", "cheek_left", "cheek_right"),
     "mouth": ("mouth", "lip_upper", "lip_lower", "jaw"),
 }
-# Where strokes are drawn, by region.
-_LINES = {"mouth": ("lip_upper", "lip_lower"), "brows": ("brow_left", "brow_right")}
+#: Where strokes are drawn, by region.
+STROKE_LINES = {"mouth": ("lip_upper", "lip_lower"), "brows": ("brow_left", "brow_right")}
 # A constraint is taken where the frame asks for a change of more than so many pixels.
 _POINT_MOVES, _DISTANCE_CHANGES, _LINE_MOVES = 1.0, 2.0, 3.0
 # Frames must move so many of the places that may be chosen, so that there is an expression to find.
@@ -74,7 +74,7 @@ class Trial:
 
 
 class TrialMaker:
-    """Makes trials on one face."""
+    """Makes trials on one face; they depend on its geometry alone, on no prior."""
 
     def __init__(self, setting: Setting) -> None:
         """Look at the neutral face of the ``setting`` for places that its camera sees."""
@@ -183,8 +183,8 @@ class TrialMaker:
     @cached_property
     def _lines(self) -> dict[str, tuple[SurfacePoints, Array, Array]]:
         """The points along each line of the face, and the pixels of these and of the whole way."""
-        setting, model, lines = self._setting, self._setting.model, {}
-        for name in (name for names in _LINES.values() for name in names):
+        setting, model, lines = self._setting, self._setting.full, {}
+        for name in (name for names in STROKE_LINES.values() for name in names):
             line = feature_line(model, setting.subject.vertices, setting.camera, FEATURE_LINES[name])
             way = resampled(line, _STEP)
             points, met = model.pick(model.neutral(), setting.camera, way)
@@ -192,8 +192,8 @@ class TrialMaker:
         return lines
 
     def _strokes(self, cell: Cell, frames: Array, poses: int, rng: np.random.Generator) -> Iterator[Trial]:
-        setting, model = self._setting, self._setting.model
-        names = [name for region, of in _LINES.items() if cell.region in (None, region) for name in of]
+        setting, model = self._setting, self._setting.full
+        names = [name for region, of in STROKE_LINES.items() if cell.region in (None, region) for name in of]
         sources = {}
         for name in names:
             _, _, way = self._lines[name]
@@ -234,7 +234,7 @@ def visible_vertices(setting: Setting) -> NDArray[np.intp]:
     facing = np.einsum("nd,nd->n", normals, towards) > 0.2 * np.linalg.norm(towards, axis=1)
     skin = range(*subject.part("skin").vertices)
     candidates = np.array([v for v in skin if facing[v]], dtype=np.intp)
-    points, met = setting.model.pick(setting.model.neutral(), camera, camera.project(vertices[candidates]))
+    points, met = setting.full.pick(setting.full.neutral(), camera, camera.project(vertices[candidates]))
     seen = candidates[met]
     # What is met first lies in front of a hidden vertex.
     offsets = points.positions(vertices, subject.triangles) - vertices[seen]

@@ -30,6 +30,8 @@ class Method:
         kinds: The constraints that it understands.
         parameters: What ``faceposer evaluate --tune`` found best on the end of the training take.
         grid: The values of each parameter between which it chose.
+        requires: An optional package that it imports, without which a study passes it over; None if there is none.
+        max_trials: So many trials of a cell at most, of a technique too slow for all; None for all.
     """
 
     name: ClassVar[str]
@@ -37,6 +39,8 @@ class Method:
     kinds: ClassVar[tuple[str, ...]] = KINDS
     parameters: ClassVar[Parameters] = {}
     grid: ClassVar[dict[str, Sequence[Any]]] = {}
+    requires: ClassVar[str | None] = None
+    max_trials: ClassVar[int | None] = None
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:
         """Prepare the method for a ``setting``; ``parameters`` are complete."""

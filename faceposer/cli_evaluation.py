@@ -1,0 +1,315 @@
+"""The command that compares the prior with other techniques: ``evaluate``."""
+
+import argparse
+import os
+import shlex
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from faceposer.errors import FacePoserError
+
+COMMANDS = ("evaluate",)
+
+_KINDS = ("point", "distance", "stroke")
+_TRAIN, _TEST = "alex_rom_3.csv", "alex_rom_4.csv"
+_CAPTURES = "FACEPOSER_CAPTURES"
+_MOST = 100_000
+
+Counts = tuple[str, tuple[int, ...]]
+
+
+def add_parsers(commands: Any) -> None:
+    """Add the parser of ``evaluate`` to ``commands``."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "evaluate",
+        help="compare the prior with other techniques on unseen expressions",
+        description="Learn from performances, pose the face by constraints taken from frames of another one, and "
+        "measure how near each technique comes to the frame (docs/evaluation.md). A study that was stopped goes on "
+        "when the same command is given again.",
+    )
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder of the study's files")
+    parser.add_argument("--subject", default="man", metavar="NAME|FILE", help="face to pose (default: man)")
+    takes = parser.add_argument_group("performances")
+    takes.add_argument(
+        "--capture",
+        type=Path,
+        metavar="CSV",
+        nargs="+",
+        action="extend",
+        help=f"takes to learn from (default: {_TRAIN} in the folder {_CAPTURES})",
+    )
+    takes.add_argument(
+        "--capture-test",
+        type=Path,
+        metavar="CSV",
+        nargs="+",
+        action="extend",
+        help=f"takes to test on, of any performer (default: {_TEST} there)",
+    )
+    takes.add_argument(
+        "--fold",
+        type=int,
+        choices=(1, 2),
+        nargs="?",
+        const=1,
+        help="test within the takes to learn from: 1 learns from their first 60 %% and tests on the last 38 %%, 2 the "
+        "other way round",
+    )
+    takes.add_argument(
+        "--sparse",
+        choices=("auto", "yes", "no"),
+        default="auto",
+        help="whether frames are far apart, so that jumps between them are no errors (default: by the takes' times)",
+    )
+    takes.add_argument("--examples", type=_count, metavar="N", help="augmented examples to learn from")
+    cells = parser.add_argument_group("what is tried")
+    cells.add_argument("--methods", type=_names, metavar="A,B", help="techniques (default: all of the comparison)")
+    cells.add_argument("--kinds", type=_kinds, metavar="A,B", default=_KINDS, help="point,distance,stroke (default)")
+    for option, where in (("--counts", ""), ("--region-counts", " within one region")):
+        cells.add_argument(
+            option,
+            type=_counts,
+            metavar="KIND=N,N",
+            nargs="+",
+            action="extend",
+            default=[],
+            help=f"numbers of constraints, or pixels of a stroke,{where} for example point=1,4",
+        )
+    cells.add_argument(
+        "--trials",
+        type=_trials,
+        metavar="N|KIND=N",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="trials of each cell and seed",
+    )
+    cells.add_argument("--seed", "--seeds", type=_seeds, metavar="N,N", default=(0,), help="of the trials (default: 0)")
+    cells.add_argument(
+        "--noise", type=_noises, metavar="PX,PX", help="by how much targets are off, pixels (default: 1.5,0)"
+    )
+    cells.add_argument(
+        "--regions",
+        type=_names,
+        metavar="all|none|A,B",
+        default=("all",),
+        help="regions that are alone to have constraints in some cells (default: all)",
+    )
+    work = parser.add_argument_group("how")
+    work.add_argument("--jobs", type=_count, metavar="N", help="processes (default: one a core)")
+    work.add_argument("--restart", action="store_true", help="throw away the trials in the folder")
+    work.add_argument(
+        "--figures", action=argparse.BooleanOptionalAction, default=True, help="draw figures (default: yes)"
+    )
+    work.add_argument("--pictures", action="store_true", help="also draw faces side by side")
+    work.add_argument(
+        "--tune",
+        action="store_true",
+        help="instead, find the best parameters of each technique on two folds of the takes to learn from",
+    )
+
+
+def run(options: argparse.Namespace, words: Sequence[str]) -> int:
+    """Run what ``options`` ask for, which came from ``words``, and return the exit status."""
+    # Before NumPy is loaded: each process has a core, and times are to be compared.
+    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[variable] = "1"
+    from faceposer.evaluation.plan import NOISE_PX, REGION_COUNTS, TRIALS, Plan, cells_of, known_methods
+    from faceposer.evaluation.study import Study
+    from faceposer.evaluation.takes import Source
+    from faceposer.evaluation.trials import COUNTS
+    from faceposer.training.expressions import Recipe
+
+    if options.output.exists() and not options.output.is_dir():
+        raise FacePoserError(f"'{options.output}' is a file; give a folder for the study with --output.")
+    methods = known_methods(options.methods)
+    if options.figures and not options.tune:
+        from faceposer.evaluation.figures import require_matplotlib
+
+        # Before the minutes of work, not after them.
+        require_matplotlib()
+    recipe = Recipe() if options.examples is None else Recipe(n_examples=options.examples)
+    source = Source(options.subject, _captures(options, _TRAIN), _tests(options), recipe, options.fold, options.sparse)
+    setting, _ = source.load()
+    jobs = options.jobs or os.cpu_count() or 1
+    trials = TRIALS | {kind: n for which, n in options.trials for kind in (_KINDS if which is None else (which,))}
+    if options.tune:
+        return _tune(source, methods, options, jobs)
+    region_names = () if options.regions == ("none",) else None if options.regions == ("all",) else options.regions
+    cells = cells_of(
+        setting.subject,
+        options.kinds,
+        COUNTS | dict(options.counts),
+        REGION_COUNTS | dict(options.region_counts),
+        NOISE_PX if options.noise is None else options.noise,
+        region_names,
+    )
+    study = Study(
+        source,
+        Plan(methods, cells, trials, options.seed),
+        options.output,
+        shlex.join(["faceposer", *words]),
+    )
+    progress = _Progress()
+    try:
+        rows, skipped = study.run(setting.subject, jobs, progress.show, options.restart)
+    except KeyboardInterrupt:
+        progress.clear()
+        print(f"Stopped; the same command goes on from '{options.output}'.", file=sys.stderr)
+        raise
+    finally:
+        progress.clear()
+    for sentence in skipped.values():
+        print(sentence, file=sys.stderr)
+    return _report(study, rows, options)
+
+
+def _report(study: Any, rows: list[dict[str, Any]], options: argparse.Namespace) -> int:
+    from faceposer.evaluation.study import RESULTS, TABLE, TABLES
+    from faceposer.evaluation.tables import error_tables, time_table
+
+    if not rows:
+        raise FacePoserError(
+            "No trial could be made: the takes to test on have too few frames in which the face moves; give longer "
+            "ones with --capture-test."
+        )
+    print(error_tables(rows))
+    print(time_table(rows))
+    written = [options.output / name for name in (RESULTS, TABLE, TABLES)]
+    if options.figures:
+        from faceposer.evaluation.figures import write_figures
+
+        written += write_figures(options.output, rows)
+    if options.pictures:
+        from faceposer.evaluation.side_by_side import write_pictures
+
+        written += write_pictures(options.output, study, rows)
+    print(f"{options.output}: {', '.join(path.name for path in written)} written")
+    return 0
+
+
+def _tune(source: Any, methods: Sequence[str], options: argparse.Namespace, jobs: int) -> int:
+    from faceposer.evaluation.tuning import TUNED, tune, write_tuned
+
+    trials = next((n for which, n in options.trials if which is None), None)
+    tuned = tune(source, methods, trials, options.seed[0], jobs, lambda text: print(text, file=sys.stderr, flush=True))
+    write_tuned(options.output, tuned)
+    for name, found in tuned.items():
+        parameters = ", ".join(f"{key}={value}" for key, value in found["parameters"].items())
+        print(f"{name}: {parameters} ({found['score']:.4f}; as it is: {found['score_as_is']:.4f})")
+    print(f"{options.output / TUNED} written")
+    return 0
+
+
+def _captures(options: argparse.Namespace, name: str) -> tuple[Path, ...]:
+    return tuple(options.capture) if options.capture else (_known_take(name, "--capture"),)
+
+
+def _tests(options: argparse.Namespace) -> tuple[Path, ...]:
+    if options.capture_test and options.fold is not None:
+        raise FacePoserError("--fold tests within the takes to learn from; leave out --capture-test.")
+    if options.fold is not None or options.tune:
+        return _captures(options, _TRAIN)
+    return tuple(options.capture_test) if options.capture_test else (_known_take(_TEST, "--capture-test"),)
+
+
+def _known_take(name: str, option: str) -> Path:
+    folder = os.environ.get(_CAPTURES)
+    if not folder:
+        raise FacePoserError(
+            f"There is no take to work with: give one with {option}, or set {_CAPTURES} to the folder with {name}."
+        )
+    return Path(folder) / name
+
+
+class _Progress:
+    """Says on stderr how far a study is: in one line where somebody is looking, else in a line now and then."""
+
+    def __init__(self) -> None:
+        self._began = time.monotonic()
+        self._shown = ""
+        self._tenth = -1
+        self._live = sys.stderr.isatty()
+
+    def show(self, done: int, of: int) -> None:
+        if of == 0 or done == of:
+            text = "all trials are done"
+        else:
+            text = f"{100 * done // of} % of the trials that were left"
+            if done >= 5:
+                left = (time.monotonic() - self._began) * (of - done) / done
+                text += f", about {max(1, round(left / 60))} min to go"
+        if self._live:
+            print(f"\r{text:60}", end="", file=sys.stderr, flush=True)
+            self._shown = text
+        elif of and 10 * done // of > self._tenth:
+            self._tenth = 10 * done // of
+            print(text, file=sys.stderr, flush=True)
+
+    def clear(self) -> None:
+        if self._shown:
+            print(f"\r{'':60}\r", end="", file=sys.stderr, flush=True)
+            self._shown = ""
+
+
+def _names(text: str) -> tuple[str, ...]:
+    names = tuple(name for name in (part.strip() for part in text.split(",")) if name)
+    if not names:
+        raise argparse.ArgumentTypeError("give at least one name, several with commas between them")
+    return names
+
+
+def _kinds(text: str) -> tuple[str, ...]:
+    for name in _names(text):
+        _kind(name)
+    return tuple(dict.fromkeys(_names(text)))
+
+
+def _kind(name: str) -> str:
+    if name not in _KINDS:
+        raise argparse.ArgumentTypeError(f"'{name}' is no kind of constraint; choose from {', '.join(_KINDS)}")
+    return name
+
+
+def _count(text: str) -> int:
+    if not (text.isascii() and text.isdigit()) or not 1 <= int(text) <= _MOST:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number from 1 to {_MOST}")
+    return int(text)
+
+
+def _counts(text: str) -> Counts:
+    kind, equals, numbers = text.partition("=")
+    if not equals:
+        raise argparse.ArgumentTypeError(f"'{text}' does not say of which kind; write for example point=1,4")
+    return _kind(kind.strip()), tuple(
+        dict.fromkeys(_count(part.strip()) for part in numbers.split(",") if part.strip())
+    )
+
+
+def _trials(text: str) -> tuple[str | None, int]:
+    kind, equals, number = text.rpartition("=")
+    return (_kind(kind.strip()) if equals else None, _count(number.strip()))
+
+
+def _seeds(text: str) -> tuple[int, ...]:
+    seeds = _names(text)
+    for seed in seeds:
+        if not (seed.isascii() and seed.isdigit()) or int(seed) > _MOST:
+            raise argparse.ArgumentTypeError(f"'{seed}' is not a seed, a number from 0 to {_MOST}")
+    return tuple(dict.fromkeys(int(seed) for seed in seeds))
+
+
+def _noises(text: str) -> tuple[float, ...]:
+    noises = []
+    for part in _names(text):
+        try:
+            noise = float(part)
+        except ValueError:
+            noise = -1.0
+        if not 0.0 <= noise <= 100.0:
+            raise argparse.ArgumentTypeError(f"'{part}' is not a number of pixels from 0 to 100")
+        noises.append(noise)
+    return tuple(dict.fromkeys(noises))

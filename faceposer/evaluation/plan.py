@@ -1,0 +1,149 @@
+"""What a study asks: which techniques, in which cells of the tables, how often."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from faceposer.errors import FacePoserError
+from faceposer.evaluation.feature_lines import FEATURE_LINES
+from faceposer.evaluation.methods.method import Method
+from faceposer.evaluation.methods.registry import METHODS
+from faceposer.evaluation.trials import STROKE_LINES, Cell, region_vertices
+from faceposer.model.subject import Subject
+
+#: The techniques that are compared unless others are asked for, those of them that the program has.
+DEFAULT_METHODS = (
+    "mfa",
+    "mfa-plain",
+    "ppca",
+    "pca",
+    "lwr",
+    "opt-blend",
+    "interp-all",
+    "bounded-weights",
+    "eos",
+    "arap",
+)
+#: Trials of a cell, by kind: comparing a stroke with thousands of examples takes long.
+TRIALS: dict[str, int] = {"point": 150, "distance": 150, "stroke": 100}
+#: Standard deviations of the hand, in pixels: as it is, and exact.
+NOISE_PX = (1.5, 0.0)
+#: Numbers of constraints that are tried within one region; distances need two feature points far enough apart.
+REGION_COUNTS: dict[str, tuple[int, ...]] = {"point": (1, 4), "distance": (), "stroke": ()}
+#: Trials that are done, and noted, at a time.
+CHUNK = 25
+
+
+@dataclass(frozen=True)
+class Task:
+    """Trials of one cell that one process does at a time.
+
+    Attributes:
+        cell: Of the trials.
+        seed: Of the trials.
+        missing: Numbers of the trials that each method has not done.
+    """
+
+    cell: Cell
+    seed: int
+    missing: dict[str, tuple[int, ...]]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The cells of a study.
+
+    Attributes:
+        methods: Names of techniques.
+        cells: What they are tested on.
+        trials: Number of trials of a cell, by kind of constraint, for each seed.
+        seeds: Of frames, places and noise.
+    """
+
+    methods: tuple[str, ...]
+    cells: tuple[Cell, ...]
+    trials: Mapping[str, int]
+    seeds: tuple[int, ...]
+
+    def wanted(self, method: str, cell: Cell) -> int:
+        """Return the number of trials of ``cell`` that ``method`` is to do for each seed."""
+        kind: type[Method] = METHODS[method]
+        if cell.constraint not in kind.kinds:
+            return 0
+        trials = self.trials[cell.constraint]
+        return trials if kind.max_trials is None else min(trials, kind.max_trials)
+
+    def tasks(self, done: Mapping[tuple[str, Cell, int], Collection[int]]) -> Iterator[Task]:
+        """Yield what is left to do where the trials ``done`` are, by method, cell and seed."""
+        for cell in self.cells:
+            for seed in self.seeds:
+                for first in range(0, self.trials[cell.constraint], CHUNK):
+                    missing = {}
+                    for method in self.methods:
+                        last = min(first + CHUNK, self.wanted(method, cell))
+                        known = done.get((method, cell, seed), ())
+                        numbers = tuple(number for number in range(first, last) if number not in known)
+                        if numbers:
+                            missing[method] = numbers
+                    if missing:
+                        yield Task(cell, seed, missing)
+
+
+def known_methods(names: Sequence[str] | None) -> tuple[str, ...]:
+    """Return the techniques ``names``, or the usual ones if None.
+
+    Raises:
+        FacePoserError: If there is no technique of such a name.
+    """
+    if names is None:
+        return tuple(name for name in DEFAULT_METHODS if name in METHODS)
+    for name in names:
+        if name not in METHODS:
+            raise FacePoserError(f"There is no technique '{name}'; choose from {', '.join(METHODS)}.")
+    return tuple(dict.fromkeys(names))
+
+
+def cells_of(
+    subject: Subject,
+    kinds: Sequence[str],
+    counts: Mapping[str, Sequence[int]],
+    region_counts: Mapping[str, Sequence[int]],
+    noises: Sequence[float],
+    regions: Sequence[str] | None,
+) -> tuple[Cell, ...]:
+    """Return the cells of a study on ``subject``.
+
+    Args:
+        subject: The face.
+        kinds: Of constraints.
+        counts: Of constraints anywhere on the face, by kind.
+        region_counts: Of constraints in one region only, by kind.
+        noises: Standard deviations of the hand, in pixels.
+        regions: Regions that are alone to have constraints; None for all that the subject has.
+
+    Raises:
+        FacePoserError: If the subject lacks a region that is asked for, or what strokes are drawn along.
+    """
+    present = region_vertices(subject)
+    for region in regions or ():
+        if region not in present:
+            raise FacePoserError(
+                f"The subject '{subject.name}' has no region '{region}'; choose from "
+                f"{', '.join(present) or '(none)'}, or leave out --regions."
+            )
+    if "stroke" in kinds:
+        points = {point for names in STROKE_LINES.values() for name in names for point in FEATURE_LINES[name]}
+        if lacking := sorted(points - set(subject.feature_points)):
+            raise FacePoserError(
+                f"The subject '{subject.name}' lacks the feature point {lacking[0]}, which strokes are drawn along; "
+                "leave them out with --kinds point,distance."
+            )
+    cells = [Cell(kind, count, noise) for noise in noises for kind in kinds for count in counts[kind]]
+    cells += [
+        Cell(kind, count, noise, region)
+        for noise in noises
+        for kind in kinds
+        for region in (present if regions is None else regions)
+        if kind != "stroke" or region in STROKE_LINES
+        for count in region_counts[kind]
+    ]
+    return tuple(dict.fromkeys(cells))
