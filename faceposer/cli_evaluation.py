@@ -117,7 +117,7 @@ def run(options: argparse.Namespace, words: Sequence[str]) -> int:
     # Before NumPy is loaded: each process has a core, and times are to be compared.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[variable] = "1"
-    from faceposer.evaluation.plan import NOISE_PX, REGION_COUNTS, TRIALS, Plan, cells_of, known_methods
+    from faceposer.evaluation.plan import NOISE_PX, REGION_COUNTS, TRIALS, Plan, cells_of, check_kinds, known_methods
     from faceposer.evaluation.study import Study
     from faceposer.evaluation.takes import Source
     from faceposer.evaluation.trials import COUNTS
@@ -136,8 +136,10 @@ def run(options: argparse.Namespace, words: Sequence[str]) -> int:
     setting, _ = source.load()
     jobs = options.jobs or os.cpu_count() or 1
     trials = TRIALS | {kind: n for which, n in options.trials for kind in (_KINDS if which is None else (which,))}
+    command = shlex.join(["faceposer", *words])
     if options.tune:
-        return _tune(source, methods, options, jobs)
+        check_kinds(setting.subject, options.kinds)
+        return _tune(source, methods, options, jobs, command)
     region_names = () if options.regions == ("none",) else None if options.regions == ("all",) else options.regions
     cells = cells_of(
         setting.subject,
@@ -151,26 +153,27 @@ def run(options: argparse.Namespace, words: Sequence[str]) -> int:
         source,
         Plan(methods, cells, trials, options.seed),
         options.output,
-        shlex.join(["faceposer", *words]),
+        command,
     )
     progress = _Progress()
     try:
-        rows, skipped = study.run(setting.subject, jobs, progress.show, options.restart)
+        outcome = study.run(setting.subject, jobs, progress.show, options.restart)
     except KeyboardInterrupt:
         progress.clear()
         print(f"Stopped; the same command goes on from '{options.output}'.", file=sys.stderr)
         raise
     finally:
         progress.clear()
-    for sentence in skipped.values():
+    for sentence in outcome.left_out.values():
         print(sentence, file=sys.stderr)
-    return _report(study, rows, options)
+    return _report(study, outcome, options)
 
 
-def _report(study: Any, rows: list[dict[str, Any]], options: argparse.Namespace) -> int:
+def _report(study: Any, outcome: Any, options: argparse.Namespace) -> int:
     from faceposer.evaluation.study import RESULTS, TABLE, TABLES
     from faceposer.evaluation.tables import error_tables, time_table
 
+    rows = outcome.rows
     if not rows:
         raise FacePoserError(
             "No trial could be made: the takes to test on have too few frames in which the face moves; give longer "
@@ -186,17 +189,21 @@ def _report(study: Any, rows: list[dict[str, Any]], options: argparse.Namespace)
     if options.pictures:
         from faceposer.evaluation.side_by_side import write_pictures
 
-        written += write_pictures(options.output, study, rows)
+        written += write_pictures(study, outcome)
     print(f"{options.output}: {', '.join(path.name for path in written)} written")
     return 0
 
 
-def _tune(source: Any, methods: Sequence[str], options: argparse.Namespace, jobs: int) -> int:
+def _tune(source: Any, methods: Sequence[str], options: argparse.Namespace, jobs: int, command: str) -> int:
     from faceposer.evaluation.tuning import TUNED, tune, write_tuned
 
     trials = next((n for which, n in options.trials if which is None), None)
-    tuned = tune(source, methods, trials, options.seed[0], jobs, lambda text: print(text, file=sys.stderr, flush=True))
-    write_tuned(options.output, tuned)
+
+    def say(text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+
+    tuned = tune(source, methods, options.kinds, trials, options.seed[0], jobs, say)
+    write_tuned(options.output, tuned, command)
     for name, found in tuned.items():
         parameters = ", ".join(f"{key}={value}" for key, value in found["parameters"].items())
         print(f"{name}: {parameters} ({found['score']:.4f}; as it is: {found['score_as_is']:.4f})")
@@ -235,7 +242,7 @@ class _Progress:
         self._live = sys.stderr.isatty()
 
     def show(self, done: int, of: int) -> None:
-        if of == 0 or done == of:
+        if of in (0, done):
             text = "all trials are done"
         else:
             text = f"{100 * done // of} % of the trials that were left"

@@ -25,8 +25,8 @@ _STYLES: dict[str, tuple[str, str, str]] = {
 }
 _OTHER = ("#555555", "*", ":")
 # What is this far beyond the neutral face's error says no more than that it is useless.
-_MOST = 2.0
-_FONT = {
+_MOST, _MOST_PX = 1.5, 6.0
+_FONT: dict[Any, Any] = {
     "font.size": 10,
     "axes.titlesize": 11,
     "axes.labelsize": 10,
@@ -123,9 +123,11 @@ def _curves(axes: Any, rows: Sequence[Row], value: str, band: str) -> None:
         colour, marker, dashes = _style(method)
         counts = [row["count"] for row in of]
         ours = method == "mfa"
-        axes.fill_between(
-            counts, *zip(*(row[band] for row in of), strict=True), color=colour, alpha=0.18 if ours else 0.10, lw=0
-        )
+        low, high = zip(*(row[band] for row in of), strict=True)
+        if len(of) > 1:
+            axes.fill_between(counts, low, high, color=colour, alpha=0.18 if ours else 0.10, lw=0)
+        else:
+            axes.vlines(counts, low, high, color=colour, linewidth=1.0)
         axes.plot(
             counts,
             [row[value] for row in of],
@@ -141,6 +143,15 @@ def _curves(axes: Any, rows: Sequence[Row], value: str, band: str) -> None:
     axes.set_xticks(counts, [str(count) for count in counts])
     axes.minorticks_off()
     axes.grid(alpha=0.25)
+
+
+def _limit(axes: Any, rows: Sequence[Row], value: str, least: float, most: float) -> None:
+    """Let ``axes`` go from 0 to ``most`` at most, and name the methods that are seen there nowhere or in part."""
+    axes.set_ylim(0.0, min(max(least, 1.05 * max(row[value] for row in rows)), most))
+    beyond = list(dict.fromkeys(row["method"] for row in rows if row[value] > most))
+    if beyond:
+        words = f"beyond {most:g}: {', '.join(beyond)}"
+        axes.text(0.98, 0.98, words, transform=axes.transAxes, ha="right", va="top", fontsize=8)
 
 
 def _legend(figure: Any, axes: Sequence[Any]) -> None:
@@ -162,17 +173,9 @@ def _errors(rows: Sequence[Row], noise: float) -> Any:
         above, below = panels[0, column], panels[1, column]
         _curves(above, of, "error_3d_relative", "ci95")
         above.axhline(1.0, color="#444444", linewidth=1.0, linestyle=(0, (1, 2)))
-        values = [row["error_3d_relative"] for row in of]
-        above.set_ylim(0.0, min(max(1.1, 1.05 * max(values)), _MOST))
-        beyond = list(dict.fromkeys(row["method"] for row in of if row["error_3d_relative"] > _MOST))
-        if beyond:
-            above.text(
-                0.98, 0.98, f"beyond: {', '.join(beyond)}", transform=above.transAxes, ha="right", va="top", fontsize=8
-            )
+        _limit(above, of, "error_3d_relative", 1.1, _MOST)
         _curves(below, of, "error_2d_px", "error_2d_ci95")
-        below.set_yscale("symlog", linthresh=1.0)
-        below.set_ylim(bottom=0.0)
-        below.yaxis.set_major_formatter(lambda y, _: f"{y:g}")
+        _limit(below, of, "error_2d_px", 1.0, _MOST_PX)
         above.set_title({"point": "Points", "distance": "Distances", "stroke": "Strokes"}[kind])
         below.set_xlabel(f"{'number of ' if kind != 'stroke' else ''}{_KINDS[kind]}")
     panels[0, 0].set_ylabel("3D error, neutral face = 1")
@@ -216,11 +219,13 @@ def _regions(rows: Sequence[Row], noise: float) -> Any:
                     if (row["method"], row["region"], row["constraint"], row["count"]) == (method, region, kind, count):
                         colour = _style(method)[0]
                         axes.plot(row["ci95"], [j + offset] * 2, color=colour, linewidth=1.4)
+                        beyond = row["error_3d_relative"] > _MOST
                         axes.plot(
-                            [row["error_3d_relative"]],
+                            [min(row["error_3d_relative"], _MOST)],
                             [j + offset],
                             color=colour,
-                            marker=markers[i % len(markers)],
+                            marker=">" if beyond else markers[i % len(markers)],
+                            clip_on=not beyond,
                             markersize=5,
                             linestyle="none",
                             markerfacecolor=colour if i % 2 else "white",
@@ -241,7 +246,7 @@ def _regions(rows: Sequence[Row], noise: float) -> Any:
     panels[0].set_yticks(range(len(methods)), methods)
     panels[0].invert_yaxis()
     panels[0].set_xlim(0.0, min(max(1.1, 1.05 * max(row["error_3d_relative"] for row in rows)), _MOST))
-    figure.supxlabel("3D error of the face, neutral face = 1; lines: 95 %", fontsize=10)
+    figure.supxlabel("3D error of the face, neutral face = 1; lines: 95 %; >: beyond", fontsize=10)
     figure.suptitle(f"Constraints in one region only, {targets(noise)}")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right center", frameon=False)
     return figure
@@ -253,7 +258,7 @@ def _time_table(rows: Sequence[Row]) -> Any:
     methods = [name for name in _STYLES if any(row["method"] == name for row in rows)]
     methods += [name for name in _methods(rows) if name not in methods]
     cells = {(row["method"], row["constraint"], row["count"]): f"{row['ms']:.1f}" for row in rows}
-    text = [[cells.get((method, kind, count), "–") for kind, count, _ in columns] for method in methods]
+    text = [[cells.get((method, kind, count), "-") for kind, count, _ in columns] for method in methods]
     figure = _figure(1.5 + 1.3 * len(columns), 0.28 * (len(methods) + 1) + 0.6)
     axes = figure.subplots()
     axes.axis("off")

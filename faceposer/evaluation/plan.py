@@ -130,13 +130,7 @@ def cells_of(
                 f"The subject '{subject.name}' has no region '{region}'; choose from "
                 f"{', '.join(present) or '(none)'}, or leave out --regions."
             )
-    if "stroke" in kinds:
-        points = {point for names in STROKE_LINES.values() for name in names for point in FEATURE_LINES[name]}
-        if lacking := sorted(points - set(subject.feature_points)):
-            raise FacePoserError(
-                f"The subject '{subject.name}' lacks the feature point {lacking[0]}, which strokes are drawn along; "
-                "leave them out with --kinds point,distance."
-            )
+    check_kinds(subject, kinds)
     cells = [Cell(kind, count, noise) for noise in noises for kind in kinds for count in counts[kind]]
     cells += [
         Cell(kind, count, noise, region)
@@ -147,3 +141,17 @@ def cells_of(
         for count in region_counts[kind]
     ]
     return tuple(dict.fromkeys(cells))
+
+
+def check_kinds(subject: Subject, kinds: Collection[str]) -> None:
+    """Do nothing if constraints of these ``kinds`` can be made on ``subject``.
+
+    Raises:
+        FacePoserError: If it lacks what strokes are drawn along.
+    """
+    points = {point for names in STROKE_LINES.values() for name in names for point in FEATURE_LINES[name]}
+    if "stroke" in kinds and (lacking := sorted(points - set(subject.feature_points))):
+        raise FacePoserError(
+            f"The subject '{subject.name}' lacks the feature point {lacking[0]}, which strokes are drawn along; "
+            "leave them out with --kinds point,distance."
+        )

@@ -127,7 +127,7 @@ def _median_interval(ordered: Array) -> list[float]:
     return [_rounded(ordered[low], 3), _rounded(ordered[high], 3)]
 
 
-def _rounded(value: float, digits: int) -> float:
+def _rounded(value: float | np.floating[Any], digits: int) -> float:
     return round(float(value), digits)
 
 

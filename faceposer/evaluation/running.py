@@ -1,13 +1,9 @@
 """Runs the trials of a plan, on one process or some, and notes each chunk that is done."""
 
 import importlib.util
-import multiprocessing
-import signal
-import sys
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass, field
 from itertools import islice
 
@@ -19,6 +15,7 @@ from faceposer.evaluation.measures import Judge, Score
 from faceposer.evaluation.methods.method import Method, prepared
 from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.plan import Plan, Task
+from faceposer.evaluation.processes import processes
 from faceposer.evaluation.setting import Setting
 from faceposer.evaluation.takes import Source
 from faceposer.evaluation.trial_log import TrialLog
@@ -158,8 +155,6 @@ _bench: Bench | None = None
 
 def _prepare(source: Source) -> None:
     global _bench  # noqa: PLW0603 - what a process of the pool keeps from task to task
-    # The terminal's Ctrl-C goes to all processes; the parent ends the others.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     _bench = Bench(*source.load())
 
 
@@ -169,10 +164,8 @@ def _run(task: Task) -> Done:
 
 
 def _beside(source: Source, tasks: list[Task], jobs: int) -> Iterator[Done]:
-    context = multiprocessing.get_context("spawn")
-    executor = ProcessPoolExecutor(min(jobs, len(tasks)), context, initializer=_prepare, initargs=(source,))
     left = iter(tasks)
-    try:
+    with processes(min(jobs, len(tasks)), _prepare, source) as executor:
         # Few are handed out at a time, in order, so that what is noted when the study is stopped is whole cells.
         pending = {executor.submit(_run, task) for task in islice(left, 2 * jobs)}
         while pending:
@@ -180,14 +173,3 @@ def _beside(source: Source, tasks: list[Task], jobs: int) -> Iterator[Done]:
             pending |= {executor.submit(_run, task) for task in islice(left, len(finished))}
             for future in finished:
                 yield future.result()
-    except BrokenProcessPool as error:
-        raise FacePoserError(
-            "A process of the study was ended from outside, perhaps for want of memory; run the same command again, "
-            "with --jobs 1, and it goes on."
-        ) from error
-    finally:
-        ended = sys.exc_info()[0]
-        if ended is not None:
-            for process in multiprocessing.active_children():
-                process.terminate()
-        executor.shutdown(wait=True, cancel_futures=True)

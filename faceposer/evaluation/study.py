@@ -21,7 +21,7 @@ from faceposer.evaluation.running import Show, run_plan
 from faceposer.evaluation.setting import SIZE
 from faceposer.evaluation.tables import error_tables, other_tables, time_table
 from faceposer.evaluation.takes import Source
-from faceposer.evaluation.trial_log import TrialLog
+from faceposer.evaluation.trial_log import Scores, TrialLog
 from faceposer.model.subject import Subject
 from faceposer.session.document import write_text
 
@@ -33,6 +33,21 @@ _FORMAT, _VERSION = "faceposer.evaluation", 1
 _CODE = ("geometry", "model", "solve", "training", "evaluation/methods")
 _CODE_FILES = ("feature_lines", "measures", "setting", "takes", "trials")
 _PACKAGES = ("numpy", "scipy", "scikit-learn", "matplotlib", "eos-py", "libigl")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a study.
+
+    Attributes:
+        rows: Of the table.
+        left_out: Methods that cannot be run here, each with a sentence that says why.
+        scores: Of all trials.
+    """
+
+    rows: list[Row]
+    left_out: dict[str, str]
+    scores: Scores
 
 
 @dataclass(frozen=True)
@@ -60,8 +75,8 @@ class Study:
             "program_sha256": program_checksum(),
         }
 
-    def run(self, subject: Subject, jobs: int, show: Show, restart: bool = False) -> tuple[list[Row], dict[str, str]]:
-        """Do what is left to do, write results, and return the rows and the methods left out, with the reasons.
+    def run(self, subject: Subject, jobs: int, show: Show, restart: bool = False) -> Outcome:
+        """Do what is left to do, and write what came of it.
 
         Raises:
             FacePoserError: If the folder has another study's trials, a file cannot be used, or a process was ended.
@@ -88,7 +103,7 @@ class Study:
         write_text(self.folder / RESULTS, json.dumps(about, indent=1, ensure_ascii=False) + "\n", "result")
         write_text(self.folder / TABLE, csv_of(rows), "table")
         write_text(self.folder / TABLES, self._tables(rows), "table")
-        return rows, skipped
+        return Outcome(rows, skipped, log.scores)
 
     def _tables(self, rows: Sequence[Row]) -> str:
         head = f"# {self.source.subject}\n\n    {self.command}\n\n"
