@@ -27,8 +27,8 @@ DEFAULT_METHODS = (
 TRIALS: dict[str, int] = {"point": 150, "distance": 150, "stroke": 100}
 #: Standard deviations of the hand, in pixels: as it is, and exact.
 NOISE_PX = (1.5, 0.0)
-#: Numbers of constraints that are tried within one region; distances need two feature points far enough apart.
-REGION_COUNTS: dict[str, tuple[int, ...]] = {"point": (1, 4), "distance": (), "stroke": ()}
+#: Numbers of constraints that are tried within one region only.
+REGION_COUNTS: dict[str, tuple[int, ...]] = {"point": (1, 4), "distance": (2,), "stroke": (450,)}
 #: Trials that are done, and noted, at a time.
 CHUNK = 25
 

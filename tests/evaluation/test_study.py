@@ -79,6 +79,7 @@ def test_a_study_leaves_rows_tables_and_figures(
     monkeypatch.delenv("DISPLAY", raising=False)
     folder = tmp_path / "study"
     words = ("--trials", "3", "--counts", "point=2,4", "distance=4", "stroke=450", "--regions", "mouth")
+    words += ("--region-counts", "distance=2", "stroke=300")
     status, out, err = run(capsys, *given(takes, folder), *words)
     assert (status, err.splitlines()[-1]) == (0, "all trials are done")
     assert "**" in out
@@ -94,6 +95,8 @@ def test_a_study_leaves_rows_tables_and_figures(
             ("stroke", 450, None),
             ("point", 1, "mouth"),
             ("point", 4, "mouth"),
+            ("distance", 2, "mouth"),
+            ("stroke", 300, "mouth"),
         )
     }
     for row in rows:
