@@ -1,0 +1,199 @@
+"""Faces side by side, by the program's renderer: the truth, ours, and the closest rival (Figures 17 to 21)."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from faceposer.evaluation.measures import Score
+from faceposer.evaluation.methods.method import prepared
+from faceposer.evaluation.methods.registry import METHODS
+from faceposer.evaluation.rows import Row
+from faceposer.evaluation.running import unavailable
+from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.study import Outcome, Study
+from faceposer.evaluation.tables import targets
+from faceposer.evaluation.trials import Cell, Trial, TrialMaker
+from faceposer.solve.constraints.distance import DistanceConstraint
+from faceposer.solve.constraints.point import PointConstraint
+from faceposer.solve.constraints.registry import Constraint
+from faceposer.solve.constraints.stroke import StrokeConstraint
+from faceposer.viewer.offscreen import render_subject
+from faceposer.viewer.pictures import write_png
+from faceposer.viewer.theme import FONTS
+
+#: The priors of the program, of which none is a rival.
+OURS = ("mfa", "mfa-whole")
+# Numbers of constraints whose picture says something: neither hardly any nor so many that all methods agree.
+_TELLING = {"point": 8, "distance": 4, "stroke": 450}
+# A face that meets its constraints to so many pixels has a "zero 2D error" for the eye.
+_MET_PX = 0.5
+_PANEL, _GAP, _LINE, _FONT = 520, 8, 26, 19
+_PAPER, _INK = (255, 255, 255), (20, 20, 20)
+# Where constraints pull to, and where the face is: orange and blue, told apart by all common kinds of colour vision.
+_TARGET, _PLACE = (230, 120, 0), (0, 90, 200)
+
+
+def write_pictures(study: Study, outcome: Outcome) -> list[Path]:
+    """Draw one trial of each kind of constraints into the study's folder, and one that is met but looks like no face.
+
+    The trial is the one in which our relative error is the median of its cell, so that it is neither our best nor our
+    worst; the rival is the method with the lowest error in the cell. The last picture is the trial in which a rival
+    that meets its constraints is farthest from all real frames.
+
+    Returns:
+        The files.
+
+    Raises:
+        FacePoserError: If the system has no OpenGL, or a file cannot be written.
+    """
+    setting, frames = study.source.load()
+    sheet = _Sheet(setting, frames, study, outcome)
+    written = []
+    for cell in _telling_cells(outcome.rows):
+        ours, rival = _pair(outcome.rows, cell)
+        if ours is not None and rival is not None:
+            relative = {key: score.error / score.neutral_error for key, score in sheet.scores(ours, cell).items()}
+            middle = sorted(relative, key=lambda key: relative[key])[(len(relative) - 1) // 2]
+            written.append(sheet.draw(f"faces-{cell.constraint}", cell, middle, (ours, rival)))
+    unnatural = _unnatural(sheet, study)
+    if unnatural is not None:
+        cell, key, ours, rival = unnatural
+        written.append(sheet.draw("faces-unnatural", cell, key, (ours, rival)))
+    return written
+
+
+Key = tuple[int, int]
+
+
+def _telling_cells(rows: Sequence[Row]) -> list[Cell]:
+    """Return a cell of each kind, with the number of constraints nearest to the telling one, of the first noise."""
+    found = []
+    for kind, telling in _TELLING.items():
+        of_kind = [row for row in rows if row["constraint"] == kind and "region" not in row]
+        if of_kind:
+            row = min(of_kind, key=lambda row: (row["noise_px"] != rows[0]["noise_px"], abs(row["count"] - telling)))
+            found.append(Cell(kind, row["count"], row["noise_px"]))
+    return found
+
+
+def _pair(rows: Sequence[Row], cell: Cell) -> tuple[str | None, str | None]:
+    """Return the first of our methods and the best of the others in ``cell``; None where there is none."""
+    of_cell = [
+        row
+        for row in rows
+        if (row["constraint"], row["count"], row["noise_px"], row.get("region"))
+        == (cell.constraint, cell.count, cell.noise_px, cell.region)
+    ]
+    ours = next((row["method"] for row in of_cell if row["method"] in OURS), None)
+    rivals = [row for row in of_cell if row["method"] not in OURS]
+    best = min(rivals, key=lambda row: row["error_3d_relative"], default=None)
+    return ours, best["method"] if best is not None else None
+
+
+def _unnatural(sheet: "_Sheet", study: Study) -> tuple[Cell, Key, str, str] | None:
+    """Return the trial in which a rival meets its constraints and is farthest from real frames, and both methods."""
+    ours = next((name for name in study.plan.methods if name in OURS), None)
+    found: tuple[float, Cell, Key, str] | None = None
+    for cell in study.plan.cells:
+        # With exact targets nobody can say that it was the noise; with few constraints meeting them says little.
+        if ours is None or cell.noise_px > 0.0 or cell.region is not None or cell.constraint == "stroke":
+            continue
+        for name in study.plan.methods:
+            for key, score in sheet.scores(name, cell).items() if name not in OURS else ():
+                # Beyond a few times what faces do, a picture shows nothing but splinters.
+                sound = score.error_2d_px < _MET_PX and score.error < 3.0 * score.neutral_error
+                if sound and key in sheet.scores(ours, cell) and (found is None or score.to_real > found[0]):
+                    found = (score.to_real, cell, key, name)
+    return None if found is None or ours is None else (*found[1:3], ours, found[3])
+
+
+class _Sheet:
+    """Draws pictures of trials."""
+
+    def __init__(self, setting: Setting, frames: NDArray[np.float64], study: Study, outcome: Outcome) -> None:
+        self._setting, self._frames, self._study, self._outcome = setting, frames, study, outcome
+        self._maker = TrialMaker(setting)
+        self._font = ImageFont.truetype(str(FONTS / "Roboto" / "Roboto-Regular.ttf"), _FONT)
+
+    def scores(self, method: str, cell: Cell) -> dict[Key, Score]:
+        """Return the scores of ``method`` in ``cell`` by seed and number of the trial."""
+        wanted = self._study.plan.wanted(method, cell)
+        return {
+            (seed, number): score
+            for seed in self._study.plan.seeds
+            for number, score in self._outcome.scores.get((method, cell, seed), {}).items()
+            if number < wanted
+        }
+
+    def draw(self, name: str, cell: Cell, key: Key, methods: Sequence[str]) -> Path:
+        """Draw the trial ``key`` of ``cell`` into a file, and return it."""
+        seed, number = key
+        trial = list(self._maker.trials(cell, self._frames, number + 1, seed))[number]
+        truth = self._setting.vertices_of(trial.weights)
+        panels = [(f"{_words(cell)}, {targets(cell.noise_px)}", f"truth (trial {number}, seed {seed})", truth)]
+        for method_name in methods:
+            if unavailable(method_name) is None:
+                method, score = prepared(METHODS[method_name], self._setting), self.scores(method_name, cell)[key]
+                vertices = np.asarray(method.vertices(method.solve(trial.constraints)), dtype=np.float32)
+                errors = (
+                    f"3D error {score.error / score.neutral_error:.2f} (neutral 1), 2D {score.error_2d_px:.1f} px, "
+                    f"to real {score.to_real:.2f}"
+                )
+                panels.append((method_name, errors, vertices))
+        height = _PANEL + 2 * _LINE + _GAP
+        sheet = Image.new("RGB", (len(panels) * (_PANEL + _GAP) - _GAP, height), _PAPER)
+        for i, (title, errors, vertices) in enumerate(panels):
+            left = i * (_PANEL + _GAP)
+            sheet.paste(self._face(vertices, trial), (left, 0))
+            pen = ImageDraw.Draw(sheet)
+            for line, text in enumerate((title, errors)):
+                pen.text((left + 6, _PANEL + 4 + line * _LINE), text, _INK, self._font)
+        path = self._study.folder / f"{name}.png"
+        write_png(path, np.asarray(sheet))
+        return path
+
+    def _face(self, vertices: ArrayLike, trial: Trial) -> Image.Image:
+        picture = Image.fromarray(render_subject(self._setting.subject, vertices, self._setting.camera))
+        pen = ImageDraw.Draw(picture)
+        for constraint in trial.constraints:
+            self._mark(pen, constraint, vertices)
+        return picture.resize((_PANEL, _PANEL), Image.Resampling.LANCZOS)
+
+    def _mark(self, pen: ImageDraw.ImageDraw, constraint: Constraint, vertices: ArrayLike) -> None:
+        """Draw where ``constraint`` pulls to, and where ``vertices`` have its points."""
+        if not isinstance(constraint, PointConstraint | DistanceConstraint | StrokeConstraint):
+            return
+        points = constraint.points.positions(np.asarray(vertices, dtype=np.float64), self._setting.subject.triangles)
+        pixels = [(float(u), float(v)) for u, v in constraint.camera.project(points)]
+        if isinstance(constraint, StrokeConstraint):
+            pen.line([(float(u), float(v)) for u, v in constraint.target], _TARGET, 3)
+            for pixel in pixels[::4]:
+                _dot(pen, pixel, 1.5, _PLACE)
+        elif isinstance(constraint, PointConstraint):
+            pen.line([pixels[0], constraint.target], _TARGET, 3)
+            _ring(pen, constraint.target, 7.0, _TARGET)
+            _dot(pen, pixels[0], 4.0, _PLACE)
+        else:
+            pen.line(pixels, _PLACE, 2)
+            # The wanted length, about the same middle and along the same line.
+            (u, v), half = np.mean(pixels, axis=0), np.subtract(pixels[1], pixels[0])
+            half = 0.5 * constraint.target * half / max(float(np.hypot(*half)), 1e-9)
+            for side in (-1.0, 1.0):
+                _ring(pen, (u + side * half[0], v + side * half[1]), 6.0, _TARGET)
+
+
+def _words(cell: Cell) -> str:
+    if cell.constraint == "stroke":
+        return f"a stroke of {cell.count} pixels"
+    return f"{cell.count} {cell.constraint}{'s' if cell.count > 1 else ''}"
+
+
+def _dot(pen: ImageDraw.ImageDraw, at: Sequence[float], radius: float, colour: tuple[int, int, int]) -> None:
+    pen.ellipse((at[0] - radius, at[1] - radius, at[0] + radius, at[1] + radius), fill=colour)
+
+
+def _ring(pen: ImageDraw.ImageDraw, at: Sequence[float], radius: float, colour: tuple[int, int, int]) -> None:
+    pen.ellipse((at[0] - radius, at[1] - radius, at[0] + radius, at[1] + radius), outline=colour, width=3)
