@@ -169,9 +169,9 @@ class _Sheet:
         points = constraint.points.positions(np.asarray(vertices, dtype=np.float64), self._setting.subject.triangles)
         pixels = [(float(u), float(v)) for u, v in constraint.camera.project(points)]
         if isinstance(constraint, StrokeConstraint):
-            pen.line([(float(u), float(v)) for u, v in constraint.target], _TARGET, 3)
             for pixel in pixels[::4]:
                 _dot(pen, pixel, 1.5, _PLACE)
+            pen.line([(float(u), float(v)) for u, v in constraint.target], _TARGET, 3)
         elif isinstance(constraint, PointConstraint):
             pen.line([pixels[0], constraint.target], _TARGET, 3)
             _ring(pen, constraint.target, 7.0, _TARGET)
