@@ -2,10 +2,12 @@
 
 import csv
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from faceposer.cli import main
 from faceposer.evaluation.measures import Score
@@ -340,3 +342,25 @@ def test_tuning_writes_what_it_found(
     tuned = json.loads((tmp_path / "tuned.json").read_text())["methods"]["bounded-weights"]
     assert [entry["parameters"]["ridge"] for entry in tuned["tried"]] == [BoundedWeights.parameters["ridge"], 30.0][:2]
     assert tuned["score"] == min(entry["score"] for entry in tuned["tried"])
+
+
+def test_faces_are_drawn_side_by_side(
+    takes: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = (*given(takes, tmp_path), *SMALL, "--noise", "0", "--methods", "mfa,pca", "--no-figures", "--pictures")
+    status, out, err = run(capsys, *words)
+    assert status == 0, err
+    assert "faces-point.png" in out
+    with Image.open(tmp_path / "faces-point.png") as picture:
+        assert picture.width > 2.5 * picture.height
+        assert np.asarray(picture).std() > 10.0
+
+
+def test_without_matplotlib_figures_are_refused_before_any_work(
+    takes: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    status, _, err = run(capsys, *given(takes, tmp_path / "study"), *SMALL)
+    assert status == 2
+    assert "faceposer[plots]" in err
+    assert not (tmp_path / "study").exists()
