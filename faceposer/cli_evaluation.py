@@ -244,6 +244,8 @@ class _Progress:
     def show(self, done: int, of: int) -> None:
         if of in (0, done):
             text = "all trials are done"
+        elif done == 0:
+            text = "the techniques learn, about a minute"
         else:
             text = f"{100 * done // of} % of the trials that were left"
             if done >= 5:
