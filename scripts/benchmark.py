@@ -11,6 +11,11 @@ dragged while so many vertices are fixed (the paper's figure 14). `pick/...` is 
 the face; `start` is from the command to the first frame.
 
 With FACEPOSER_CAPTURES set, `scaling/examples-...` compares priors learned from so many frames, which takes minutes.
+`rivals/...` are then cold solves, problem building included, of ours (`mfa`), of the same objective with numerical
+gradients and of the other techniques of the evaluation, on the same unseen trials, with the 3D errors relative to the
+neutral face's; `arap-factorised` is without the factorisation that a new set of handles costs.
+
+Last comes a table of ratios of these times: what is asked for, and whether it is met.
 """
 
 import os
@@ -32,7 +37,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import approx_fprime
 
 ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
@@ -46,25 +50,13 @@ from faceposer.model.subject_file import load_subject
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
-from faceposer.solve.term import PoseState
 from scripts.benchmarking.constraint_rows import circle, constraint_rows, example_rows, pick_rows, scaling_rows
-from scripts.benchmarking.timing import Row, milliseconds, row
+from scripts.benchmarking.rivals import FiniteDifferences, mesh_rows, print_ratios, ratio_rows, rival_rows
+from scripts.benchmarking.timing import Row, row
 
 SIZE = (1280, 800)
 # Mouth corners, chin, brows, cheeks, upper lip, left lower lid.
 FEATURES = ("8.3", "8.4", "2.1", "4.1", "4.2", "5.3", "8.1", "3.3")
-
-
-class FiniteDifferences(PoseProblem):
-    """The same energy with a gradient by forward differences, as one gets without the paper's appendix."""
-
-    def energy_and_gradient(self, p: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return E(p) and its numerical gradient."""
-        return self._energy(p), approx_fprime(p, self._energy, 1e-7)
-
-    def _energy(self, p: np.ndarray) -> float:
-        state: PoseState = self.state(p)
-        return sum(term.value_and_gradient(state)[0] for term in self.terms)
 
 
 def pins(model: FaceModel, camera: Camera, count: int) -> list[PointConstraint]:
@@ -115,21 +107,6 @@ def solve_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
     return [row(f"solve/points-4/{name}", values[1:]) for name, values in times.items()]
 
 
-def mesh_rows(model: FaceModel, repeats: int) -> list[Row]:
-    """Measure vertices from coefficients, the copy of the basis that bounds it, and normals."""
-    p = np.random.default_rng(0).normal(size=model.n_coefficients) * np.sqrt(model.subspace.variances)
-    normals_of, vertices, target = (
-        VertexNormals(model.triangles, len(model.subject.vertices)),
-        model.instance(p),
-        np.empty_like(model.basis),
-    )
-    return [
-        row("reconstruct", milliseconds(lambda: model.instance(p), repeats)),
-        row("basis-copy", milliseconds(lambda: np.copyto(target, model.basis), repeats)),
-        row("normals", milliseconds(lambda: normals_of(vertices), repeats)),
-    ]
-
-
 def start_row(repeats: int) -> Row:
     """Measure from the command to the window's first frame, in new processes."""
     command = [sys.executable, "-m", "faceposer", "--exit-after-first-frame"]
@@ -170,6 +147,7 @@ def main() -> None:
     parser.add_argument("--subject", default="man", help="subject to measure on (default: man)")
     parser.add_argument("--moves", type=int, default=400, help="mouse moves per drag (default: 400)")
     parser.add_argument("--no-examples", action="store_true", help="leave out 'scaling/examples-...', which learns")
+    parser.add_argument("--trials", type=int, default=60, help="trials of each row of rivals (default: 60; 0 for none)")
     parser.add_argument("--no-start", action="store_true", help="leave out the row 'start', which opens windows")
     options = parser.parse_args()
 
@@ -185,16 +163,22 @@ def main() -> None:
     if not options.no_examples:
         rows += example_rows(model, camera, options.moves)
     rows += pick_rows(model, camera, max(options.moves // 8, 1))
-    rows += mesh_rows(model, options.moves)
+    normals_of = VertexNormals(model.triangles, len(vertices))
+    rows += mesh_rows(model, options.moves, [("normals", lambda: normals_of(vertices))])
+    if options.trials > 0:
+        rows += rival_rows(options.subject, options.trials)
     rows += start
 
     print(f"{len(vertices)} vertices, {model.n_coefficients} coefficients, {THREADS} thread")
-    print(f"{'':34}{'count':>6}{'median ms':>12}{'99 % ms':>12}{'evaluations':>13}")
+    print(f"{'':34}{'count':>6}{'median ms':>12}{'99 % ms':>12}{'evaluations':>13}{'3D error':>10}")
     for entry in rows:
         times = f"{entry['median_ms']:12.3f}{entry['p99_ms']:12.3f}"
-        print(f"{entry['name']:34}{entry['count']:6}{times}{entry.get('evaluations', ''):>13}")
+        more = f"{entry.get('evaluations', ''):>13}{entry.get('error_3d_relative', ''):>10}"
+        print(f"{entry['name']:34}{entry['count']:6}{times}{more}")
+    ratios = ratio_rows(rows)
+    print_ratios(ratios)
     if options.json:
-        options.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=2) + "\n")
+        options.json.write_text(json.dumps({"machine": machine(), "rows": rows, "ratios": ratios}, indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import pytest
 
 from faceposer.evaluation.feature_lines import of_length, width_of
 from faceposer.geometry.strokes import stroke_pixels
+from scripts.benchmarking.rivals import ratio_rows
 
 ROOT = Path(__file__).resolve().parents[2]
 LINE = np.array([(100.3, 50.1), (160.2, 71.7), (220.8, 53.4)])
@@ -26,12 +27,28 @@ def test_the_benchmark_has_all_its_rows(tmp_path: Path) -> None:
     path = tmp_path / "benchmark.json"
     result = run("benchmark.py", "--moves", "3", "--no-start", "--json", str(path))
     assert result.returncode == 0, result.stderr
-    names = {row["name"] for row in json.loads(path.read_text())["rows"]}
+    data = json.loads(path.read_text())
+    names = {row["name"] for row in data["rows"]}
+    assert [(ratio["above"], ratio["below"]) for ratio in data["ratios"]] == [("reconstruct", "basis-copy")]
     kinds = ("distances-4", "stroke-450", "stroke-900", "curve-5", "fixed-100", "fixed-1000")
     assert {f"solve/{kind}/mfa" for kind in kinds} <= names
     for kind, counts in (("points", (1, 4, 16, 64)), ("stroke", (225, 450, 900, 1800)), ("fixed", (100, 1000, 5000))):
         assert {f"scaling/{kind}-{count}" for count in counts} <= names
     assert "pick/stroke-900/numpy" in names
+
+
+def test_ratios_of_times_are_held_against_what_is_asked_for() -> None:
+    times = {"mfa": 2.0, "pca": 1.0, "lwr": 2.0, "opt-blend": 9.0, "arap": 100.0}
+    rows = [{"name": f"rivals/points-4/{name}", "median_ms": ms} for name, ms in times.items()]
+    rows += [{"name": "reconstruct", "median_ms": 3.0}, {"name": "basis-copy", "median_ms": 2.0}]
+    found = {(r["above"].split("/")[-1], r["below"].split("/")[-1]): (r["ratio"], r["met"]) for r in ratio_rows(rows)}
+    assert found == {
+        ("mfa", "pca"): (2.0, False),
+        ("arap", "mfa"): (50.0, True),
+        ("opt-blend", "mfa"): (4.5, False),
+        ("lwr", "mfa"): (1.0, True),
+        ("reconstruct", "basis-copy"): (1.5, True),
+    }
 
 
 @pytest.mark.skipif("FACEPOSER_CAPTURES" not in os.environ, reason="needs the capture files")

@@ -2,12 +2,10 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from faceposer.evaluation.methods.method import Array, ModelMethod, Parameters
+from faceposer.evaluation.methods.subspace import model_with_energy
 from faceposer.evaluation.setting import Setting
-from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
@@ -15,11 +13,7 @@ from faceposer.solve.problem import PoseProblem
 
 def gaussian_model(setting: Setting, augmented: bool, energy: float) -> FaceModel:
     """Return the face with one Gaussian, in as many principal components as have a share ``energy`` of the variance."""
-    statistics = setting.plain(setting.examples if augmented else setting.frames)
-    full = build_face_model(setting.subject, statistics, len(ARKIT_SHAPES), "plain")
-    shares = np.cumsum(full.subspace.variances) / full.subspace.variances.sum()
-    n = min(int(np.searchsorted(shares, energy)) + 1, full.n_coefficients)
-    return build_face_model(setting.subject, statistics, n, "plain")
+    return model_with_energy(setting, setting.plain(setting.examples if augmented else setting.frames), energy)
 
 
 class Ppca(ModelMethod):

@@ -2,12 +2,9 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from faceposer.evaluation.methods.method import Array, ModelMethod, Parameters
+from faceposer.evaluation.methods.subspace import model_with_energy
 from faceposer.evaluation.setting import Setting
-from faceposer.model.face_model import build_face_model
-from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.priors import Prior
@@ -58,10 +55,7 @@ class PlainMfa(ModelMethod):
         """Learn the mixture from the captures of the ``setting``."""
         examples = setting.examples if parameters["augmented"] else setting.frames
         statistics = setting.by_likelihood(examples, parameters["components"], parameters["factors"])
-        full = build_face_model(setting.subject, statistics, len(ARKIT_SHAPES), "plain")
-        shares = np.cumsum(full.subspace.variances) / full.subspace.variances.sum()
-        n = min(int(np.searchsorted(shares, parameters["energy"])) + 1, full.n_coefficients)
-        self.model = build_face_model(setting.subject, statistics, n, "plain")
+        self.model = model_with_energy(setting, statistics, parameters["energy"])
         self._weight = parameters["prior_weight"]
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:

@@ -1,6 +1,8 @@
-"""All techniques of the comparison by name."""
+"""All techniques of the comparison by name; those of the extra "bench" import their packages when prepared."""
 
+from faceposer.evaluation.methods.arap import Arap
 from faceposer.evaluation.methods.bounded_weights import BoundedWeights
+from faceposer.evaluation.methods.eos_pca import EosPca
 from faceposer.evaluation.methods.gaussian import Pca, Ppca
 from faceposer.evaluation.methods.interp_all import InterpAll
 from faceposer.evaluation.methods.lwr import Lwr
@@ -9,5 +11,18 @@ from faceposer.evaluation.methods.mfa import PlainMfa, RegionalMfa, WholeMfa
 from faceposer.evaluation.methods.opt_blend import OptBlend
 
 METHODS: dict[str, type[Method]] = {
-    kind.name: kind for kind in (RegionalMfa, WholeMfa, PlainMfa, Ppca, Pca, Lwr, OptBlend, InterpAll, BoundedWeights)
+    kind.name: kind
+    for kind in (
+        RegionalMfa,
+        WholeMfa,
+        PlainMfa,
+        Ppca,
+        Pca,
+        Lwr,
+        OptBlend,
+        InterpAll,
+        BoundedWeights,
+        EosPca,
+        Arap,
+    )
 }

@@ -1,0 +1,117 @@
+"""As-rigid-as-possible deformation (Sorkine and Alexa 2007) by libigl, with the same handles: an outside peer.
+
+It knows the surface and no expressions. A handle is the vertex nearest to a point; its target lies on the ray through
+the pixel, as far from the picture's plane as the point is on the neutral face. What no shape moves much (the neck's
+edge, the scalp, the back of the head) is held in place, so that the head neither drifts nor turns.
+"""
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+from faceposer.evaluation.methods.handles import Handles, missing_package
+from faceposer.evaluation.methods.method import Array, Method, Parameters
+from faceposer.evaluation.setting import Setting
+from faceposer.geometry.alignment import rigid_alignment
+from faceposer.solve.constraints.registry import Constraint
+
+
+class Arap(Method):
+    """The skin with as little local stretching and shearing as the handles allow.
+
+    The other parts have no handles. Eyeballs stay, for lids that close would drag them along; each other part (lashes,
+    gums with their teeth, tongue) follows as a rigid piece the skin vertices that are nearest to its own at rest, or
+    stays where ``follow`` is off.
+
+    Held is what no shape moves by more than the share ``still`` of the greatest motion of any vertex.
+
+    A set of handles is factorised anew for each solve, as a new pin asks for; ``factorised`` and ``deformed`` are the
+    two halves, the second being what remains while pins are dragged.
+    """
+
+    name = "arap"
+    title = "As-rigid-as-possible deformation (libigl)"
+    kinds = ("point",)
+    parameters = {"iterations": 10, "energy": "SPOKES_AND_RIMS", "follow": False, "still": 0.05}
+    grid = {
+        "still": (0.001, 0.02, 0.05, 0.1),
+        "follow": (False, True),
+        "energy": ("SPOKES", "SPOKES_AND_RIMS", "ELEMENTS"),
+        "iterations": (3, 10),
+    }
+    requires: ClassVar[str | None] = "igl"
+    max_trials: ClassVar[int | None] = 60
+
+    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+        """Take the skin of the ``setting``'s face, and find what is held.
+
+        Raises:
+            FacePoserError: If libigl is not installed.
+        """
+        try:
+            import igl
+        except ImportError as error:
+            raise missing_package(self.name, "libigl") from error
+        self._igl: Any = igl
+        self._subject = subject = setting.subject
+        skin = subject.part("skin")
+        self._first, last = skin.vertices
+        first_triangle, last_triangle = subject.part_triangles(skin)
+        self._vertices = np.ascontiguousarray(subject.vertices[self._first : last], dtype=np.float64)
+        self._triangles = subject.triangles[first_triangle:last_triangle].astype(np.int64) - self._first
+        motion = np.linalg.norm(subject.shapes[:, self._first : last].astype(np.float64), axis=2).max(axis=0)
+        self._still = np.flatnonzero(motion <= parameters["still"] * motion.max())
+        self._iterations = int(parameters["iterations"])
+        self._energy = getattr(igl.ARAPEnergyType, f"ARAP_ENERGY_TYPE_{parameters['energy']}")
+        self._followers: list[tuple[slice, NDArray[np.intp]]] = []
+        if parameters["follow"]:
+            nearest = cKDTree(self._vertices)
+            for part in subject.parts:
+                if part.name != "skin" and part.material != "eye":
+                    run = slice(*part.vertices)
+                    ids = np.unique(nearest.query(subject.vertices[run])[1]).astype(np.intp)
+                    if len(ids) >= 3:
+                        self._followers.append((run, ids))
+
+    def held(self, handles: Handles) -> tuple[NDArray[np.int32], Array]:
+        """Return the skin vertices that are held or moved, shape (b,), and where they go, (b, 3).
+
+        Handles that fall on one vertex take it to the mean of where they want it.
+        """
+        moved, which, counts = np.unique(handles.vertices - self._first, return_inverse=True, return_counts=True)
+        sums = np.zeros((len(moved), 3))
+        np.add.at(sums, which, handles.displacements())
+        still = np.setdiff1d(self._still, moved)
+        ids = np.concatenate([moved, still])
+        targets = self._vertices[ids]
+        targets[: len(moved)] += sums / counts[:, None]
+        return ids.astype(np.int32), targets
+
+    def factorised(self, ids: NDArray[np.int32]) -> Any:
+        """Return libigl's data for the skin with the vertices ``ids``, shape (b,), held."""
+        data = self._igl.ARAPData()
+        data.energy = self._energy
+        data.max_iter = self._iterations
+        self._igl.arap_precomputation(self._vertices, self._triangles, 3, ids, data)
+        return data
+
+    def deformed(self, data: Any, targets: Array) -> Array:
+        """Return the skin's vertices, shape (n, 3), with those that ``data`` was made for at ``targets``, (b, 3)."""
+        vertices: Array = self._igl.arap_solve(targets, data, self._vertices)
+        return vertices
+
+    def solve(self, constraints: Sequence[Constraint]) -> Array:
+        """Return the deformed skin's vertices, shape (n, 3), from the neutral face."""
+        ids, targets = self.held(Handles.of(self._subject, constraints))
+        return self.deformed(self.factorised(ids), targets)
+
+    def vertices(self, found: Array) -> ArrayLike:
+        """Return the vertices, shape (N, 3), of the face with the skin ``found``, shape (n, 3)."""
+        vertices = self._subject.vertices.astype(np.float64)
+        vertices[self._first : self._first + len(found)] = found
+        for run, ids in self._followers:
+            vertices[run] = rigid_alignment(self._vertices[ids], found[ids]).apply(vertices[run])
+        return vertices

@@ -1,0 +1,96 @@
+"""The linear fit of eos, a library of morphable models (Huber et al. 2016), to the same points: an outside peer.
+
+eos knows one affine camera, landmarks at vertices and one Gaussian over principal components. It gets the basis, the
+variances and the mean of ``ppca``. Its camera is the affine map nearest to ours over all vertices that some shape
+moves, on the neutral face. Each landmark is shifted by what both cameras show apart at its point of the neutral face,
+and by the way from the point to the nearest vertex: a target where the point is costs nothing, as with our camera.
+"""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from faceposer.evaluation.methods.gaussian import gaussian_model
+from faceposer.evaluation.methods.handles import Handles, missing_package
+from faceposer.evaluation.methods.method import Array, ModelMethod, Parameters
+from faceposer.evaluation.setting import Setting
+from faceposer.geometry.camera import Camera
+from faceposer.solve.constraints.point import SIGMA_PX
+from faceposer.solve.constraints.registry import Constraint
+
+
+class EosPca(ModelMethod):
+    """Least |A c - y|^2 / sigma^2 + lambda |c|^2, with c in standard deviations: one linear system, in C++.
+
+    sigma is that of our points. eos's deviations of detector and model enter by their sum alone, and only its product
+    with lambda matters: that is what is tuned. Weights of constraints are not known to it.
+    """
+
+    name = "eos"
+    title = "Linear fit of a morphable model (eos)"
+    kinds = ("point",)
+    parameters = {"lambda": 1.0, "coefficients": 52, "augmented": True, "base": "mean"}
+    grid = {
+        "base": ("mean", "neutral"),
+        "augmented": (False, True),
+        "coefficients": (10, 20, 52),
+        "lambda": (0.25, 0.5, 1.0, 2.0, 4.0, 8.0),
+    }
+    requires: ClassVar[str | None] = "eos"
+
+    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+        """Hand the basis over to eos.
+
+        Raises:
+            FacePoserError: If eos is not installed.
+        """
+        try:
+            import eos
+        except ImportError as error:
+            raise missing_package(self.name, "eos-py") from error
+        self.model = gaussian_model(setting, parameters["augmented"], 1.0)
+        subject = setting.subject
+        self._mean = self.model.mixture.means[0] if parameters["base"] == "mean" else self.model.neutral()
+        self._deviations = np.sqrt(self.model.subspace.variances)
+        self._n = min(parameters["coefficients"], self.model.n_coefficients)
+        self._lambda = float(parameters["lambda"])
+        self._fit = eos.fitting.fit_shape_to_landmarks_linear
+        self._pca = eos.morphablemodel.PcaModel(
+            self.model.instance(self._mean).ravel(),
+            np.asfortranarray(self.model.basis.T),
+            self.model.subspace.variances.astype(np.float32),
+            subject.triangles.tolist(),
+        )
+        self._subject = subject
+        self._moving = np.flatnonzero(np.abs(subject.shapes).max(axis=(0, 2)) > 0)
+        self._affine = (setting.camera, self._nearest_affine(setting.camera))
+
+    def _nearest_affine(self, camera: Camera) -> Array:
+        """Return the matrix, (3, 4), that takes homogeneous points to about the pixels, v down, of ``camera``."""
+        points = self._subject.vertices[self._moving].astype(np.float64)
+        homogeneous = np.column_stack([points, np.ones(len(points))])
+        rows = np.linalg.lstsq(homogeneous, camera.project(points), rcond=None)[0].T
+        return np.concatenate([rows, [[0.0, 0.0, 0.0, 1.0]]])
+
+    def solve(self, constraints: Sequence[Constraint]) -> Array:
+        """Return the coefficients, shape (r,), that eos fits."""
+        handles = Handles.of(self._subject, constraints)
+        if self._affine[0] != handles.camera:
+            self._affine = (handles.camera, self._nearest_affine(handles.camera))
+        affine = self._affine[1]
+        at_rest = self._subject.vertices[handles.vertices] @ affine[:2, :3].T + affine[:2, 3]
+        landmarks = at_rest + handles.targets - handles.camera.project(handles.places)
+        fitted = self._fit(
+            self._pca,
+            affine.astype(np.float32),
+            list(landmarks.astype(np.float32)),
+            handles.vertices.tolist(),
+            num_coefficients_to_fit=self._n,
+            detector_standard_deviation=SIGMA_PX,
+            model_standard_deviation=0.0,
+            **{"lambda": self._lambda},
+        )
+        found = self._mean.copy()
+        found[: self._n] += self._deviations[: self._n] * np.asarray(fitted)
+        return found

@@ -1,0 +1,22 @@
+"""Subspaces of as many principal components as have a share of the variance."""
+
+import numpy as np
+
+from faceposer.evaluation.setting import Setting
+from faceposer.model.expression_statistics import ExpressionStatistics
+from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.subject import ARKIT_SHAPES
+
+
+def model_with_energy(setting: Setting, statistics: ExpressionStatistics, energy: float) -> FaceModel:
+    """Return the face with the density ``statistics``, in its first components of plain squared distance.
+
+    Args:
+        setting: Has the face.
+        statistics: Moments and density of the weights of ``ARKIT_SHAPES``.
+        energy: Share of the variance that the components have at least, up to 1 for all of them.
+    """
+    full = build_face_model(setting.subject, statistics, len(ARKIT_SHAPES), "plain")
+    shares = np.cumsum(full.subspace.variances) / full.subspace.variances.sum()
+    n = min(int(np.searchsorted(shares, energy)) + 1, full.n_coefficients)
+    return full if n == full.n_coefficients else build_face_model(setting.subject, statistics, n, "plain")
