@@ -14,7 +14,7 @@ from faceposer.geometry.picking import SurfacePoints, pick_pixels
 from faceposer.model.expression_statistics import ExpressionStatistics, load_expression_statistics
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.pca import RigSubspace, rig_pca, smallest_reaching, unreached
-from faceposer.model.regional_mixture import RigDensity
+from faceposer.model.local_moments import RigDensity
 from faceposer.model.split_shapes import split_to_match
 from faceposer.model.subject import Subject
 
@@ -206,6 +206,8 @@ def build_face_model(
     rig_density = RigDensity(
         GaussianMixture(statistics.weights, statistics.means[:, kept], statistics.covariances[:, kept[:, None], kept]),
         subspace.directions[moving_rows],
+        subspace.projection[:, moving_rows],
+        subject.shape_limits[moving_rows].astype(np.float64),
         tuple(statistics.regions[column] for column in kept),
         statistics.factors[np.ix_(kept, kept)],
     )

@@ -30,9 +30,30 @@ class GaussianMixture:
 
     @cached_property
     def whiteners(self) -> Array:
-        """Upper triangular W_k with W_k^T W_k the precision of component k, shape (K, r, r)."""
+        """Triangular W_k with W_k^T W_k the precision of component k, shape (K, r, r)."""
         lower = np.linalg.cholesky(self.covariances)
         return np.linalg.inv(lower)
+
+    @classmethod
+    def from_precision(cls, mean: Array, lower: Array) -> "GaussianMixture":
+        """Return the Gaussian about ``mean``, shape (r,), with the precision ``lower @ lower.T``, (r, r) triangular."""
+        inverse = np.linalg.inv(lower)
+        gaussian = cls(np.ones(1), mean[None], (inverse.T @ inverse)[None])
+        gaussian.__dict__.update(whiteners=lower.T[None], precisions=(lower @ lower.T)[None])
+        return gaussian
+
+    def draws(self, n: int, rng: np.random.Generator) -> Array:
+        """Return ``n`` points drawn from the density with ``rng``, shape (n, r), their components in order.
+
+        Each component has its share of them to within one, which takes chance out of how many it has.
+        """
+        ends = np.cumsum(self.weights) / self.weights.sum()
+        chosen = np.searchsorted(ends, (np.arange(n) + 0.5) / n).clip(max=self.n_components - 1)
+        points = rng.standard_normal((n, self.means.shape[1]))
+        for k in np.unique(chosen):
+            of_k = chosen == k
+            points[of_k] = self.means[k] + points[of_k] @ np.linalg.cholesky(self.covariances[k]).T
+        return points
 
     @cached_property
     def _stacked(self) -> tuple[Array, Array, Array]:

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from faceposer.model.face_model import FaceModel
+from faceposer.model.local_moments import LocalMoments
 from faceposer.model.mixture import GaussianMixture
-from faceposer.model.regional_mixture import Density, RegionalMixture
 from faceposer.solve.term import Array, PoseState
 
-#: How a face is judged: region by region, or as a whole.
-Prior = Literal["regions", "whole"]
+#: How a face is judged: region by region, as a whole, or by the mixture as it was learned, as the paper does.
+Prior = Literal["regions", "whole", "plain"]
 PRIORS: tuple[Prior, ...] = get_args(Prior)
 
 # How far outside its limits a rig weight may stray, as a standard deviation and a share of their distance.
@@ -22,7 +22,7 @@ _BOUND_SCALE = 0.05
 class MixturePrior:
     """weight * (-ln pr(p)) for a density made of Gaussians (paper, eqs. (19) and (31)), up to a constant."""
 
-    def __init__(self, mixture: Density, weight: float = 1.0) -> None:
+    def __init__(self, mixture: GaussianMixture, weight: float = 1.0) -> None:
         """Weigh the energy of ``mixture`` by ``weight``, at least 0."""
         self.mixture = mixture
         self.weight = weight
@@ -75,35 +75,22 @@ class WeightBounds:
         return product
 
 
-def centred_at(model: FaceModel, start: Array, prior: Prior = "regions") -> Density:
-    """Return the model's density as it looks from the pose ``start``: each component becomes a spread about that pose.
+def centred_at(model: FaceModel, start: Array, prior: Prior = "regions") -> LocalMoments:
+    """Return the model's density as it looks from the pose ``start``.
 
     The mode of a learned density is its performer's habitual face, not the pose that the user starts from, so that
-    minimising (20) as it stands deforms a face that nobody has touched. The start is evidence: here every component
-    keeps where it lies as the direction in which the face moves, cov_k + (mean_k - start)(mean_k - start)^T being its
-    second moment about the start. All components have their peak there, so without constraints the start is the only
-    minimum, and a small pull moves the face a little.
-
-    With their peaks at one place, the narrowest component would outweigh all others there and hold the face still
-    until it snaps. The weights are therefore tempered: the peaks enter by the root of their height.
+    minimising (20) as it stands deforms a face that nobody has touched. The start is evidence: it stays the peak, and
+    what is learned says how faces move away from it. It is remembered, since the start changes between poses, not
+    between the moves of a drag.
 
     Args:
         model: The face and its density.
         start: Coefficients of the pose to start from, shape (r,).
-        prior: "regions" to choose components region by region (``faceposer.model.regional_mixture``), "whole" to
-            choose one for all of the face.
+        prior: "regions" to damp what regions of the face tell of each other, "whole" not to.
     """
     return _centred_at(model, start.tobytes(), prior)
 
 
 @lru_cache(maxsize=8)
-def _centred_at(model: FaceModel, start_bytes: bytes, prior: Prior) -> Density:
-    """Factor the covariances once per start: it changes between poses, not between the moves of a drag."""
-    start, mixture = np.frombuffer(start_bytes), model.mixture
-    if prior == "regions":
-        return RegionalMixture(model.rig_density, start)
-    spread = mixture.spread_about(start)
-    log_weights = 0.5 * np.log(mixture.weights) + 0.25 * np.linalg.slogdet(spread)[1]
-    weights = np.maximum(np.exp(log_weights - log_weights.max()), 1e-300)
-    means = np.broadcast_to(start, mixture.means.shape).copy()
-    return GaussianMixture(weights / weights.sum(), means, spread)
+def _centred_at(model: FaceModel, start_bytes: bytes, prior: Prior) -> LocalMoments:
+    return LocalMoments(model.rig_density, np.frombuffer(start_bytes), whole=prior == "whole")

@@ -7,10 +7,10 @@ from numpy.typing import ArrayLike
 
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
-from faceposer.model.regional_mixture import Density
+from faceposer.model.mixture import GaussianMixture
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
 from faceposer.solve.priors import MixturePrior, Prior, WeightBounds, centred_at
-from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, Term
+from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, ResidualTerm, Term
 
 # Keeps the problem bounded where neither a constraint nor the prior says anything, far below what either says.
 _RIDGE = 1e-6
@@ -47,7 +47,7 @@ class PoseProblem:
         constraints: Sequence[Constraint],
         start: ArrayLike | None = None,
         prior_weight: float = 1.0,
-        mixture: Density | None = None,
+        mixture: GaussianMixture | None = None,
         prior: Prior = "regions",
     ) -> None:
         """Gather the problem.
@@ -57,9 +57,10 @@ class PoseProblem:
             constraints: All constraints; those that are not enabled count only in ``residuals_px``.
             start: The pose that an untouched face has, shape (r,); the neutral face if None.
             prior_weight: Weight of the prior, at least 0.
-            mixture: A density over coefficients to take as the whole prior, as the paper does; if None, the prior is
-                the model's own density seen from the start, with bounds on the rig's weights.
-            prior: Whether the model's own density judges region by region, or the face as a whole.
+            mixture: A density over coefficients to take as the whole prior; if None, the prior is the model's own
+                density seen from the start, with bounds on the rig's weights.
+            prior: Whether the model's own density judges region by region, the face as a whole, or, without regard to
+                the start and the bounds, as it was learned ("plain", the paper's).
 
         Raises:
             ValueError: If a constraint names a place that the face does not have.
@@ -72,13 +73,6 @@ class PoseProblem:
         for constraint in self.constraints:
             if constraint.enabled:
                 self.start = constraint.moved_start(model, self.start)
-        self.mixture: Density
-        if mixture is None:
-            # What moves the start keeps the prior as it was seen from before: only its place moves along.
-            centred = centred_at(model, begin, prior)
-            self.mixture = centred if self.start is begin else centred.moved_by(self.start - begin)
-        else:
-            self.mixture = mixture
         self._anchored, slots = gather(model, self.constraints)
         self.terms: list[Term] = [Ridge(self.start, _RIDGE / model.subspace.variances.clip(1e-9))]
         for kind in CONSTRAINTS.values():
@@ -86,12 +80,42 @@ class PoseProblem:
             if chosen:
                 group = [self.constraints[i] for i in chosen]
                 self.terms += kind.terms(group, [slots[i] for i in chosen], model)
+        if mixture is None and prior == "plain":
+            mixture = model.mixture
         # Nothing pulls: seen from the start, the start is the least of all energies.
         self.at_rest = mixture is None and len(self.terms) == 1
+        self.mixture = mixture or self._seen_from(begin, prior)
         if prior_weight > 0:
             self.terms.append(MixturePrior(self.mixture, prior_weight))
             if mixture is None:
                 self.terms.append(WeightBounds(model.subspace.directions, model.subject.shape_limits, prior_weight))
+
+    def _seen_from(self, begin: Array, prior: Prior) -> GaussianMixture:
+        """Return the model's density as it looks from the pose ``begin``, in the light of the constraints.
+
+        What moves the start keeps the prior as it was seen from before: only its place moves along.
+        """
+        state = self.state(self.start)
+        pulls = [term for term in self.terms if not isinstance(term, Ridge)]
+        rows, residuals = [np.zeros((0, len(begin)))], [np.zeros(0)]
+        for term in pulls:
+            if isinstance(term, ResidualTerm):
+                roots = np.sqrt(term.weights)
+                rows.append(roots[:, None] * term.jacobian(state))
+                residuals.append(roots * term.residual(state))
+            else:
+                slope, curvature = term.value_and_gradient(state)[1], term.curvature(state)
+                faint = 1e-9 * np.trace(curvature) / len(begin) + 1e-12
+                lower = np.linalg.cholesky(0.5 * curvature + faint * np.eye(len(begin)))
+                rows.append(lower.T)
+                residuals.append(np.linalg.solve(lower, 0.5 * slope))
+        stacked, off = np.concatenate(rows), np.concatenate(residuals)
+        if len(off) > len(begin) + 1:
+            # Only the products matter: hundreds of rows of a stroke are as good as one more than there are columns.
+            reduced = np.linalg.qr(np.column_stack([stacked, off]), mode="r")
+            stacked, off = reduced[:, :-1], reduced[:, -1]
+        mixture = centred_at(self.model, begin, prior).near(stacked, off)
+        return mixture if self.start is begin else mixture.moved_by(self.start - begin)
 
     def state(self, p: Array) -> PoseState:
         """Return the anchored points at coefficients ``p`` of shape (r,)."""

@@ -44,10 +44,10 @@ class Recipe:
     halves: float = 0.5
     sides: float = 0.5
     extras: float = 0.15
-    n_components: int = 24
-    n_factors: int = 10
-    fit_shrinkage: float = 0.1
-    blend: float = 0.5
+    n_components: int = 60
+    n_factors: int = 20
+    fit_shrinkage: float = 0.0
+    blend: float = 0.0
     folds: int = 10
     seed: int = 0
 
