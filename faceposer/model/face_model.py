@@ -12,9 +12,9 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoints, pick_pixels
 from faceposer.model.expression_statistics import ExpressionStatistics, load_expression_statistics
+from faceposer.model.local_moments import RigDensity
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.pca import RigSubspace, rig_pca, smallest_reaching, unreached
-from faceposer.model.local_moments import RigDensity
 from faceposer.model.split_shapes import split_to_match
 from faceposer.model.subject import Subject
 

@@ -20,8 +20,6 @@ _DRAWS = 4000
 _SHARE = 1.0 / 6.0
 # Variance that every weight keeps, as a share of their mean second moment: no draw moves all of them.
 _FAINT = 3e-3
-# How far regions are believed to hang together where the takes do not show that they must.
-_TRUST = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +74,7 @@ class LocalMoments:
         self._directions = density.directions
         self._offsets = density.draws - density.directions @ start
         self._coefficients = np.ascontiguousarray(self._offsets @ density.projection.T, dtype=np.float32)
-        factors = np.ones_like(density.coupling) if whole else (1.0 - _TRUST) * density.coupling + _TRUST
-        self._factors = factors
+        self._factors = np.ones_like(density.coupling) if whole else density.coupling
         moments = np.mean(self._offsets * self._offsets, axis=0)
         self._faint = _FAINT * float(moments.mean()) + 1e-12
         self._start = start

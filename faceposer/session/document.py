@@ -35,7 +35,8 @@ class Document:
         coefficients: The pose, shape (r,), read-only; None for the neutral face.
         start: The pose of the face before any constraint pulls at it, shape (r,), read-only; None for the neutral
             face. A file without constraints need not say it: there the pose is the pose to start from.
-        prior: "regions" to judge the face region by region, "whole" to judge it as one.
+        prior: "regions" to judge the face region by region, "whole" to judge it as one, "plain" to judge it by the
+            mixture as it was learned, start or no start.
         solved: Whether the pose is what the constraints ask for, or they still wait to be solved.
         camera: The view under which the document was last seen, or None.
     """

@@ -97,7 +97,8 @@ class PoseProblem:
         """
         state = self.state(self.start)
         pulls = [term for term in self.terms if not isinstance(term, Ridge)]
-        rows, residuals = [np.zeros((0, len(begin)))], [np.zeros(0)]
+        rows: list[Array] = [np.zeros((0, len(begin)))]
+        residuals: list[Array] = [np.zeros(0)]
         for term in pulls:
             if isinstance(term, ResidualTerm):
                 roots = np.sqrt(term.weights)
@@ -112,7 +113,7 @@ class PoseProblem:
         stacked, off = np.concatenate(rows), np.concatenate(residuals)
         if len(off) > len(begin) + 1:
             # Only the products matter: hundreds of rows of a stroke are as good as one more than there are columns.
-            reduced = np.linalg.qr(np.column_stack([stacked, off]), mode="r")
+            reduced: Array = np.asarray(np.linalg.qr(np.column_stack([stacked, off]), mode="r"))
             stacked, off = reduced[:, :-1], reduced[:, -1]
         mixture = centred_at(self.model, begin, prior).near(stacked, off)
         return mixture if self.start is begin else mixture.moved_by(self.start - begin)

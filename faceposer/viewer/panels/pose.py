@@ -99,8 +99,11 @@ class PosePanel:
         tips = (
             "Each region of the face is kept natural by itself: a brow can be raised and the mouth stays.",
             "The face is kept natural as a whole: what one region does tells of all others.",
+            "The mixture as it was learned, as in the paper: the face goes to its usual expressions by itself.",
         )
-        chosen = choice(app.marks, "prior", ("By region", "Whole face"), PRIORS.index(session.document.prior), tips)
+        chosen = choice(
+            app.marks, "prior", ("By region", "Whole face", "As learned"), PRIORS.index(session.document.prior), tips
+        )
         if PRIORS[chosen] != session.document.prior and not session.editing:
             session.set_prior(PRIORS[chosen])
 
