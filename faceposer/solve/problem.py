@@ -109,7 +109,7 @@ class PoseProblem:
                 faint = 1e-9 * np.trace(curvature) / len(begin) + 1e-12
                 lower = np.linalg.cholesky(0.5 * curvature + faint * np.eye(len(begin)))
                 rows.append(lower.T)
-                residuals.append(np.linalg.solve(lower, 0.5 * slope))
+                residuals.append(np.asarray(np.linalg.solve(lower, 0.5 * slope), dtype=np.float64))
         stacked, off = np.concatenate(rows), np.concatenate(residuals)
         if len(off) > len(begin) + 1:
             # Only the products matter: hundreds of rows of a stroke are as good as one more than there are columns.
