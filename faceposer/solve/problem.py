@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.model.mixture import GaussianMixture
+from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
 from faceposer.solve.priors import MixturePrior, Prior, WeightBounds, centred_at
 from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, ResidualTerm, Term
@@ -75,28 +76,31 @@ class PoseProblem:
                 self.start = constraint.moved_start(model, self.start)
         self._anchored, slots = gather(model, self.constraints)
         self.terms: list[Term] = [Ridge(self.start, _RIDGE / model.subspace.variances.clip(1e-9))]
+        pulls: list[Term] = []
         for kind in CONSTRAINTS.values():
             chosen = [i for i, c in enumerate(self.constraints) if isinstance(c, kind) and c.enabled and c.weight > 0]
             if chosen:
                 group = [self.constraints[i] for i in chosen]
-                self.terms += kind.terms(group, [slots[i] for i in chosen], model)
+                terms = kind.terms(group, [slots[i] for i in chosen], model)
+                self.terms += terms
+                # Where the eyes look tells nothing of the face.
+                pulls += terms if kind is not GazeConstraint else []
         if mixture is None and prior == "plain":
             mixture = model.mixture
         # Nothing pulls: seen from the start, the start is the least of all energies.
         self.at_rest = mixture is None and len(self.terms) == 1
-        self.mixture = mixture or self._seen_from(begin, prior)
+        self.mixture = mixture or self._seen_from(begin, prior, pulls)
         if prior_weight > 0:
             self.terms.append(MixturePrior(self.mixture, prior_weight))
             if mixture is None:
                 self.terms.append(WeightBounds(model.subspace.directions, model.subject.shape_limits, prior_weight))
 
-    def _seen_from(self, begin: Array, prior: Prior) -> GaussianMixture:
-        """Return the model's density as it looks from the pose ``begin``, in the light of the constraints.
+    def _seen_from(self, begin: Array, prior: Prior, pulls: Sequence[Term]) -> GaussianMixture:
+        """Return the model's density as it looks from the pose ``begin``, in the light of the constraints' terms ``pulls``.
 
         What moves the start keeps the prior as it was seen from before: only its place moves along.
         """
         state = self.state(self.start)
-        pulls = [term for term in self.terms if not isinstance(term, Ridge)]
         rows: list[Array] = [np.zeros((0, len(begin)))]
         residuals: list[Array] = [np.zeros(0)]
         for term in pulls:

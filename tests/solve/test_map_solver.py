@@ -128,7 +128,7 @@ def test_best_start_is_the_candidate_of_least_energy(model: FaceModel, camera: C
     for mixture in (None, model.mixture):
         problem = PoseProblem(model, constraints, mixture=mixture)
         candidates = problem.conditional_means()
-        assert candidates.shape == (model.mixture.n_components, model.n_coefficients)
+        assert candidates.shape == (problem.mixture.n_components, model.n_coefficients)
         chosen, compared = best_start(problem)
         assert compared == len(candidates) + 1
         energy = problem.energy_and_gradient(chosen)[0]
