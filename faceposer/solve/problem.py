@@ -96,7 +96,7 @@ class PoseProblem:
                 self.terms.append(WeightBounds(model.subspace.directions, model.subject.shape_limits, prior_weight))
 
     def _seen_from(self, begin: Array, prior: Prior, pulls: Sequence[Term]) -> GaussianMixture:
-        """Return the model's density as it looks from the pose ``begin``, in the light of the constraints' terms ``pulls``.
+        """Return the model's density as it looks from the pose ``begin``, in the light of the terms ``pulls``.
 
         What moves the start keeps the prior as it was seen from before: only its place moves along.
         """

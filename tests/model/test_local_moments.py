@@ -1,5 +1,7 @@
 """The prior as it looks from a start: about the start, spread towards what is asked for, region by region."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -52,7 +54,7 @@ def test_it_follows_a_target_without_jumps(model: FaceModel) -> None:
     covariances = [
         moments.near(*asked(model, start, jawOpen=value)).covariances[0] for value in np.linspace(0.0, 0.8, 161)
     ]
-    steps = np.array([np.linalg.norm(b - a) for a, b in zip(covariances[:-1], covariances[1:], strict=True)])
+    steps = np.array([np.linalg.norm(b - a) for a, b in itertools.pairwise(covariances)])
     assert steps.max() < 0.1 * np.linalg.norm(covariances[-1])
 
 

@@ -17,8 +17,8 @@ class BoundedWeights(ModelMethod):
 
     name = "bounded-weights"
     title = "Bounded least squares on the rig's weights"
-    parameters = {"ridge": 1.0, "steps": 3}
-    grid = {"ridge": (0.1, 0.3, 1.0, 3.0, 10.0, 30.0), "steps": (2, 4)}
+    parameters = {"ridge": 30.0, "steps": 4}
+    grid = {"ridge": (1.0, 3.0, 10.0, 30.0, 100.0, 300.0), "steps": (2, 3, 4)}
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:
         """Take the rig of the ``setting``'s face."""

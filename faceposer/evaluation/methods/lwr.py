@@ -24,12 +24,12 @@ class Lwr(ModelMethod):
 
     name = "lwr"
     title = "Locally weighted regression (LWR)"
-    parameters = {"neighbours": 1000, "augmented": True, "prior_weight": 1.0, "ridge": 1e-4}
+    parameters = {"neighbours": 1000, "augmented": True, "prior_weight": 2.0, "ridge": 1e-3}
     grid = {
         "augmented": (False, True),
         "neighbours": (100, 300, 1000, 3000),
         "prior_weight": (0.5, 1.0, 2.0, 4.0),
-        "ridge": (1e-6, 1e-4, 1e-3),
+        "ridge": (1e-4, 1e-3, 3e-3),
     }
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:

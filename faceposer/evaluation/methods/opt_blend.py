@@ -22,7 +22,7 @@ class OptBlend(ModelMethod):
 
     name = "opt-blend"
     title = "Optimisation of a blend of all examples (Opt-blend)"
-    parameters = {"examples": 2000, "augmented": True, "ridge": 1e-2, "sum_penalty": 1e3, "iterations": 60}
+    parameters = {"examples": 2000, "augmented": True, "ridge": 0.1, "sum_penalty": 1e3, "iterations": 60}
     grid = {
         "augmented": (False, True),
         "ridge": (1e-3, 1e-2, 1e-1, 1.0),
