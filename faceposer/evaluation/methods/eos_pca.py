@@ -30,7 +30,7 @@ class EosPca(ModelMethod):
     name = "eos"
     title = "Linear fit of a morphable model (eos)"
     kinds = ("point",)
-    parameters = {"lambda": 1.0, "coefficients": 52, "augmented": True, "base": "mean"}
+    parameters = {"lambda": 0.5, "coefficients": 52, "augmented": True, "base": "mean"}
     grid = {
         "base": ("mean", "neutral"),
         "augmented": (False, True),

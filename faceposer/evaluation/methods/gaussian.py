@@ -40,7 +40,7 @@ class Pca(ModelMethod):
 
     name = "pca"
     title = "PCA without a prior"
-    parameters = {"augmented": False, "energy": 0.99}
+    parameters = {"augmented": False, "energy": 0.95}
     grid = {"augmented": (False, True), "energy": (0.9, 0.95, 0.98, 0.99, 0.999)}
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:

@@ -43,7 +43,7 @@ class PlainMfa(ModelMethod):
 
     name = "mfa-plain"
     title = "Mixture of factor analyzers by plain maximum likelihood (the paper)"
-    parameters = {"prior_weight": 1.0, "augmented": True, "components": 30, "factors": 10, "energy": 1.0}
+    parameters = {"prior_weight": 1.0, "augmented": True, "components": 30, "factors": 10, "energy": 0.99}
     grid = {
         "augmented": (False, True),
         "energy": (0.99, 0.999, 1.0),
