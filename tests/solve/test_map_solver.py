@@ -136,6 +136,15 @@ def test_best_start_is_the_candidate_of_least_energy(model: FaceModel, camera: C
         assert energy < problem.energy_and_gradient(model.neutral())[0]
 
 
+def test_the_mixture_as_learned_pulls_a_face_that_nobody_touches(model: FaceModel, camera: Camera) -> None:
+    assert PoseProblem(model, []).at_rest
+    problem = PoseProblem(model, [], prior="plain")
+    assert problem.mixture is model.mixture
+    found = solve(problem)
+    assert found.energy < problem.energy_and_gradient(model.neutral())[0] - 1.0
+    assert np.linalg.norm(model.instance(found.coefficients) - model.subject.vertices, axis=1).max() > 0.05
+
+
 def test_conditional_means_answer_the_linearised_problem(model: FaceModel, camera: Camera) -> None:
     constraints = points_made_from(model, model.coefficients_of({"jawOpen": 0.05}), camera, 20)
     gaussian = model.mixture.as_gaussian()
