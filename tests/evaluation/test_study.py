@@ -334,13 +334,13 @@ def test_tuning_finds_the_lowest_and_tries_nothing_twice() -> None:
 def test_tuning_writes_what_it_found(
     takes: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(BoundedWeights, "grid", {"ridge": (1.0, 30.0)})
+    monkeypatch.setattr(BoundedWeights, "grid", {"ridge": (1.0, BoundedWeights.parameters["ridge"])})
     words = ("-o", tmp_path, "--capture", takes[0], *QUICK, "--methods", "bounded-weights", "--kinds", "point")
     status, out, _ = run(capsys, *words, "--tune", "--trials", "2")
     assert status == 0
     assert "bounded-weights: ridge=" in out
     tuned = json.loads((tmp_path / "tuned.json").read_text())["methods"]["bounded-weights"]
-    assert [entry["parameters"]["ridge"] for entry in tuned["tried"]] == [BoundedWeights.parameters["ridge"], 30.0][:2]
+    assert [entry["parameters"]["ridge"] for entry in tuned["tried"]] == [BoundedWeights.parameters["ridge"], 1.0]
     assert tuned["score"] == min(entry["score"] for entry in tuned["tried"])
 
 
