@@ -12,7 +12,7 @@ from faceposer.solve.problem import PoseProblem
 
 
 class RegionalMfa(ModelMethod):
-    """What ships: the mixture seen from the start pose, region by region, with bounds on the rig's weights."""
+    """What ships: the mixture seen from the start and near to the constraints, with bounds on the rig's weights."""
 
     name = "mfa"
     title = "Mixture of factor analyzers, as shipped"
@@ -31,10 +31,10 @@ class RegionalMfa(ModelMethod):
 
 
 class WholeMfa(RegionalMfa):
-    """The other prior of the program: one mixture for the whole face."""
+    """The same, but regions tell of each other all that the mixture says."""
 
     name = "mfa-whole"
-    title = "The same, one mixture for the whole face"
+    title = "The same, regions not damped"
     _prior: Prior = "whole"
 
 
