@@ -114,11 +114,6 @@ class GaussianMixture:
         precision: Array = self.precisions[int(np.argmax(self.responsibilities(p)))]
         return precision
 
-    def spread_about(self, start: Array) -> Array:
-        """Return the second moment of each component about ``start``, shape (K, r, r)."""
-        offsets = self.means - start
-        return self.covariances + np.einsum("ki,kj->kij", offsets, offsets)
-
     def transformed(self, matrix: Array) -> "GaussianMixture":
         """Return the density of ``matrix @ p``, for a ``matrix`` of shape (r', r) of full row rank."""
         covariances = np.einsum("ij,kjl,ml->kim", matrix, self.covariances, matrix, optimize=True)
