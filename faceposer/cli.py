@@ -10,11 +10,19 @@ from importlib import metadata
 from pathlib import Path
 from typing import NoReturn
 
-from faceposer import cli_evaluation, cli_training
+from faceposer import cli_applications, cli_evaluation, cli_training
 from faceposer.cli_training import check_output
 from faceposer.errors import FacePoserError, NoWindowError
 
-_COMMANDS = ("solve", "render", "subjects", "demo", *cli_training.COMMANDS, *cli_evaluation.COMMANDS)
+_COMMANDS = (
+    "solve",
+    "render",
+    "subjects",
+    "demo",
+    *cli_training.COMMANDS,
+    *cli_evaluation.COMMANDS,
+    *cli_applications.COMMANDS,
+)
 _VIEWS = ("front", "three-quarter", "left", "right")
 _MAX_SIDE = 8192
 
@@ -67,6 +75,8 @@ def _run(words: list[str]) -> int:
             return cli_training.run(options)
         if options.command in cli_evaluation.COMMANDS:
             return cli_evaluation.run(options, words)
+        if options.command in cli_applications.COMMANDS:
+            return cli_applications.run(options)
         return {"solve": _solve, "render": _render, "subjects": _subjects, "demo": _demo}[options.command](options)
     options = _window_parser().parse_args(words)
     return _window(options)
@@ -122,6 +132,7 @@ def _command_parser() -> argparse.ArgumentParser:
     )
     demo.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder to write into")
     cli_training.add_parsers(commands)
+    cli_applications.add_parsers(commands)
     cli_evaluation.add_parsers(commands)
     return parser
 

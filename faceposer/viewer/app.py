@@ -17,6 +17,7 @@ from faceposer.tools.toolbox import Toolbox
 from faceposer.viewer.commands import build_actions
 from faceposer.viewer.drawn_constraints import DrawnConstraints
 from faceposer.viewer.ending import interrupted_by_signals
+from faceposer.viewer.features import build_features
 from faceposer.viewer.file_dialogs import FileDialogs, FileRequest
 from faceposer.viewer.files import Files
 from faceposer.viewer.gui import Gui
@@ -31,6 +32,7 @@ from faceposer.viewer.panels.pose import PosePanel
 from faceposer.viewer.panels.shapes import ShapesPanel
 from faceposer.viewer.panels.slider_edit import SliderEdit
 from faceposer.viewer.panels.widgets import Marks
+from faceposer.viewer.pictures import drawn_pixels
 from faceposer.viewer.recovery import Recovery
 from faceposer.viewer.renderer import Shading
 from faceposer.viewer.router import Router
@@ -104,6 +106,7 @@ class App:
         self.recovery = Recovery(self, self.remembers if journal is None else journal)
         self.toolbox = Toolbox(self.viewport)
         self.palette, self.guide = Palette(), GuideCard(self.settings)
+        self.features = build_features(self)
         self.actions = build_actions(self)
         self.router = Router(self)
         self.pose_panel, self.constraints_panel, self.shapes_panel = PosePanel(), ConstraintsPanel(), ShapesPanel()
@@ -147,7 +150,7 @@ class App:
         if self._frames_due:
             return 0.0
         now = time.perf_counter()
-        patience = min(0.5, self.recovery.patience)
+        patience = min(0.5, self.recovery.patience, self.features.patience)
         if self.router.over_widget and now - self._last_event < _LINGER:
             patience = min(patience, 0.05)
         if self.file_dialogs.polling or self.gui.io.want_text_input or self.importing.running:
@@ -162,7 +165,13 @@ class App:
         Raises:
             FacePoserError: If frame after frame fails; the work is then kept for the next start.
         """
-        for part in (self._take_events, self._follow_session, self.importing.follow, self.recovery.follow):
+        for part in (
+            self._take_events,
+            self.features.follow,
+            self._follow_session,
+            self.importing.follow,
+            self.recovery.follow,
+        ):
             try:
                 part()
             except Exception as error:  # the window goes on, whatever it was
@@ -244,15 +253,7 @@ class App:
 
     def screenshot(self) -> NDArray[np.uint8]:
         """Return the window as it was drawn last, top row first, shape (height, width, 3)."""
-        ctx, size = self.window.ctx, self.window.pixels
-        buffer = ctx.simple_framebuffer(size, 3)
-        buffer.use()
-        buffer.clear(0.0, 0.0, 0.0, 1.0)
-        self.gui.draw()
-        data = np.frombuffer(buffer.read(components=3, alignment=1), dtype=np.uint8)
-        buffer.release()
-        ctx.screen.use()
-        return np.ascontiguousarray(data.reshape(size[1], size[0], 3)[::-1])
+        return drawn_pixels(self.window.ctx, self.window.pixels, self.gui.draw)
 
     # What goes wrong
 
@@ -287,6 +288,7 @@ class App:
         self.toolbox = Toolbox(self.viewport, self.toolbox.bench)
         self.drawn_constraints = DrawnConstraints(self)
         self.comparing = False
+        self.features.session_changed()
         camera = session.document.camera
         if camera is None:
             self.viewport.view = self.viewport.framed()
@@ -306,13 +308,13 @@ class App:
 
     @property
     def busy(self) -> bool:
-        """Whether a gesture or a slider holds the document."""
-        return self.toolbox.active or self.session.editing
+        """Whether a gesture, a slider or a feature holds the document."""
+        return self.toolbox.active or self.session.editing or self.features.busy
 
     @property
     def covered(self) -> bool:
         """Whether a menu or a dialog keeps the pointer from the view."""
-        asking = self.dialogs.open or self.file_dialogs.browsing or self.importing.open
+        asking = self.dialogs.open or self.file_dialogs.browsing or self.importing.open or self.features.covers
         return asking or self.gui.popup_open or self.palette.open
 
     def point_name(self, index: int) -> str:
@@ -361,6 +363,7 @@ class App:
                 self.settings.window_size = (round(width / scale), round(height / scale))
             save_settings(self.settings)
         self._window = None
+        self.features.close()
         self.session.close()
         self.scene.release()
         self.gui.close()

@@ -220,6 +220,7 @@ def build_actions(app: "App") -> Actions:
             Action("save-as", "Save as...", "File", app.files.save_as, ("Ctrl+Shift+S",)),
             Action("export", "Save OBJ", "File", app.files.export, ("Ctrl+E",), help="Save the posed face as OBJ"),
             Action("export-as", "Save OBJ as...", "File", app.files.export_as, ("Ctrl+Shift+E",)),
+            *app.features.actions(file_menu=True),
             Action("quit", "Quit", "File", app.files.quit, ("Ctrl+Q",), separated=True),
             Action("undo", "Undo", "Edit", do.undo, ("Ctrl+Z",), undoes, repeats=True),
             Action(
@@ -347,6 +348,7 @@ def build_actions(app: "App") -> Actions:
                 lambda: do.navigate("maya"),
                 checked=lambda: app.viewport.navigation == "maya",
             ),
+            *app.features.actions(file_menu=False),
             Action(
                 "palette",
                 "Find a command...",

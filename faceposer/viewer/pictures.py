@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import moderngl
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
@@ -58,3 +59,15 @@ def _write(path: Path, save: Callable[[Path], None]) -> None:
     except OSError as error:
         temporary.unlink(missing_ok=True)
         raise FacePoserError(f"The picture '{path}' cannot be written: {error.strerror}.") from error
+
+
+def drawn_pixels(ctx: moderngl.Context, size: tuple[int, int], draw: Callable[[], None]) -> NDArray[np.uint8]:
+    """Return what ``draw`` draws into ``size`` pixels, top row first, shape (height, width, 3)."""
+    buffer = ctx.simple_framebuffer(size, 3)
+    buffer.use()
+    buffer.clear(0.0, 0.0, 0.0, 1.0)
+    draw()
+    data = np.frombuffer(buffer.read(components=3, alignment=1), dtype=np.uint8)
+    buffer.release()
+    ctx.screen.use()
+    return np.ascontiguousarray(data.reshape(size[1], size[0], 3)[::-1])

@@ -1,9 +1,11 @@
 """Where everything is: menus on top, tools at the left, the face, the panel at the right, a line of text below."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec2, imgui
 
+from faceposer.viewer.features import Feature
 from faceposer.viewer.overlay import draw_badge, draw_label, draw_overlay
 from faceposer.viewer.overlay_shapes import ShapePainter
 from faceposer.viewer.panels.menu_bar import draw_menu_bar
@@ -43,7 +45,19 @@ def draw_window(app: "App") -> None:
     strip = round(em(STRIP_WIDTH)) if app.panel_shown else 0
     if strip:
         _draw_strip(app, (0.0, top), (strip, middle))
-    _draw_view(app, (strip, top), (max(width - panel - strip, 1), middle))
+    across = max(width - panel - strip, 1)
+    strips = app.features.with_strip
+    view_height = max(middle - sum(height for _, height in strips), 1.0)
+    _draw_view(app, (strip, top), (across, view_height))
+    below = top + view_height
+    for i, (feature, tall) in enumerate(strips):
+        _place((strip, below), (across, tall))
+        imgui.push_style_color(imgui.Col_.window_bg, GROUND)
+        imgui.begin(f"##strip{i}", None, _BARE)
+        feature.draw_strip()
+        imgui.end()
+        imgui.pop_style_color()
+        below += tall
     _place((0.0, height - bottom), (width, bottom))
     imgui.push_style_color(imgui.Col_.window_bg, BAR)
     imgui.begin("##status", None, _BARE)
@@ -59,6 +73,7 @@ def draw_window(app: "App") -> None:
 
 
 def _draw_dialogs(app: "App") -> None:
+    app.features.draw_dialogs()
     app.dialogs.draw(app.actions, app.viewport.navigation)
     if not app.dialogs.open:
         app.file_dialogs.draw()
@@ -77,11 +92,7 @@ def _draw_panel(app: "App", position: tuple[float, float], size: tuple[float, fl
     imgui.spacing()
     footer = 1.6 * imgui.get_frame_height_with_spacing()
     if imgui.begin_tab_bar("##tabs"):
-        for title, draw, text in (
-            ("Pose", _draw_pose_tab, "How the face follows, and what pulls at it"),
-            ("Shapes", app.shapes_panel.draw, "The shapes of the rig, as sliders"),
-            ("View", draw_view_panel, "Where one looks from, and how the face is drawn"),
-        ):
+        for title, draw, text in _tabs(app):
             chosen, _ = imgui.begin_tab_item(title)
             app.marks.note(f"tab:{title}")
             tooltip(text)
@@ -94,6 +105,20 @@ def _draw_panel(app: "App", position: tuple[float, float], size: tuple[float, fl
     draw_output_panel(app)
     imgui.end()
     imgui.pop_style_color()
+
+
+def _tabs(app: "App") -> list[tuple[str, Callable[["App"], None], str]]:
+    """Return title, content and tooltip of each tab."""
+
+    def content(feature: Feature) -> Callable[["App"], None]:
+        return lambda _app: feature.draw_tab()
+
+    return [
+        ("Pose", _draw_pose_tab, "How the face follows, and what pulls at it"),
+        ("Shapes", app.shapes_panel.draw, "The shapes of the rig, as sliders"),
+        *((feature.tab[0], content(feature), feature.tab[1]) for feature in app.features.with_tab if feature.tab),
+        ("View", draw_view_panel, "Where one looks from, and how the face is drawn"),
+    ]
 
 
 def _draw_pose_tab(app: "App") -> None:
@@ -136,12 +161,14 @@ def _draw_view(app: "App", position: tuple[float, float], size: tuple[float, flo
     imgui.invisible_button("face", ImVec2(*app.viewport.size), buttons)
     app.marks.note("view")
     draw = imgui.get_window_draw_list()
+    app.features.draw_behind(draw)
     if app.comparing:
         draw_badge(draw, app.viewport, "Neutral", 0.0)
     else:
         _draw_constraints(app, draw)
         if app.session.pending:
             draw_badge(draw, app.viewport, "Press Enter to let the face follow the points", 0.0, warm=True)
+    app.features.draw_over(draw)
     if app.notice:
         draw_badge(draw, app.viewport, app.notice, 1.0)
     imgui.end()

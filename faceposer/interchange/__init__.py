@@ -1,0 +1,1 @@
+"""Poses and animations to and from the files of other programs."""

@@ -1,0 +1,46 @@
+"""A face in motion: one pose for each frame, at equal steps of time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.model.face_model import FaceModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Performance:
+    """The poses of one face, frame by frame.
+
+    Attributes:
+        coefficients: One pose a frame, in the coefficients of the face's model, shape (F, r), with F at least 1.
+        rate: Frames per second.
+    """
+
+    coefficients: Array
+    rate: float
+
+    def __post_init__(self) -> None:
+        if self.coefficients.ndim != 2 or not len(self.coefficients):
+            raise ValueError(f"poses of shape {self.coefficients.shape} where (frames, coefficients) is wanted")
+        if not (np.isfinite(self.rate) and self.rate > 0):
+            raise ValueError(f"{self.rate} frames per second")
+
+    def __len__(self) -> int:
+        return len(self.coefficients)
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes to play, in seconds."""
+        return len(self) / self.rate
+
+    def weights(self, model: FaceModel) -> Array:
+        """Return the rig weights of all frames, shape (F, S), as the subject orders its shapes; may leave 0 to 1."""
+        return self.coefficients @ model.subspace.directions.T
+
+    @classmethod
+    def from_weights(cls, model: FaceModel, weights: Array, rate: float) -> "Performance":
+        """Return the performance nearest to rig ``weights`` of shape (F, S), in the order of the subject's shapes."""
+        return cls(np.asarray(weights, dtype=np.float64) @ model.subspace.projection.T, rate)

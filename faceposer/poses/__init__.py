@@ -1,0 +1,1 @@
+"""A library of named poses, kept as plain files in a folder."""
