@@ -7,6 +7,7 @@ holds its performer's coincidences; what regions tell of each other is therefore
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,6 @@ from faceposer.model.mixture import GaussianMixture
 Array = NDArray[np.float64]
 
 _DRAWS = 4000
-# Share of the draws that the constraints leave: small enough to be specific, large enough to be smooth.
-_SHARE = 1.0 / 6.0
 # Variance that every weight keeps, as a share of their mean second moment: no draw moves all of them.
 _FAINT = 3e-3
 
@@ -53,6 +52,10 @@ class RigDensity:
         drawn[:, bounded] = drawn[:, bounded].clip(lower[bounded], upper[bounded])
         return drawn
 
+    def seen_from(self, start: Array, whole: bool = False) -> "LocalMoments":
+        """Return how the density looks from the pose with coefficients ``start``, shape (r,); see ``LocalMoments``."""
+        return LocalMoments(self, start, whole)
+
 
 class LocalMoments:
     """A density of natural expressions as it looks from one pose, in the light of constraints.
@@ -61,7 +64,12 @@ class LocalMoments:
     spread about it is the second moment of those draws from the mixture that come nearest to the constraints, weighed
     as in locally weighted regression (Cleveland 1979; tricube of the root energy relative to that of the k-th
     nearest). It follows the targets without jumps.
+
+    Attributes:
+        share: Of the draws that the constraints leave: small enough to be specific, large enough to be smooth.
     """
+
+    share: ClassVar[float] = 1.0 / 6.0
 
     def __init__(self, density: RigDensity, start: Array, whole: bool = False) -> None:
         """Look at ``density`` from the pose with coefficients ``start``, shape (r,).
@@ -87,20 +95,37 @@ class LocalMoments:
                 standard deviation, shape (m, r).
             residual: The residuals at the start, divided likewise, shape (m,).
         """
-        if len(rows):
-            off = self._coefficients @ rows.T.astype(np.float32)
-            off += residual.astype(np.float32)
-            energies = np.einsum("nm,nm->n", off, off).astype(np.float64)
-            k = min(int(_SHARE * len(energies)), len(energies) - 1)
-            order = np.argpartition(energies, k)[:k]
-            relative = np.sqrt(energies[order] / max(float(energies[order].max()), 1e-12))
-            shares = (1.0 - np.minimum(relative, 1.0) ** 3) ** 3 + 1e-9
-            weighted = self._offsets[order] * np.sqrt(shares / shares.sum())[:, None]
-        else:
-            weighted = self._offsets / np.sqrt(len(self._offsets))
-        moment = self._factors * (weighted.T @ weighted)
-        moment[np.diag_indices_from(moment)] += self._faint
+        offsets, shares = self.nearest(rows, residual)
+        weighted = offsets * np.sqrt(shares)[:, None]
+        return self.gaussian(weighted.T @ weighted)
+
+    def nearest(self, rows: Array, residual: Array) -> tuple[Array, Array]:
+        """Return the draws nearest to the constraints, less the start, (n, W), and their shares of 1, (n,)."""
+        if not len(rows):
+            return self._offsets, np.full(len(self._offsets), 1.0 / len(self._offsets))
+        off = self._coefficients @ rows.T.astype(np.float32)
+        off += residual.astype(np.float32)
+        energies = np.einsum("nm,nm->n", off, off).astype(np.float64)
+        k = min(int(self.share * len(energies)), len(energies) - 1)
+        order = np.argpartition(energies, k)[:k]
+        relative = np.sqrt(energies[order] / max(float(energies[order].max()), 1e-12))
+        shares = (1.0 - np.minimum(relative, 1.0) ** 3) ** 3 + 1e-9
+        return self._offsets[order], shares / shares.sum()
+
+    def gaussian(self, moment: Array, shift: Array | None = None) -> GaussianMixture:
+        """Return the Gaussian over coefficients whose spread is the ``moment`` of the weights, (W, W), damped.
+
+        Args:
+            moment: About the mean.
+            shift: Of the mean from the start, in the weights, shape (W,); none if None.
+        """
+        damped = self._factors * moment
+        damped[np.diag_indices_from(damped)] += self._faint
+        root = np.linalg.cholesky(damped)
         # In the face's subspace a Gaussian over the weights is the Gaussian of what its coefficients reach.
-        whitened = np.linalg.solve(np.linalg.cholesky(moment), self._directions)
-        lower = np.linalg.cholesky(whitened.T @ whitened)
-        return GaussianMixture.from_precision(self._start, lower)
+        whitened = np.linalg.solve(root, self._directions)
+        precision = whitened.T @ whitened
+        mean = self._start
+        if shift is not None:
+            mean = mean + np.linalg.solve(precision, whitened.T @ np.linalg.solve(root, shift))
+        return GaussianMixture.from_precision(mean, np.linalg.cholesky(precision))

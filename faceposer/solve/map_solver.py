@@ -13,8 +13,8 @@ from faceposer.solve.term import Array
 
 # In scaled coordinates a step of length 1 changes the energy by about 1, one standard deviation: this much slope
 # is a hundredth of a deviation, far less than a pixel.
-_SLOPE_TOLERANCE = 1e-2
-_RELATIVE_TOLERANCE = 1e-7
+SLOPE_TOLERANCE = 1e-2
+RELATIVE_TOLERANCE = 1e-7
 _MAX_ITERATIONS = 100
 
 
@@ -125,8 +125,8 @@ def solve(
         callback=after_iteration,
         options={
             "maxiter": _MAX_ITERATIONS,
-            "gtol": _SLOPE_TOLERANCE,
-            "ftol": _RELATIVE_TOLERANCE,
+            "gtol": SLOPE_TOLERANCE,
+            "ftol": RELATIVE_TOLERANCE,
             "maxcor": 20,
         },
     )

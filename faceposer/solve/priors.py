@@ -93,4 +93,4 @@ def centred_at(model: FaceModel, start: Array, prior: Prior = "regions") -> Loca
 
 @lru_cache(maxsize=8)
 def _centred_at(model: FaceModel, start_bytes: bytes, prior: Prior) -> LocalMoments:
-    return LocalMoments(model.rig_density, np.frombuffer(start_bytes), whole=prior == "whole")
+    return model.rig_density.seen_from(np.frombuffer(start_bytes), whole=prior == "whole")

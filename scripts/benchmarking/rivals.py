@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import approx_fprime
+from scipy.optimize import approx_fprime, minimize
 
 from faceposer.errors import FacePoserError
 from faceposer.evaluation.methods.arap import Arap
@@ -19,7 +19,7 @@ from faceposer.evaluation.trials import Cell, Trial, TrialMaker
 from faceposer.model.face_model import FaceModel
 from faceposer.model.subject_file import load_subject
 from faceposer.solve.constraints.registry import Constraint
-from faceposer.solve.map_solver import best_start, solve
+from faceposer.solve.map_solver import RELATIVE_TOLERANCE, SLOPE_TOLERANCE, best_start, solve
 from faceposer.solve.problem import PoseProblem
 from faceposer.solve.term import PoseState, ResidualTerm
 from faceposer.training.capture import read_capture
@@ -35,6 +35,8 @@ CELLS = (
     ("distances-4", Cell("distance", 4, 1.5)),
 )
 FINITE = "finite-difference"
+# The same with nothing of ours that takes derivatives: no curvature to scale by, no start that looks ahead.
+FINITE_ALONE = "finite-difference-alone"
 _TRAIN, _TEST = "alex_rom_3.csv", "alex_rom_4.csv"
 _DIFFERENCE = 1e-7
 
@@ -59,6 +61,7 @@ class Target:
 #: Of each kind of constraint, where both rows are.
 TARGETS = (
     Target(FINITE, "mfa", 15.0),
+    Target(FINITE_ALONE, "mfa", 15.0),
     Target("mfa", "pca", 1.5, at_most=True),
     Target("arap", "mfa", 50.0),
     Target("opt-blend", "mfa", 5.0),
@@ -95,6 +98,30 @@ def solve_by_differences(model: FaceModel, constraints: Sequence[Constraint]) ->
     return solve(FiniteDifferences(model, constraints), start).coefficients
 
 
+def solve_by_differences_alone(model: FaceModel, constraints: Sequence[Constraint]) -> np.ndarray:
+    """Return what L-BFGS finds with numerical gradients from the start pose, in units of the prior's spread."""
+    problem = FiniteDifferences(model, constraints)
+    scale = np.sqrt(model.subspace.variances.clip(1e-9))
+    # Tolerances as in our solve.
+    result = minimize(
+        lambda scaled: problem.energy(problem.start + scale * scaled),
+        np.zeros_like(scale),
+        method="L-BFGS-B",
+        options={
+            "maxiter": 200,
+            "maxfun": 1_000_000,
+            "gtol": SLOPE_TOLERANCE,
+            "ftol": RELATIVE_TOLERANCE,
+            "maxcor": 20,
+        },
+    )
+    return np.asarray(problem.start + scale * result.x, dtype=np.float64)
+
+
+#: Our objective without our gradients, by name of the row.
+DIFFERENCES = {FINITE: solve_by_differences, FINITE_ALONE: solve_by_differences_alone}
+
+
 def rival_rows(subject: str, trials: int, names: Iterable[str] = RIVALS) -> list[Row]:
     """Measure cold solves of ours and of the rivals ``names`` on the same trials; nothing without FACEPOSER_CAPTURES.
 
@@ -127,7 +154,7 @@ def rival_rows(subject: str, trials: int, names: Iterable[str] = RIVALS) -> list
 
 def _compared(label: str, setting: Setting, methods: dict[str, Method], trials: Sequence[Trial]) -> list[Row]:
     rng = np.random.default_rng(0)
-    times: dict[str, list[float]] = {name: [] for name in (*methods, FINITE)}
+    times: dict[str, list[float]] = {name: [] for name in (*methods, *DIFFERENCES)}
     errors: dict[str, list[float]] = {name: [] for name in methods}
     neutral: list[float] = []
     alone: list[float] = []
@@ -140,8 +167,9 @@ def _compared(label: str, setting: Setting, methods: dict[str, Method], trials: 
                     method.model.rows_at(constraint.points)
         names = list(times)
         for name in (names[i] for i in rng.permutation(len(names))):
-            if name == FINITE:
-                times[name].append(elapsed(lambda given=trial: solve_by_differences(setting.model, given.constraints)))  # type: ignore[misc]
+            if name in DIFFERENCES:
+                solver = DIFFERENCES[name]
+                times[name].append(elapsed(lambda given=trial, by=solver: by(setting.model, given.constraints)))  # type: ignore[misc]
                 continue
             began = time.perf_counter()
             found = methods[name].solve(trial.constraints)
