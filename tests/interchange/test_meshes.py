@@ -6,7 +6,7 @@ import numpy as np
 
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.model.face_model import FaceModel
-from faceposer.session.export import write_posed_obj
+from faceposer.interchange.meshes import write_posed_obj
 
 
 def test_obj_is_the_posed_face(model: FaceModel, tmp_path: Path) -> None:
