@@ -51,6 +51,7 @@ class Look:
         turn: Seconds of one turn of the camera about the head, 0 to stand still.
         rate: Frames per second, None for what suits the format and the performance.
         shading: "full", or "clay" without textures.
+        orbit: The view itself; in place of ``view`` where the camera stands still.
     """
 
     size: tuple[int, int] = (640, 640)
@@ -58,6 +59,7 @@ class Look:
     turn: float = 0.0
     rate: float | None = None
     shading: Shading = "full"
+    orbit: OrbitView | None = None
 
 
 def write(
@@ -117,7 +119,7 @@ def picture_steps(
             raise FacePoserError(f"'{path}' shows one pose and not {len(motion)}; choose a frame, or write a .gif.")
         with _pictures(model, look.size, look.shading, ctx) as pictures:
             vertices = model.subject.vertices
-            view = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0), look.view)
+            view = look.orbit or OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0), look.view)
             write_png(path, pictures.draw(motion, view.camera(look.size)))
         return
     shot = _Shot(model, motion, look, suffix)
@@ -161,9 +163,12 @@ class _Shot:
             self.count = max(round(self._turn * self.rate), 1)
         if self.count > _MOST_FRAMES:
             raise FacePoserError(f"A film of {self.count} frames is too long; at most {_MOST_FRAMES} are written.")
+        if look.orbit is not None and not self._turn:
+            self._view = look.orbit
+            return
         shown = np.linspace(0, len(self._poses) - 1, min(len(self._poses), _FRAMED_POSES)).astype(int)
-        view = framed_all_round([model.subject.vertices, *(model.instance(self._poses[i]) for i in shown)], self.size)
-        self._view = view.looking(look.view)
+        poses = [model.instance(self._poses[i]) for i in shown]
+        self._view = framed_all_round([model.subject.vertices, *poses], self.size).looking(look.view)
 
     def pose(self, frame: int) -> NDArray[np.float64]:
         """Return the pose in ``frame``, shape (r,)."""
