@@ -21,6 +21,7 @@ _VIEWS = ("front", "three-quarter", "left", "right", "back")
 _MAX_SIDE = 8192
 _MOST_SECONDS = 3600.0
 _FASTEST = 240.0
+_GIF_SIZE = (480, 480)
 
 _DESCRIPTION = """\
 Write a face as other programs read it. The suffix of OUT says how:
@@ -88,7 +89,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--view", choices=_VIEWS, default="front", help="where pictures look from, or begin (default: front)"
     )
-    parser.add_argument("--size", type=_size, metavar="WxH", help="pixels of pictures (default: 640x640)")
+    parser.add_argument("--size", type=_size, metavar="WxH", help="pixels of pictures (default: 640x640; 480x480 for .gif)")
     parser.add_argument("--clay", action="store_true", help="draw pictures without the texture of the skin")
 
 
@@ -115,7 +116,7 @@ def run(options: argparse.Namespace) -> int:
     if isinstance(motion, Performance) and options.fps and not pictures:
         motion = resampled(motion, options.fps)
     look = Look(
-        options.size or Look.size,
+        options.size or (_GIF_SIZE if path.suffix.lower() == ".gif" else Look.size),
         options.view,
         options.turntable or 0.0,
         options.fps,
