@@ -89,7 +89,9 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--view", choices=_VIEWS, default="front", help="where pictures look from, or begin (default: front)"
     )
-    parser.add_argument("--size", type=_size, metavar="WxH", help="pixels of pictures (default: 640x640; 480x480 for .gif)")
+    parser.add_argument(
+        "--size", type=_size, metavar="WxH", help="pixels of pictures (default: 640x640; 480x480 for .gif)"
+    )
     parser.add_argument("--clay", action="store_true", help="draw pictures without the texture of the skin")
 
 

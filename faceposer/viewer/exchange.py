@@ -183,6 +183,7 @@ class Exchange(Feature):
         self.app.redraw(1)
         try:
             until = time.perf_counter() + _DRAW_SECONDS
+            filming.share = next(filming.steps)
             while time.perf_counter() < until:
                 filming.share = next(filming.steps)
         except StopIteration:

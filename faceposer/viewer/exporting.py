@@ -153,16 +153,19 @@ class _Shot:
         self.rate = look.rate or (min(usual, _GIF_RATE) if suffix == ".gif" else usual)
         if suffix == ".gif":
             self.rate = min(self.rate, FASTEST_GIF)
-        self._turn = look.turn
+        seconds = motion.seconds if isinstance(motion, Performance) else look.turn or _USUAL_TURN
+        if seconds * self.rate > _MOST_FRAMES:
+            raise FacePoserError(
+                f"A film of {seconds * self.rate:.0f} frames is too long; at most {_MOST_FRAMES} are written."
+            )
         if isinstance(motion, Performance):
+            self._turn = look.turn
             self._poses = resampled(motion, self.rate).coefficients
             self.count = len(self._poses)
         else:
-            self._turn = self._turn or _USUAL_TURN
+            self._turn = seconds
             self._poses = motion[None]
-            self.count = max(round(self._turn * self.rate), 1)
-        if self.count > _MOST_FRAMES:
-            raise FacePoserError(f"A film of {self.count} frames is too long; at most {_MOST_FRAMES} are written.")
+            self.count = max(round(seconds * self.rate), 1)
         if look.orbit is not None and not self._turn:
             self._view = look.orbit
             return

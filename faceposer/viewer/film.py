@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
@@ -87,6 +88,9 @@ def write_mp4(path: Path, draw: Draw, count: int, rate: float, size: tuple[int, 
         except OSError as error:
             raise FacePoserError(f"The film '{path}' cannot be written: {error.strerror}.") from error
         finally:
+            # Closing sends what waits, which nobody may want any more.
+            with suppress(OSError):
+                process.stdin.close()
             if process.poll() is None:
                 process.kill()
                 process.wait()
