@@ -65,13 +65,14 @@ def add_parser(commands: Any) -> None:
         "--pose",
         type=Path,
         metavar="FILE",
-        help="take the pose from a mesh of this face (.obj, .ply), or from weights (.csv, .txt, .json)",
+        help="take the pose from a mesh of this face (.obj, .ply), or from weights as for --animation",
     )
     motion.add_argument(
         "--animation",
         type=Path,
         metavar="FILE",
-        help="take an animation from weights: a take of Live Link Face or Face Cap (.csv, .txt), or .json",
+        help="take an animation from weights: a take of Live Link Face or Face Cap (.csv, .txt), .json, or the morph "
+        "targets of .glb",
     )
     parser.add_argument("--frame", type=_frame, metavar="N", help="which frame of the weights in --pose (default: 1)")
     parser.add_argument(
@@ -138,7 +139,8 @@ def _motion(
     if options.animation is not None:
         animation = read_performance(options.animation, model)
         count, rate = len(animation.performance), animation.performance.rate
-        _say(f"{options.animation}: {count} frames at {rate:g} a second. {animation.note}")
+        length = f"{count} frames at {rate:g} a second" if count > 1 else "a single frame"
+        _say(f"{options.animation}: {length}. {animation.note}")
         return animation.performance
     if options.pose is not None:
         read = read_pose(options.pose, model, (options.frame or 1) - 1)

@@ -9,16 +9,19 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.polygon_mesh import PolygonMesh
+from faceposer.interchange.gltf_weights import read_gltf_weights
 from faceposer.interchange.live_link import rate_of_capture
+from faceposer.interchange.named_weights import NamedWeights
 from faceposer.interchange.weights_json import read_weights
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
+from faceposer.model.shape_names import canonical_shape
 from faceposer.training.capture import read_capture
 
 Array = NDArray[np.float64]
 
 MESHES = (".obj", ".ply")
-WEIGHTS = (".csv", ".txt", ".json")
+WEIGHTS = (".csv", ".txt", ".json", ".glb", ".gltf")
 _MILLIMETRES = 10.0
 _DEFAULT_RATE = 30.0
 # Of the height of the head: a mesh that is off by more, in the root mean square, is another pose than this face has.
@@ -47,7 +50,7 @@ class ReadPerformance:
 
 
 def read_pose(path: Path, model: FaceModel, frame: int = 0) -> ReadPose:
-    """Return the pose in a mesh of the subject's topology (.obj, .ply), or in one frame of weights (.csv, .txt, .json).
+    """Return the pose in a mesh of the subject's topology (.obj, .ply), or in one frame of weights (``WEIGHTS``).
 
     Args:
         path: The file.
@@ -105,35 +108,42 @@ def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
 
 
 def read_performance(path: Path, model: FaceModel) -> ReadPerformance:
-    """Return the performance in weights: a take of Live Link Face or Face Cap (.csv, .txt), or our own .json.
+    """Return the performance in weights: of Live Link Face or Face Cap (.csv, .txt), our own .json, or glTF's targets.
 
     Shapes that the file lacks rest; shapes that the subject lacks are passed over.
 
     Raises:
         FacePoserError: If the file cannot be read or has none of the subject's shapes.
     """
+    named = _read_named(path)
+    title, shapes = model.subject.title, model.subject.shape_names
+    # Other programs spell ARKit's names in their own ways.
+    names = [name if name in shapes else canonical_shape(name) or name for name in named.names]
+    weights = np.zeros((len(named.frames), len(shapes)))
+    used = set()
+    for column, shape in enumerate(shapes):
+        # A rig may have the halves of what the file has whole.
+        name = shape if shape in names else shape.removesuffix("Left").removesuffix("Right")
+        if name in names:
+            weights[:, column] = named.frames[:, names.index(name)]
+            used.add(name)
+    if not used:
+        raise FacePoserError(
+            f"'{path}' has none of the shapes of {title} (it has '{names[0][:60]}' and so on, the face "
+            f"'{shapes[0]}'); give weights of this face."
+        )
+    left = len(names) - len(used)
+    note = f"{left} of its {len(names)} shapes are none of {title}'s and were left out." if left else ""
+    return ReadPerformance(Performance.from_weights(model, weights, named.rate or _DEFAULT_RATE), note)
+
+
+def _read_named(path: Path) -> NamedWeights:
     suffix = path.suffix.lower()
     if suffix not in WEIGHTS:
         raise FacePoserError(f"'{path}' is no animation; give weights that end in one of {', '.join(WEIGHTS)}.")
     if suffix == ".json":
-        named = read_weights(path)
-        names, frames, rate = named.names, named.frames, named.rate or _DEFAULT_RATE
-    else:
-        capture = read_capture(path)
-        names, frames, rate = capture.shape_names, capture.weights, rate_of_capture(path)
-    weights = np.zeros((len(frames), len(model.subject.shape_names)))
-    used = set()
-    for column, shape in enumerate(model.subject.shape_names):
-        # A rig may have the halves of what the file has whole.
-        name = shape if shape in names else shape.removesuffix("Left").removesuffix("Right")
-        if name in names:
-            weights[:, column] = frames[:, names.index(name)]
-            used.add(name)
-    if not used:
-        raise FacePoserError(
-            f"'{path}' has none of the shapes of {model.subject.title} (it has '{names[0][:60]}' and so on, the face "
-            f"'{model.subject.shape_names[0]}'); give weights of this face."
-        )
-    left = len(names) - len(used)
-    note = f"{left} of its {len(names)} shapes are none of {model.subject.title}'s and were left out." if left else ""
-    return ReadPerformance(Performance.from_weights(model, weights, rate), note)
+        return read_weights(path)
+    if suffix in (".glb", ".gltf"):
+        return read_gltf_weights(path)
+    capture = read_capture(path)
+    return NamedWeights(capture.shape_names, capture.weights, rate_of_capture(path))

@@ -1,7 +1,6 @@
 """Rig weights over time as JSON (docs/interchange.md)."""
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.interchange.files import replacing
+from faceposer.interchange.named_weights import NamedWeights
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.solve.weight_fit import fit_weights_of_frames
@@ -21,21 +21,6 @@ _MAX_NAMES = 10_000
 # Modes of examples reach some units; far more is no weight.
 _LARGEST = 1000.0
 _DIGITS = 6
-
-
-@dataclass(frozen=True, eq=False)
-class NamedWeights:
-    """Weights of shapes by name, frame by frame.
-
-    Attributes:
-        names: Of the S shapes.
-        frames: Shape (F, S).
-        rate: Frames per second; None if the file does not say, as of a single pose.
-    """
-
-    names: tuple[str, ...]
-    frames: NDArray[np.float64]
-    rate: float | None
 
 
 def write_weights(path: Path, model: FaceModel, motion: NDArray[np.float64] | Performance) -> None:

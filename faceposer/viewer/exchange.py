@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 # For which frames of a film are drawn before the window's next.
 _DRAW_SECONDS = 0.15
-POSES = (".obj", ".ply", ".csv", ".txt", ".json")
+POSES = (".obj", ".ply", ".csv", ".txt", ".json", ".glb", ".gltf")
 
 
 @dataclass
@@ -114,7 +114,7 @@ class Exchange(Feature):
                 (),
                 free,
                 separated=True,
-                help="Take the pose from a mesh of this face (OBJ, PLY) or from weights (CSV, JSON)",
+                help="Take the pose from a mesh of this face (OBJ, PLY) or from weights (CSV, JSON, GLB)",
             ),
         )
 

@@ -37,6 +37,8 @@ _SAMPLES = 4
 # Seconds of a turn where nothing else moves.
 _USUAL_TURN = 4.0
 _MOST_FRAMES = 100_000
+# All frames of a GIF are in memory together, with a byte for each pixel.
+_MOST_GIF_PIXELS = 2_000_000_000
 # Poses that decide how far away the camera of a performance stands.
 _FRAMED_POSES = 24
 
@@ -166,6 +168,11 @@ class _Shot:
             self._turn = seconds
             self._poses = motion[None]
             self.count = max(round(seconds * self.rate), 1)
+        if suffix == ".gif" and self.count * width * height > _MOST_GIF_PIXELS:
+            raise FacePoserError(
+                f"A GIF of {self.count} frames of {width}x{height} is too large; write an .mp4, or fewer or smaller "
+                "frames."
+            )
         if look.orbit is not None and not self._turn:
             self._view = look.orbit
             return

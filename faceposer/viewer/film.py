@@ -36,7 +36,7 @@ def write_gif(path: Path, draw: Draw, count: int, rate: float) -> Iterator[float
     """
     ends = np.round(100.0 * np.arange(count + 1) / rate).astype(int)
     places = sorted({0, count // 4, count // 2, count - 1})
-    palette = shared_palette([Image.fromarray(draw(i)) for i in places], _GIF_COLOURS)
+    palette = shared_palette([Image.fromarray(draw(i)) for i in places], _GIF_COLOURS, keep_rare=True)
     pictures = []
     for i in range(count):
         pictures.append(reduced(Image.fromarray(draw(i)), palette))

@@ -34,14 +34,17 @@ def write_animation(path: Path, pictures: Sequence[Image.Image], milliseconds: S
     write_reduced(path, [reduced(picture, palette) for picture in pictures], milliseconds)
 
 
-def shared_palette(samples: Sequence[Image.Image], colours: int = _COLOURS) -> Image.Image:
+def shared_palette(samples: Sequence[Image.Image], colours: int = _COLOURS, keep_rare: bool = False) -> Image.Image:
     """Return a picture with the palette for an animation that has ``samples``, of one size, at its most different.
 
-    Palettes of their own would make still parts flicker.
+    Palettes of their own would make still parts flicker. With ``keep_rare`` what covers little, as lips do, keeps its
+    colour, at the cost of the fine steps of what covers much.
     """
     strip = Image.new("RGB", (samples[0].width, sum(sample.height for sample in samples)))
     for i, sample in enumerate(samples):
         strip.paste(sample, (0, i * samples[0].height))
+    if keep_rare:
+        return strip.quantize(colours, Image.Quantize.MAXCOVERAGE, kmeans=2)
     return strip.quantize(colours, Image.Quantize.MEDIANCUT)
 
 
