@@ -79,7 +79,10 @@ def add_parser(commands: Any) -> None:
         "--sequence", choices=("obj", "ply"), help="write the animation into the new folder OUT, one mesh per frame"
     )
     parser.add_argument(
-        "--fps", type=_rate, metavar="RATE", help="frames per second of what moves (default: as the animation has)"
+        "--fps",
+        type=_rate,
+        metavar="RATE",
+        help="frames per second of what moves (default: as the animation has, at most 25 for .gif)",
     )
     parser.add_argument(
         "--turntable",

@@ -5,7 +5,7 @@ A character from a file of its own goes back in the unit, the axes and the order
 
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Literal
 
@@ -51,28 +51,37 @@ def write_sequence(
     kind: SequenceKind = "obj",
     progress: Progress = no_progress,
 ) -> list[Path]:
+    """Write every frame of ``performance`` as a mesh of its own, as ``sequence_steps`` does, and return the files.
+
+    Raises:
+        FacePoserError: If the folder holds something or cannot be written.
+    """
+    for share in sequence_steps(folder, model, performance, kind):
+        progress(share)
+    return sorted(folder.iterdir())
+
+
+def sequence_steps(
+    folder: Path, model: FaceModel, performance: Performance, kind: SequenceKind = "obj"
+) -> Iterator[float]:
     """Write every frame of ``performance`` as a mesh of its own into ``folder``, which must be new or empty.
 
-    The files are called by the folder and the number of the frame, from 1, such as smile.0001.obj. The folder appears
-    when all of them are written, or not at all.
-
-    Returns:
-        The files.
+    The files are called by the folder and the number of the frame, from 1, such as smile.0001.obj; after each, the
+    share that is done is told. The folder appears when all are written; if the iterator is closed before, not at all.
 
     Raises:
         FacePoserError: If the folder holds something or cannot be written.
     """
     write = {"obj": _obj_frames, "ply": _ply_frames}[kind](model)
     digits = max(4, len(str(len(performance))))
-    names = [f"{folder.name}.{number:0{digits}}.{kind}" for number in range(1, len(performance) + 1)]
     temporary = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
     try:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise FacePoserError(f"'{folder}' is there and not an empty folder; give the name of a new one.")
         temporary.mkdir()
-        for frame, name in enumerate(names):
-            progress(frame / len(names))
-            write(temporary / name, model.instance(performance.coefficients[frame]))
+        for number, pose in enumerate(performance.coefficients, 1):
+            write(temporary / f"{folder.name}.{number:0{digits}}.{kind}", model.instance(pose))
+            yield number / len(performance)
         if folder.exists():
             folder.rmdir()
         temporary.replace(folder)
@@ -80,7 +89,6 @@ def write_sequence(
         raise FacePoserError(f"The folder '{folder}' cannot be written: {error.strerror}.") from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
-    return [folder / name for name in names]
 
 
 def _obj_frames(model: FaceModel) -> _WriteFrame:

@@ -24,6 +24,8 @@ MESHES = (".obj", ".ply")
 WEIGHTS = (".csv", ".txt", ".json", ".glb", ".gltf")
 _MILLIMETRES = 10.0
 _DEFAULT_RATE = 30.0
+# Millimetres that nobody sees.
+_SAME = 0.01
 # Of the height of the head: a mesh that is off by more, in the root mean square, is another pose than this face has.
 _MOST_OFF = 0.05
 
@@ -104,6 +106,8 @@ def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
             "in the unit, the axes, the place and the order of vertices that it had."
         )
     note = f"The pose is {_MILLIMETRES * typical:.2f} mm off the mesh, at most {_MILLIMETRES * most:.2f} mm."
+    if _MILLIMETRES * most < _SAME:
+        note = "The pose is that of the mesh."
     return ReadPose(coefficients, note)
 
 

@@ -17,11 +17,13 @@ from faceposer.viewer.panels.export_dialog import draw_form, draw_progress
 from faceposer.viewer.settings import last_folder
 
 if TYPE_CHECKING:
+    from faceposer.interchange.meshes import SequenceKind
     from faceposer.model.performance import Performance
     from faceposer.viewer.app import App
 
 # For which frames of a film are drawn before the window's next.
 _DRAW_SECONDS = 0.15
+_MESHES = (".obj", ".ply")
 POSES = (".obj", ".ply", ".csv", ".txt", ".json", ".glb", ".gltf")
 
 
@@ -50,11 +52,11 @@ class ExportForm:
 
 @dataclass
 class Filming:
-    """A film that is being written.
+    """A film or a sequence of meshes that is being written.
 
     Attributes:
-        path: The file.
-        steps: Draws a frame each time, and gives the share that is done.
+        path: The file, or the folder of a sequence of meshes.
+        steps: Draws or writes a frame each time, and gives the share that is done.
         share: How far it is, 0 to 1.
     """
 
@@ -146,21 +148,25 @@ class Exchange(Feature):
 
     def export(self, path: Path) -> None:
         """Write the face, or begin to film it, as the form says."""
+        from faceposer.interchange.meshes import sequence_steps
         from faceposer.viewer import exporting
 
         app, form = self.app, self.form
         path = path if path.suffix.lower() == form.suffix else path.with_name(path.name + form.suffix)
         try:
             app.session.wait()
-            motion = self._motion()
-            if form.suffix in exporting.PICTURES:
+            motion, model = self._motion(), app.session.model
+            if form.suffix in _MESHES and not isinstance(motion, np.ndarray):
+                kind: SequenceKind = "ply" if form.suffix == ".ply" else "obj"
+                folder = path.with_suffix("")
+                self.filming = Filming(folder, sequence_steps(folder, model, motion, kind))
+            elif form.suffix in exporting.PICTURES:
                 turn = form.seconds if form.turning or isinstance(motion, np.ndarray) else 0.0
                 size, rate = (form.width, form.height), float(form.rate)
                 look = exporting.Look(size, "front", turn, rate, app.shading, app.viewport.view)
-                model, ctx = app.session.model, app.window.ctx
-                self.filming = Filming(path, exporting.picture_steps(path, model, motion, look, ctx))
+                self.filming = Filming(path, exporting.picture_steps(path, model, motion, look, app.window.ctx))
             else:
-                exporting.write(path, app.session.model, motion)
+                exporting.write(path, model, motion)
                 self._written(path)
         except FacePoserError as error:
             app.dialogs.report("The face is not exported", str(error))
@@ -168,10 +174,8 @@ class Exchange(Feature):
 
     def _motion(self) -> "NDArray[np.float64] | Performance":
         """Return the pose, or the animation where it is wanted, there is one, and the format takes it."""
-        from faceposer.viewer.exporting import ANIMATED
-
         performance = self.performance()
-        if performance is not None and self.form.animated and self.form.suffix in ANIMATED:
+        if performance is not None and self.form.animated and self.form.suffix != ".png":
             return performance
         return self.app.session.coefficients
 

@@ -79,7 +79,8 @@ def test_a_sequence_is_a_folder_of_the_frames(
     assert sorted((tmp_path / "take").iterdir()) == files
     assert [*tmp_path.iterdir()] == [tmp_path / "take"]
     assert shares == sorted(shares)
-    assert 0 <= shares[0] < shares[-1] < 1
+    assert shares[-1] == 1
+    assert len(shares) == 9
     for file, pose in zip(files, performance.coefficients, strict=True):
         np.testing.assert_allclose(read_mesh(file).vertices, low.instance(pose), atol=1e-5)
     write_posed_obj(tmp_path / "one.obj", low, performance.coefficients[4])
@@ -92,9 +93,9 @@ def test_a_sequence_that_is_stopped_leaves_nothing_behind(
 ) -> None:
     def stop(share: float) -> None:
         if share > 0.5:
-            raise InterruptedError
+            raise KeyboardInterrupt
 
-    with pytest.raises((InterruptedError, FacePoserError)):
+    with pytest.raises(KeyboardInterrupt):
         write_sequence(tmp_path / "take", low, performance, "ply", stop)
     assert not [*tmp_path.iterdir()]
 

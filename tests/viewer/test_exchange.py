@@ -150,13 +150,22 @@ def test_the_animation_of_the_window_is_what_moves(robot: Robot, tmp_path: Path)
     exchange.form.animated = False
     exchange.export(tmp_path / "b.csv")
     assert len(read_capture(tmp_path / "b.csv").weights) == 1
-    exchange.form.animated, exchange.form.suffix = True, ".obj"
+    exchange.form.suffix = ".obj"
     exchange.export(tmp_path / "a.obj")
-    assert (tmp_path / "a.obj").is_file(), "a mesh is of the pose"
+    assert (tmp_path / "a.obj").is_file()
     exchange.form.suffix = ".gif"
     app.actions["export-other"].run()
     robot.frames(2)
     assert "export:seconds" in app.marks
+    robot.click_widget("export:animation")
+    robot.click_widget("export:obj")
+    robot.click_widget("export:accept")
+    choose(robot, "yawn")
+    robot.frames(8)
+    assert app.notice == "Saved yawn"
+    meshes = sorted((tmp_path / "yawn").iterdir())
+    assert [mesh.name for mesh in meshes] == [f"yawn.000{i}.obj" for i in range(1, 6)]
+    np.testing.assert_allclose(read_mesh(meshes[4]).vertices, model.instance(take.coefficients[4]), atol=1e-4)
 
 
 def test_what_goes_wrong_is_told_and_nothing_is_lost(
@@ -190,7 +199,7 @@ def test_a_pose_is_opened_and_can_be_undone(robot: Robot, tmp_path: Path) -> Non
     robot.frames(2)
     choose(robot, "smile.obj")
     robot.frames(2)
-    assert app.notice.startswith("Opened smile.obj. The pose is 0.00 mm off")
+    assert app.notice.startswith("Opened smile.obj. The pose is that of the mesh.")
     assert not app.session.document.constraints
     np.testing.assert_allclose(app.session.coefficients, pose, atol=1e-3)
     np.testing.assert_allclose(app.scene.vertices, app.session.model.instance(pose), atol=1e-3)

@@ -64,21 +64,22 @@ def draw_form(app: "App", exchange: "Exchange") -> None:
 
 
 def _draw_options(app: "App", exchange: "Exchange") -> None:
-    from faceposer.viewer.exporting import ANIMATED
-
     form, marks = exchange.form, app.marks
     animated = exchange.performance() is not None
-    if form.suffix not in ANIMATED or not animated:
+    if form.suffix == ".png" or not animated:
         moving = "turns round once" if form.suffix in _FILMS else "as it is now"
         _label("What")
         imgui.text_unformatted(f"The pose {moving}")
     else:
         _label("What")
-        if imgui.radio_button("The animation", form.animated):
+        folder = ", a folder of meshes" if form.suffix in (".obj", ".ply") else ""
+        if imgui.radio_button(f"The animation{folder}", form.animated):
             form.animated = True
+        marks.note("export:animation")
         imgui.same_line()
         if imgui.radio_button("The pose", not form.animated):
             form.animated = False
+        marks.note("export:pose")
     if form.suffix not in _PICTURES:
         return
     _label("Size")
