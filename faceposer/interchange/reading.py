@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.geometry.alignment import determines_rotation, rigid_alignment
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.polygon_mesh import PolygonMesh
 from faceposer.interchange.gltf_weights import read_gltf_weights
@@ -26,6 +27,9 @@ _MILLIMETRES = 10.0
 _DEFAULT_RATE = 30.0
 # Millimetres that nobody sees.
 _SAME = 0.01
+# Of the root mean square: a mesh that is nearer than this has not been moved as a whole.
+_WORTH_MOVING = 1.0
+_MOST_ROUNDS, _SETTLED = 200, 1e-5
 # Of the height of the head: a mesh that is off by more, in the root mean square, is another pose than this face has.
 _MOST_OFF = 0.05
 
@@ -79,7 +83,8 @@ def read_pose(path: Path, model: FaceModel, frame: int = 0) -> ReadPose:
 def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
     """Return the pose of the face nearest to ``mesh``, in the least squares of the distances of its vertices.
 
-    The vertices are those of the character's own file, in its unit, axes and order, where it came from one.
+    The vertices are those of the character's own file, in its unit, axes and order, where it came from one. A mesh that
+    was moved, turned or scaled as a whole is first laid back on the face.
 
     Raises:
         FacePoserError: If the mesh, called ``name``, has another topology or is no pose of this face.
@@ -91,24 +96,59 @@ def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
             f"'{name}' has {len(mesh.vertices)} vertices, and {subject.title} has {wanted}; give a mesh that was "
             "exported from this face, with no vertex added, merged or left out."
         )
-    if origin is None:
-        moved = mesh.vertices - subject.vertices
-    else:
-        moved = origin.subject_vertices(mesh.vertices, len(subject.vertices))
-    basis: Array = model.basis.astype(np.float64)
-    flat: Array = np.asarray(moved, dtype=np.float64).ravel()
-    coefficients: Array = np.linalg.solve(basis @ basis.T, basis @ flat).astype(np.float64, copy=False)
-    off = np.linalg.norm((flat - coefficients @ basis).reshape(-1, 3), axis=1)
-    typical, most = float(np.sqrt((off**2).mean())), float(off.max())
+    vertices = mesh.vertices
+    if origin is not None:
+        vertices = subject.vertices + origin.subject_vertices(mesh.vertices, len(subject.vertices))
+    fit = _Fit(model)
+    coefficients, off = fit.nearest(vertices)
+    typical = _root_mean_square(off)
+    moved = False
+    if _MILLIMETRES * typical > _WORTH_MOVING and determines_rotation(vertices):
+        laid, laid_off = fit.laid_back(vertices)
+        moved = _root_mean_square(laid_off) < 0.5 * typical
+        if moved:
+            coefficients, off, typical = laid, laid_off, _root_mean_square(laid_off)
+    most = float(off.max())
     if typical > _MOST_OFF * subject.height:
         raise FacePoserError(
             f"'{name}' is no pose of {subject.title}: its vertices are {_MILLIMETRES * typical:.0f} mm off; export it "
-            "in the unit, the axes, the place and the order of vertices that it had."
+            "with the order of vertices that it had."
         )
     note = f"The pose is {_MILLIMETRES * typical:.2f} mm off the mesh, at most {_MILLIMETRES * most:.2f} mm."
     if _MILLIMETRES * most < _SAME:
         note = "The pose is that of the mesh."
-    return ReadPose(coefficients, note)
+    return ReadPose(coefficients, f"{note} The mesh was moved back onto the face." if moved else note)
+
+
+class _Fit:
+    """Finds the pose nearest to vertices."""
+
+    def __init__(self, model: FaceModel) -> None:
+        self._model = model
+        self._basis: Array = model.basis.astype(np.float64)
+        self._factor = np.linalg.inv(self._basis @ self._basis.T)
+
+    def nearest(self, vertices: Array) -> tuple[Array, Array]:
+        """Return the pose nearest to ``vertices``, (N, 3), as (r,), and how far off each of them stays, (N,)."""
+        flat = (vertices - self._model.subject.vertices).ravel()
+        coefficients: Array = self._factor @ (self._basis @ flat)
+        return coefficients, np.linalg.norm((flat - coefficients @ self._basis).reshape(-1, 3), axis=1)
+
+    def laid_back(self, vertices: Array) -> tuple[Array, Array]:
+        """Return the same for ``vertices`` after the turn, scale and shift that bring them nearest to a pose."""
+        face = self._model.subject.vertices.astype(np.float64)
+        coefficients, off = self._model.neutral(), np.zeros(len(face))
+        for _ in range(_MOST_ROUNDS):
+            laid = rigid_alignment(vertices, face, scale=True).apply(vertices)
+            before, (coefficients, off) = coefficients, self.nearest(laid)
+            face = self._model.instance(coefficients).astype(np.float64)
+            if np.abs(coefficients - before).max() < _SETTLED * max(np.abs(coefficients).max(), 1.0):
+                break
+        return coefficients, off
+
+
+def _root_mean_square(values: Array) -> float:
+    return float(np.sqrt((values**2).mean()))
 
 
 def read_performance(path: Path, model: FaceModel) -> ReadPerformance:
