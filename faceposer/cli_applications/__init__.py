@@ -9,15 +9,20 @@ Subparsers = Any
 
 
 class _Command(Protocol):
-    """A command's module; its name is what is typed."""
+    """A command's module.
+
+    Attributes:
+        NAME: What is typed.
+    """
 
     NAME: str
 
-    def add_parser(self, commands: Subparsers) -> None:
+    def add_parser(self, commands: Subparsers, /) -> None:
         """Add its parser."""
 
-    def run(self, options: argparse.Namespace) -> int:
+    def run(self, options: argparse.Namespace, /) -> int:
         """Do what the options ask for and return the exit status."""
+        ...
 
 
 _COMMANDS: tuple[_Command, ...] = (export,)

@@ -236,6 +236,15 @@ class Exchange(Feature):
             session.set_start(read.coefficients)
         app.notify(f"Opened {path.name}. {read.note}".strip())
 
+    def drop(self, paths: tuple[str, ...]) -> bool:
+        """Open a mesh that was dropped as a pose, unless the import dialog waits for one."""
+        path = Path(paths[0])
+        if self.covers or self.app.importing.open or path.suffix.lower() not in _MESHES or path.is_dir():
+            return False
+        self.app.toolbox.finish()
+        self.open_pose(path)
+        return True
+
     # Drawing
 
     def draw_dialog(self) -> None:

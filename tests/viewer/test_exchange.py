@@ -12,6 +12,7 @@ from faceposer.interchange.export import write
 from faceposer.model.performance import Performance
 from faceposer.training.capture import read_capture
 from faceposer.viewer.app import App
+from faceposer.viewer.events import Drop
 from faceposer.viewer.exchange import Exchange
 from faceposer.viewer.robot import Robot
 from faceposer.viewer.settings import Settings
@@ -210,6 +211,18 @@ def test_a_pose_is_opened_and_can_be_undone(robot: Robot, tmp_path: Path) -> Non
     np.testing.assert_array_equal(app.session.coefficients, dragged)
     robot.key("Ctrl+Shift+Z")
     np.testing.assert_allclose(app.session.coefficients, pose, atol=1e-3)
+
+
+def test_a_mesh_that_is_dropped_is_a_pose(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    pose = app.session.model.coefficients_of({"jawOpen": 0.6})
+    write(tmp_path / "a.ply", app.session.model, pose)
+    app.router.route([Drop((str(tmp_path / "a.ply"),))])
+    np.testing.assert_allclose(app.session.coefficients, pose, atol=1e-3)
+    app.session.undo()
+    app.importing.show()
+    app.router.route([Drop((str(tmp_path / "a.ply"),))])
+    assert not app.session.coefficients.any(), "the import dialog is above"
 
 
 def test_a_pose_of_another_face_is_refused(robot: Robot, tmp_path: Path) -> None:
