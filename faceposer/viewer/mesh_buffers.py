@@ -10,6 +10,12 @@ from PIL import Image
 from faceposer.model.subject import Subject
 
 
+def drawn_by_processor(ctx: moderngl.Context) -> bool:
+    """Whether the processor draws, not a graphics card."""
+    renderer = ctx.info["GL_RENDERER"].lower()
+    return any(name in renderer for name in ("llvmpipe", "softpipe", "swiftshader", "swrast"))
+
+
 class MeshBuffers:
     """Vertex and index buffers of one subject.
 
@@ -72,5 +78,7 @@ def _texture(ctx: moderngl.Context, data: bytes) -> moderngl.Texture:
     texture = ctx.texture(image.size, len(image.getbands()), image.tobytes(), alignment=1)
     texture.build_mipmaps()
     texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-    texture.anisotropy = 4.0
+    if not drawn_by_processor(ctx):
+        # Mesa's processor needs many seconds for some triangles that are seen from their edge.
+        texture.anisotropy = 4.0
     return texture

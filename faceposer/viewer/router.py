@@ -101,7 +101,7 @@ class Router:
             if key.key == "C":
                 self._release_compare(key.time)
             return
-        if app.dialogs.open or app.file_dialogs.browsing or app.importing.open:
+        if app.dialogs.open or app.file_dialogs.browsing or app.importing.open or app.features.covers:
             return
         if app.gui.popup_open or app.palette.open:
             again = app.palette.open and app.actions.for_key(key.key, key.modifiers) is app.actions["palette"]
@@ -120,6 +120,8 @@ class Router:
 
     def _on_drop(self, paths: tuple[str, ...]) -> None:
         app = self._app
+        if not app.importing.running and app.features.drop(paths):
+            return
         if app.importing.takes(paths[0]):
             app.importing.drop(paths)
         elif not app.importing.running:

@@ -30,6 +30,7 @@ from faceposer.viewer.events import (
     Pointer,
     PointerKind,
 )
+from faceposer.viewer.mesh_buffers import drawn_by_processor
 
 Size = tuple[int, int]
 SMALLEST: Size = (480, 360)
@@ -110,8 +111,7 @@ class Window:
     @property
     def software(self) -> bool:
         """Whether the processor draws, not a graphics card."""
-        renderer = self.ctx.info["GL_RENDERER"].lower()
-        return any(name in renderer for name in ("llvmpipe", "softpipe", "swiftshader", "swrast"))
+        return drawn_by_processor(self.ctx)
 
     @property
     def size(self) -> Size:

@@ -13,10 +13,10 @@ from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.mesh_sequence import frames_of, open_sequence, write_frames
 from faceposer.geometry.picking import SurfacePoint
 from faceposer.geometry.polygon_mesh import PolygonMesh
+from faceposer.interchange.meshes import write_posed_obj
 from faceposer.model.face_model import build_face_model
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import load_subject, save_subject
-from faceposer.session.export import write_posed_obj
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem

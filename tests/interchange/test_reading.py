@@ -1,0 +1,216 @@
+"""Meshes and weights become poses and performances again, or one sentence says why not."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.obj_io import write_obj
+from faceposer.interchange.export import write
+from faceposer.interchange.meshes import write_posed_obj, write_posed_ply
+from faceposer.interchange.reading import read_performance, read_pose
+from faceposer.interchange.sampling import resampled
+from faceposer.interchange.weights_json import read_weights
+from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.performance import Performance
+from faceposer.model.subject_file import load_subject
+from faceposer.training.progress import Progress
+from faceposer.training.rigs import RigOptions, subject_from_morphs
+from tests.training.faces import morph_mesh, rotation
+
+
+def distance(model: FaceModel, one: np.ndarray, other: np.ndarray) -> float:
+    """Return how far apart two poses are at most, in centimetres."""
+    return float(np.linalg.norm(model.instance(one) - model.instance(other), axis=1).max())
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply"])
+def test_an_exported_mesh_is_its_pose(suffix: str, low: FaceModel, performance: Performance, tmp_path: Path) -> None:
+    pose = performance.coefficients[3]
+    write(tmp_path / f"a{suffix}", low, pose)
+    read = read_pose(tmp_path / f"a{suffix}", low)
+    assert distance(low, read.coefficients, pose) < 1e-4
+    assert read.note == "The pose is that of the mesh."
+
+
+def test_a_mesh_goes_through_the_unit_and_axes_of_its_origin(tmp_path: Path) -> None:
+    rig = morph_mesh(rotation(4), 0.01, np.array([3.0, -2.0, 1.0]))
+    subject = subject_from_morphs(rig, "rig", RigOptions("a", "A"), Progress())
+    assert subject.origin is not None
+    model = build_face_model(subject)
+    pose = model.coefficients_of({"jawOpen": 0.6, "mouthSmileLeft": 0.7})
+    write_posed_obj(tmp_path / "a.obj", model, pose)
+    assert distance(model, read_pose(tmp_path / "a.obj", model).coefficients, pose) < 1e-3
+
+
+def test_what_the_face_cannot_do_is_told_in_millimetres(low: FaceModel, tmp_path: Path) -> None:
+    pose = low.coefficients_of({"jawOpen": 0.5})
+    bumped = low.instance(pose).astype(np.float64)
+    bumped[100] += [0.0, 0.0, 2.0]
+    write_obj(tmp_path / "a.obj", bumped, low.subject.polygons)
+    read = read_pose(tmp_path / "a.obj", low)
+    assert distance(low, read.coefficients, pose) < 0.3
+    most = float(read.note.split("at most ")[1].split(" mm")[0])
+    assert 15.0 < most < 20.5
+
+
+def test_the_pose_is_the_nearest_in_least_squares(low: FaceModel, tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    target = low.instance(low.coefficients_of({"jawOpen": 0.5})) + 0.2 * rng.standard_normal(
+        (len(low.subject.vertices), 3)
+    )
+    write_obj(tmp_path / "a.obj", target, low.subject.polygons)
+    found = read_pose(tmp_path / "a.obj", low).coefficients
+    residual = (low.instance(found) - target).ravel()
+    slopes = low.basis @ residual
+    assert np.abs(slopes).max() < 1e-3 * np.linalg.norm(residual) * np.linalg.norm(low.basis, axis=1).max()
+
+
+def test_a_mesh_of_another_topology_is_told_with_both_counts(low: FaceModel, model: FaceModel, tmp_path: Path) -> None:
+    write_posed_ply(tmp_path / "low.ply", low, low.neutral())
+    with pytest.raises(FacePoserError, match=r"has 1476 vertices, and Man has 20935"):
+        read_pose(tmp_path / "low.ply", model)
+
+
+def test_a_mesh_that_was_moved_turned_and_scaled_is_laid_back(low: FaceModel, tmp_path: Path) -> None:
+    pose = low.coefficients_of({"jawOpen": 0.7, "mouthSmileLeft": 1.0, "browInnerUp": 0.5})
+    moved = 0.01 * low.instance(pose).astype(np.float64) @ rotation(6).T + [4.0, -2.0, 1.0]
+    write_obj(tmp_path / "a.obj", moved, low.subject.polygons)
+    read = read_pose(tmp_path / "a.obj", low)
+    assert read.note.endswith("The mesh was moved back onto the face.")
+    assert distance(low, read.coefficients, pose) < 0.01
+
+
+def test_a_mesh_that_was_only_sculpted_stays_where_it_is(low: FaceModel, tmp_path: Path) -> None:
+    pose = low.coefficients_of({"jawOpen": 0.5})
+    sculpted = low.instance(pose).astype(np.float64)
+    sculpted[low.subject.vertices[:, 1] > 10.0] += [0.0, 1.0, 0.0]
+    write_obj(tmp_path / "a.obj", sculpted, low.subject.polygons)
+    read = read_pose(tmp_path / "a.obj", low)
+    assert "moved back" not in read.note
+    assert distance(low, read.coefficients, pose) < 0.5
+
+
+@pytest.mark.parametrize("spoil", [lambda v: v[::-1], lambda v: 0 * v, lambda v: v * [-1.0, 1.0, 1.0]])
+def test_a_mesh_that_is_no_pose_is_refused(
+    spoil: Callable[[np.ndarray], np.ndarray], low: FaceModel, tmp_path: Path
+) -> None:
+    write_obj(tmp_path / "a.obj", spoil(low.subject.vertices), low.subject.polygons)
+    with pytest.raises(FacePoserError, match=r"is no pose of Low-poly head: its vertices are \d+ mm off"):
+        read_pose(tmp_path / "a.obj", low)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".json"])
+def test_weights_are_the_performance_again(suffix: str, low: FaceModel, tmp_path: Path) -> None:
+    rng = np.random.default_rng(8)
+    inside = rng.uniform(0.0, 1.0, (7, len(low.subject.shape_names))) * (rng.random((7, 52)) < 0.3)
+    performance = Performance.from_weights(low, inside, 24.0)
+    path = tmp_path / f"a{suffix}"
+    write(path, low, performance)
+    read = read_performance(path, low)
+    assert read.note == ""
+    assert read.performance.rate == pytest.approx(24.0)
+    assert len(read.performance) == 7
+    for ours, theirs in zip(performance.coefficients, read.performance.coefficients, strict=True):
+        assert distance(low, ours, theirs) < 0.15
+    third = read_pose(path, low, 2)
+    np.testing.assert_array_equal(third.coefficients, read.performance.coefficients[2])
+    assert third.note == "Frame 3 of 7."
+    with pytest.raises(FacePoserError, match="the frames 1 to 7, and not frame 8"):
+        read_pose(path, low, 7)
+
+
+def test_a_pose_in_json_is_one_frame_without_a_rate(low: FaceModel, tmp_path: Path) -> None:
+    write(tmp_path / "a.json", low, low.coefficients_of({"jawOpen": 0.4}))
+    data = json.loads((tmp_path / "a.json").read_text())
+    assert data["format"] == "faceposer.weights"
+    assert data["names"] == list(low.subject.shape_names)
+    assert len(data["frames"]) == 1
+    assert "rate" not in data
+    assert data["frames"][0][data["names"].index("jawOpen")] == pytest.approx(0.4, abs=0.02)
+    with pytest.raises(FacePoserError, match="a single frame"):
+        read_pose(tmp_path / "a.json", low, 1)
+
+
+def test_modes_beyond_one_come_back(tmp_path: Path) -> None:
+    goblin = build_face_model(load_subject("creature"))
+    high = goblin.subject.shape_limits[:, 1].astype(np.float64)
+    pose = goblin.coefficients_of(0.9 * high)
+    write(tmp_path / "a.json", goblin, pose)
+    assert read_weights(tmp_path / "a.json").frames.max() > 1.5
+    assert distance(goblin, read_pose(tmp_path / "a.json", goblin).coefficients, pose) < 0.01
+
+
+def test_foreign_shapes_are_left_out_and_told(low: FaceModel, tmp_path: Path) -> None:
+    data = {"format": "faceposer.weights", "version": 1, "names": ["jawOpen", "hat"], "frames": [[1.0, 3.0]]}
+    (tmp_path / "a.json").write_text(json.dumps(data))
+    read = read_pose(tmp_path / "a.json", low)
+    assert read.note == "1 of its 2 shapes are none of Low-poly head's and were left out."
+    assert distance(low, read.coefficients, low.coefficients_of({"jawOpen": 1.0})) < 1e-6
+
+
+GOOD = {"format": "faceposer.weights", "version": 1, "rate": 30, "names": ["jawOpen", "tongueOut"], "frames": [[0, 1]]}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"format": "faceposer.session"}, '"format"'),
+        ({"version": 2}, "version is 2"),
+        ({"names": []}, "'names' must be"),
+        ({"names": ["jawOpen", "jawOpen"]}, "'jawOpen' twice"),
+        ({"names": ["hat", "scarf"]}, "none of the shapes of Low-poly head"),
+        ({"frames": []}, "'frames' must be"),
+        ({"frames": [[0, 1], [0]]}, r"frames\[1\] must be a list of 2 weights"),
+        ({"frames": [[0, "much"]]}, r"frames\[0\]\[1\] is much"),
+        ({"frames": [[0, float("nan")]]}, r"frames\[0\]\[1\] is nan"),
+        ({"frames": [[0, True]]}, r"frames\[0\]\[1\] is True"),
+        ({"rate": 0}, "'rate' is 0"),
+        ({"rate": "fast"}, "'rate' is fast"),
+    ],
+)
+def test_broken_weights_get_one_sentence(change: dict[str, object], said: str, low: FaceModel, tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(GOOD))
+    read_performance(path, low)
+    path.write_text(json.dumps(GOOD | change))
+    with pytest.raises(FacePoserError, match=said) as error:
+        read_performance(path, low)
+    assert str(path) in str(error.value)
+    assert str(error.value).endswith((".", "face."))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("{", "line 1, column 2"), ("[" * 100_000, "not valid JSON"), ("[]", "lack")]
+)
+def test_what_is_no_json_gets_one_sentence(text: str, said: str, low: FaceModel, tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text(text)
+    with pytest.raises(FacePoserError, match=said):
+        read_performance(tmp_path / "a.json", low)
+
+
+def test_other_files_get_one_sentence(low: FaceModel, tmp_path: Path) -> None:
+    with pytest.raises(FacePoserError, match="is no pose"):
+        read_pose(tmp_path / "a.fbx", low)
+    with pytest.raises(FacePoserError, match="is no animation"):
+        read_performance(tmp_path / "a.obj", low)
+    with pytest.raises(FacePoserError, match="cannot be read"):
+        read_performance(tmp_path / "none.json", low)
+    with pytest.raises(FacePoserError, match=r"must end in one of \.glb"):
+        write(tmp_path / "a.fbx", low, low.neutral())
+    with pytest.raises(FacePoserError, match="holds one pose and not 2"):
+        write(tmp_path / "a.ply", low, Performance(np.zeros((2, low.n_coefficients)), 30.0))
+
+
+def test_resampling_keeps_time_ends_and_straight_lines() -> None:
+    ramp = Performance(np.arange(31.0)[:, None] * [1.0, -2.0], 30.0)
+    film = resampled(ramp, 24.0)
+    assert (len(film), film.rate) == (25, 24.0)
+    np.testing.assert_allclose(film.coefficients[:, 0], np.arange(25) * 30.0 / 24.0)
+    np.testing.assert_allclose(film.coefficients[-1], [30.0, -60.0])
+    assert len(resampled(ramp, 60.0)) == 61
+    still = resampled(Performance(np.ones((1, 2)), 30.0), 24.0)
+    assert (len(still), still.rate) == (1, 24.0)

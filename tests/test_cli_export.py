@@ -1,0 +1,134 @@
+"""``faceposer export``: every format from the command line, and one sentence for what cannot be."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from faceposer.cli import main
+from faceposer.geometry.gltf_io import read_gltf
+from faceposer.geometry.mesh_io import read_mesh
+from faceposer.interchange.export import write
+from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.performance import Performance
+from faceposer.model.subject_file import load_subject
+from faceposer.training.capture import read_capture
+
+Capture = pytest.CaptureFixture[str]
+
+
+def run(*arguments: object) -> int:
+    with pytest.raises(SystemExit) as end:
+        main([str(argument) for argument in arguments])
+    return int(end.value.code or 0)
+
+
+@pytest.fixture(scope="module")
+def low() -> FaceModel:
+    return build_face_model(load_subject("low"))
+
+
+@pytest.fixture(scope="module")
+def take(low: FaceModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Half a second of a jaw that opens."""
+    path = tmp_path_factory.mktemp("take") / "take.csv"
+    poses = np.linspace(0.0, 1.0, 16)[:, None] * low.coefficients_of({"jawOpen": 1.0})
+    write(path, low, Performance(poses, 30.0))
+    return path
+
+
+@pytest.fixture
+def session(low: FaceModel, tmp_path: Path) -> Path:
+    pose = low.coefficients_of({"jawOpen": 0.6}).tolist()
+    data = {"format": "faceposer.session", "version": 1, "subject": "low", "constraints": [], "coefficients": pose}
+    (tmp_path / "jaw.json").write_text(json.dumps(data))
+    return tmp_path / "jaw.json"
+
+
+def test_a_session_goes_out_in_every_format(low: FaceModel, session: Path, tmp_path: Path, capsys: Capture) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    for suffix in ("obj", "ply", "glb", "csv", "json", "png"):
+        assert run("export", session, "-o", out / f"a.{suffix}", "--size", "64x64") == 0
+        assert capsys.readouterr().out == f"{out / f'a.{suffix}'} written\n"
+    pose = low.coefficients_of({"jawOpen": 0.6})
+    for suffix in ("obj", "ply"):
+        np.testing.assert_allclose(read_mesh(out / f"a.{suffix}").vertices, low.instance(pose), atol=1e-4)
+    assert "jawOpen" in read_gltf(out / "a.glb").targets
+    assert read_capture(out / "a.csv").weights.max() == pytest.approx(0.6, abs=0.02)
+    assert json.loads((out / "a.json").read_text())["subject"] == "low"
+    with Image.open(out / "a.png") as picture:
+        assert picture.size == (64, 64)
+    assert len([*out.iterdir()]) == 6
+
+
+def test_an_animation_goes_out_at_another_rate(low: FaceModel, take: Path, tmp_path: Path, capsys: Capture) -> None:
+    assert run("export", "low", "--animation", take, "--fps", 10, "-o", tmp_path / "a.json") == 0
+    assert "16 frames at 30 a second." in capsys.readouterr().out
+    data = json.loads((tmp_path / "a.json").read_text())
+    assert (data["rate"], len(data["frames"])) == (10, 6)
+    assert run("export", "low", "--animation", take, "--fps", 8, "--size", "48x48", "-o", tmp_path / "a.gif") == 0
+    with Image.open(tmp_path / "a.gif") as film:
+        assert film.n_frames == 5
+    assert run("export", "low", "--animation", take, "--fps", 4, "--sequence", "obj", "-o", tmp_path / "yawn") == 0
+    assert "3 meshes written" in capsys.readouterr().out
+    assert sorted(path.name for path in (tmp_path / "yawn").iterdir()) == [f"yawn.000{i}.obj" for i in (1, 2, 3)]
+    last = read_mesh(tmp_path / "yawn" / "yawn.0003.obj").vertices
+    np.testing.assert_allclose(last, low.instance(low.coefficients_of({"jawOpen": 1.0})), atol=0.1)
+
+
+def test_a_pose_comes_from_a_file(low: FaceModel, take: Path, tmp_path: Path, capsys: Capture) -> None:
+    assert run("export", "low", "--pose", take, "--frame", 16, "-o", tmp_path / "a.obj") == 0
+    assert "Frame 16 of 16." in capsys.readouterr().out
+    assert run("export", "low", "--pose", tmp_path / "a.obj", "-o", tmp_path / "b.csv") == 0
+    assert "The pose is that of the mesh." in capsys.readouterr().out
+    back = read_capture(tmp_path / "b.csv")
+    assert back.weights[0, back.shape_names.index("jawOpen")] == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("low", "-o", "{out}/a.fbx"), "must end in one of .obj, .ply, .glb"),
+        (("low", "-o", "{out}/none/a.glb"), "does not exist"),
+        (("low", "-o", "{out}/a.obj", "--frame", "2"), "give that, too"),
+        (("low", "-o", "{out}/a", "--sequence", "obj"), "give one with --animation"),
+        (("low", "-o", "{out}/none/a", "--sequence", "obj", "--animation", "{take}"), "does not exist"),
+        (("low", "-o", "{out}/a.obj", "--animation", "{take}"), "--sequence obj"),
+        (("low", "-o", "{out}/a.png", "--animation", "{take}"), "shows one pose"),
+        (("low", "-o", "{out}/a.glb", "--turntable", "3"), "--turntable is for films"),
+        (("low", "-o", "{out}/a.glb", "--pose", "{take}", "--frame", "17"), "frames 1 to 16, and not frame 17"),
+        (("low", "-o", "{take}", "--pose", "{take}"), "is what is read"),
+        (("low", "-o", "{out}/a.glb", "--pose", "{out}/none.obj"), "cannot be read"),
+        (("low", "-o", "{out}/a.glb", "--animation", "{out}/none.csv"), "cannot be read"),
+        (("man", "-o", "{out}/a.glb", "--pose", "{out}/three.obj"), "has 3 vertices, and Man has 20935"),
+        (("low", "-o", "{out}/a.glb", "--pose", "{take}", "--animation", "{take}"), "not allowed with"),
+        (("low", "-o", "{out}/a.gif", "--fps", "0"), "not a number of frames per second"),
+        (("low", "-o", "{out}/a.gif", "--turntable", "nan"), "not a number of seconds"),
+        (("low", "-o", "{out}/a.png", "--size", "2x2"), "not a size such as"),
+        (("low", "-o", "{out}/a.png", "--pose", "{take}", "--frame", "0"), "not the number of a frame"),
+        (("nobody", "-o", "{out}/a.glb"), "is no subject"),
+        (("low",), "required: -o/--output"),
+    ],
+)
+def test_wrong_input_gets_one_sentence(
+    arguments: tuple[str, ...], said: str, take: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    (tmp_path / "three.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    before = take.read_bytes()
+    filled = [argument.format(out=tmp_path, take=take) for argument in arguments]
+    assert run("export", *filled) == 2
+    captured = capsys.readouterr()
+    assert said in captured.err
+    assert captured.err.count("\n") == 1
+    assert "Traceback" not in captured.err
+    assert [path.name for path in tmp_path.iterdir()] == ["three.obj"]
+    assert take.read_bytes() == before
+
+
+def test_help_tells_every_format(capsys: Capture) -> None:
+    assert run("export", "--help") == 0
+    said = capsys.readouterr().out
+    assert all(suffix in said for suffix in (".obj", ".ply", ".glb", ".csv", ".json", ".png", ".gif", ".mp4"))

@@ -1,0 +1,181 @@
+"""Pictures and films of faces: framed from every side, as long as they should be, and whole or not there."""
+
+import os
+import stat
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from faceposer.errors import FacePoserError
+from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.performance import Performance
+from faceposer.model.subject_file import load_subject
+from faceposer.viewer.exporting import Look, picture_steps, write
+from faceposer.viewer.turntable import framed_all_round, turned
+
+SMALL = (96, 72)
+
+
+@pytest.fixture(scope="module")
+def low() -> FaceModel:
+    return build_face_model(load_subject("low"))
+
+
+@pytest.fixture(scope="module")
+def yawn(low: FaceModel) -> Performance:
+    opened = low.coefficients_of({"jawOpen": 1.0})
+    return Performance(np.array([0.0, 0.5, 1.0, 1.0, 0.0, 0.0])[:, None] * opened, 10.0)
+
+
+@pytest.mark.parametrize("size", [(400, 400), (800, 300), (300, 800)])
+@pytest.mark.parametrize("name", ["low", "creature"])
+def test_the_head_is_framed_all_round(name: str, size: tuple[int, int]) -> None:
+    vertices = load_subject(name).vertices
+    view = framed_all_round([vertices], size)
+    seen = np.array([turned(view, share, size).project(vertices) for share in np.linspace(0, 1, 48, endpoint=False)])
+    lowest, highest = seen.min(axis=(0, 1)), seen.max(axis=(0, 1))
+    assert (lowest > 0).all()
+    assert (highest < size).all()
+    filled = (highest - lowest) / size
+    assert filled.max() > 0.85, "and not from too far away"
+
+
+def test_a_turn_begins_in_front_and_passes_the_left_side(low: FaceModel) -> None:
+    view = framed_all_round([low.subject.vertices], SMALL)
+    front, left, back = (turned(view, share, SMALL).center for share in (0.0, 0.25, 0.5))
+    assert front[2] > 10
+    assert left[0] > 10
+    assert back[2] < -10
+
+
+def test_png_shows_the_pose(low: FaceModel, tmp_path: Path) -> None:
+    look = Look(SMALL)
+    write(tmp_path / "a.png", low, low.neutral(), look)
+    write(tmp_path / "b.png", low, low.coefficients_of({"jawOpen": 1.0}), look)
+    write(tmp_path / "c.png", low, low.neutral(), Look(SMALL, "left"))
+    pictures = [np.asarray(Image.open(tmp_path / f"{name}.png"), dtype=float) for name in "abc"]
+    assert pictures[0].shape == (72, 96, 3)
+    assert np.abs(pictures[0] - pictures[1]).max() > 30
+    assert np.abs(pictures[0] - pictures[2]).max() > 30
+
+
+def frames_of(path: Path) -> tuple[list[np.ndarray], list[int]]:
+    """Return the frames of a GIF, and how many milliseconds each lasts."""
+    frames, lengths = [], []
+    with Image.open(path) as film:
+        for i in range(film.n_frames):
+            film.seek(i)
+            frames.append(np.asarray(film.convert("RGB"), dtype=float))
+            lengths.append(film.info["duration"])
+    return frames, lengths
+
+
+def test_gif_turns_the_pose_round_in_time(low: FaceModel, tmp_path: Path) -> None:
+    shares: list[float] = []
+    write(tmp_path / "a.gif", low, low.neutral(), Look(SMALL, turn=1.0, rate=12.0), shares.append)
+    frames, lengths = frames_of(tmp_path / "a.gif")
+    assert len(frames) == 12
+    assert frames[0].shape == (72, 96, 3)
+    assert sum(lengths) == 1000
+    assert set(lengths) == {80, 90}
+    assert min(np.abs(a - b).mean() for a, b in zip(frames[1:], frames[:-1], strict=True)) > 1.0
+    assert shares == sorted(shares)
+    assert len(shares) == 12
+    assert [*tmp_path.iterdir()] == [tmp_path / "a.gif"]
+
+
+def test_gif_plays_a_performance_from_one_place(low: FaceModel, yawn: Performance, tmp_path: Path) -> None:
+    write(tmp_path / "a.gif", low, yawn, Look(SMALL))
+    frames, lengths = frames_of(tmp_path / "a.gif")
+    assert sum(lengths) == 600, "equal frames may have become one"
+    assert np.abs(frames[0] - frames[2]).max() > 30
+    assert np.abs(frames[0] - frames[2])[:8].max() < 12, "only the face moves"
+
+
+def fake_ffmpeg(folder: Path, script: str) -> None:
+    """Put a program called ffmpeg into ``folder`` that does what the Python ``script`` says."""
+    program = folder / "ffmpeg"
+    program.write_text(f"#!{sys.executable}\nimport sys\n{script}\n")
+    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+
+
+KEEPS = "open(sys.argv[-1], 'wb').write(' '.join(sys.argv[1:-1]).encode() + b'|' + sys.stdin.buffer.read())"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
+def test_mp4_hands_every_frame_to_ffmpeg(
+    low: FaceModel, yawn: Performance, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "bin").mkdir()
+    fake_ffmpeg(tmp_path / "bin", KEEPS)
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    write(tmp_path / "a.mp4", low, yawn, Look((97, 73), rate=20.0))
+    words, _, pixels = (tmp_path / "a.mp4").read_bytes().partition(b"|")
+    assert b"-s 96x72 -r 20 " in words, "MP4 wants even sides"
+    assert b"-pix_fmt yuv420p" in words
+    # Six frames at 10 a second are half a second, both ends shown.
+    frames = np.frombuffer(pixels, np.uint8).reshape(-1, 72, 96, 3)
+    assert len(frames) == 11
+    write(tmp_path / "a.png", low, yawn.coefficients[2], Look((96, 72)))
+    assert np.ptp(frames[0].astype(int) - frames[4].astype(int)) > 30
+    assert {path.name for path in tmp_path.iterdir()} == {"bin", "a.mp4", "a.png"}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
+@pytest.mark.parametrize(
+    ("script", "said"),
+    [
+        ("sys.stdin.buffer.read(); sys.exit('Unknown encoder')", r"ffmpeg \(Unknown encoder\)"),
+        ("sys.stdin.close(); sys.exit('No room')", r"ffmpeg \(No room\)"),
+        ("sys.stdin.buffer.read(); sys.exit(1)", "gives no reason"),
+    ],
+)
+def test_what_ffmpeg_says_is_told(
+    script: str, said: str, low: FaceModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "bin").mkdir()
+    fake_ffmpeg(tmp_path / "bin", script)
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    with pytest.raises(FacePoserError, match=said):
+        write(tmp_path / "a.mp4", low, low.neutral(), Look(SMALL, turn=0.5))
+    assert [path.name for path in tmp_path.iterdir()] == ["bin"]
+
+
+def test_without_ffmpeg_a_sentence_says_so(low: FaceModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(FacePoserError, match=r"MP4 needs the program ffmpeg.*\.gif"):
+        write(tmp_path / "a.mp4", low, low.neutral())
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
+@pytest.mark.parametrize("suffix", [".gif", ".mp4"])
+def test_a_film_that_is_stopped_leaves_nothing(
+    suffix: str, low: FaceModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "bin").mkdir()
+    fake_ffmpeg(tmp_path / "bin", KEEPS)
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    steps = picture_steps(tmp_path / f"a{suffix}", low, low.neutral(), Look(SMALL, turn=1.0))
+    assert 0 < next(steps) < 0.1
+    steps.close()  # type: ignore[attr-defined]
+    assert [path.name for path in tmp_path.iterdir()] == ["bin"]
+
+
+def test_what_cannot_be_written_gets_a_sentence(low: FaceModel, yawn: Performance, tmp_path: Path) -> None:
+    with pytest.raises(FacePoserError, match="shows one pose and not 6"):
+        write(tmp_path / "a.png", low, yawn, Look(SMALL))
+    with pytest.raises(FacePoserError, match=r"must end in one of .*\.mp4"):
+        write(tmp_path / "a.bmp", low, low.neutral(), Look(SMALL))
+    with pytest.raises(FacePoserError, match="cannot be written"):
+        write(tmp_path / "none" / "a.gif", low, low.neutral(), Look(SMALL, turn=0.1))
+    long = Performance(np.zeros((20_000, low.n_coefficients)), 1.0)
+    with pytest.raises(FacePoserError, match="too long"):
+        write(tmp_path / "a.gif", low, long, Look(SMALL, rate=25.0))
+    with pytest.raises(FacePoserError, match=r"A GIF of 1000 frames of 2000x2000 is too large"):
+        write(tmp_path / "a.gif", low, low.neutral(), Look((2000, 2000), turn=40.0, rate=25.0))
+    write(tmp_path / "a.ply", low, low.neutral())
+    assert [path.name for path in tmp_path.iterdir()] == ["a.ply"]
