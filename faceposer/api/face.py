@@ -179,7 +179,7 @@ class Face:
     def curve(
         self, source: Pixels, target: Pixels, camera: Camera | None = None, weight: float = 1.0
     ) -> CurveConstraint:
-        """Let what lies under the curve through the pixels ``source`` follow the one through ``target``, as many, (n, 2)."""
+        """Let the face under the curve through ``source`` follow that through ``target``, as many pixels, (n, 2)."""
         ways = pixels_of(source), pixels_of(target)
         if not 2 <= len(ways[0]) == len(ways[1]):
             raise FacePoserError(

@@ -4,6 +4,7 @@ Flip: left and right change places. Mirror: one side becomes the image of the ot
 """
 
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import Literal
 
@@ -160,6 +161,17 @@ def pose_of(model: FaceModel, p: ArrayLike, name: str, tags: tuple[str, ...] = (
 
 
 # Left and right
+
+
+def flipped_pose(model: FaceModel, pose: Pose) -> Pose:
+    """Return ``pose`` with left and right exchanged, as the face has it.
+
+    Raises:
+        FacePoserError: If it does not fit the face, or that has no left and right.
+    """
+    neutral = model.neutral()
+    weights = pose_of(model, flipped(model, applied(model, neutral, pose)), pose.name).weights
+    return replace(pose, name=f"{pose.name}, flipped", weights=weights, subject=model.subject.name)
 
 
 def flipped(model: FaceModel, p: ArrayLike) -> Array:

@@ -96,10 +96,18 @@ class PoseLibrary:
             raise PoseExistsError(
                 f"'{self.folder}' has a pose '{pose.name}' already; choose another name, or replace it."
             )
+        self.update(path, pose)
+        return path
+
+    def update(self, path: Path, pose: Pose) -> None:
+        """Write ``pose`` to ``path``; the picture of what was there is gone.
+
+        Raises:
+            FacePoserError: If the file cannot be written.
+        """
         _write(path, pose_text(pose))
         with suppress(OSError):
             path.with_suffix(PICTURE_SUFFIX).unlink(missing_ok=True)
-        return path
 
     def rename(self, path: Path, name: str, overwrite: bool = False) -> Path:
         """Give the pose in the file ``path`` another name and return its new file; its picture goes with it.

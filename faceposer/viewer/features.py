@@ -143,4 +143,6 @@ class Features:
 
 def build_features(app: "App") -> Features:
     """Return the features of ``app``, in the order of their tabs."""
-    return Features([])
+    from faceposer.viewer.poses import PosesFeature
+
+    return Features([PosesFeature(app)])

@@ -96,6 +96,16 @@ def action_button(marks: Marks, action: Action, width: float, label: str = "", s
         imgui.pop_style_color(3)
 
 
+def lit_button(label: str, on: bool, colour: tuple[float, float, float, float], width: float) -> bool:
+    """Draw a button, in ``colour`` where it is ``on``, and return whether it was pressed."""
+    if on:
+        _push_lit(colour)
+    pressed = imgui.button(label, (max(width, 1.0), 0.0))
+    if on:
+        imgui.pop_style_color(3)
+    return pressed
+
+
 def choice(marks: Marks, name: str, labels: Sequence[str], chosen: int, tips: Sequence[str]) -> int:
     """Draw buttons of which one is down, and return which is chosen now."""
     gap = max(round(em(0.1)), 1)
