@@ -11,11 +11,11 @@ from faceposer.model.subject import Subject
 # From the brows to the chin, by MPEG-4's feature points.
 _FRAME = ("2.1", "4.3", "4.4", "4.5", "4.6", "8.3", "8.4", "9.3")
 # A little from the side: lips that are pushed forward show.
-_YAW, _PITCH = math.radians(10.0), math.radians(2.0)
+_YAW, _PITCH = math.radians(8.0), math.radians(2.0)
 # Room around the face as a share of its height: brows rise and the jaw drops.
-_ABOVE, _BELOW = 0.12, 0.12
+_ABOVE, _BELOW = 0.16, 0.14
 # Preset views leave room all around, which a small picture has not.
-_CLOSER = 1.2
+_CLOSER = 1.25
 
 
 def portrait_view(subject: Subject) -> OrbitView:

@@ -20,7 +20,7 @@ _COLUMNS = 3
 _LEAST_GRID = 9.0
 _CATEGORIES: tuple[tuple[Category, str, str], ...] = (
     ("all", "All", "All poses"),
-    ("expression", "Faces", "Poses with the tag expression, such as the six basic expressions"),
+    ("expression", "Expressions", "Poses with the tag expression, such as the six basic expressions"),
     ("viseme", "Visemes", "Poses with the tag viseme: mouth shapes of speech"),
     ("mine", "Mine", "The poses that you have saved"),
 )
@@ -54,9 +54,9 @@ class PosesPanel:
         imgui.set_next_item_width(-1.0)
         _, poses.filter = imgui.input_text_with_hint("##poses-filter", "Find a pose", poses.filter)
         app.marks.note("poses:filter")
-        poses.category = _choice(app.marks, "poses:category", _CATEGORIES, poses.category)
+        poses.category = _choice(app.marks, "poses:category", _CATEGORIES, poses.category, by_text=True)
         style = imgui.get_style()
-        below = 5 * imgui.get_frame_height_with_spacing() + imgui.get_text_line_height() + 2.0 * style.item_spacing.y
+        below = 6 * imgui.get_frame_height_with_spacing() + 2.0 * style.item_spacing.y
         height = max(imgui.get_content_region_avail().y - below, em(_LEAST_GRID))
         imgui.begin_child("##poses-grid", ImVec2(0.0, height))
         self._draw_grid()
@@ -274,11 +274,13 @@ class PosesPanel:
         action_button(app.marks, app.actions["pose-flip"], width, "Flip")
 
 
-def _choice(marks: Marks, name: str, rows: Sequence[tuple[_Name, str, str]], value: _Name) -> _Name:
+def _choice(
+    marks: Marks, name: str, rows: Sequence[tuple[_Name, str, str]], value: _Name, by_text: bool = False
+) -> _Name:
     """Draw a row of buttons of which one is down, and return the name of the one that is now."""
     names = [row[0] for row in rows]
     labels, tips = [row[1] for row in rows], [row[2] for row in rows]
-    return names[choice(marks, name, labels, names.index(value), tips)]
+    return names[choice(marks, name, labels, names.index(value), tips, by_text)]
 
 
 def shortened(text: str, width: float) -> str:
