@@ -46,6 +46,7 @@ class Application:
         pose: What was applied.
         before: The pose that the face started from before, shape (r,).
         after: The one that it starts from now, shape (r,): where that is another, something else came between.
+        reach: What of the face it reaches, and how.
         strength: How far.
     """
 
@@ -53,16 +54,36 @@ class Application:
     pose: Pose
     before: Array
     after: Array
+    reach: "Reach"
     strength: float
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What of the face a pose reaches.
+
+    Attributes:
+        regions: Which regions.
+        side: Which side.
+        blend: Whether it takes the place of what is there, or comes on top.
+    """
+
+    regions: frozenset[Region] = frozenset(REGIONS)
+    side: Side = "both"
+    blend: Blend = "replace"
+
+    @property
+    def words(self) -> str:
+        """What it reaches, where that is less than the whole face, else ""."""
+        regions = [region for region in REGIONS if region in self.regions]
+        return ", ".join((*regions * (len(regions) < len(REGIONS)), *[self.side] * (self.side != "both")))
 
 
 class PosesFeature(Feature):
     """The tab "Poses".
 
     Attributes:
-        regions: Which regions of the face a pose reaches.
-        side: Which side.
-        blend: Whether it takes the place of what is there, or comes on top.
+        reach: What of the face the next pose reaches.
         category: Which poses are shown.
         filter: What their names or notes must contain.
         portraits: Their pictures.
@@ -72,9 +93,7 @@ class PosesFeature(Feature):
 
     def __init__(self, app: App) -> None:
         super().__init__(app)
-        self.regions: frozenset[Region] = frozenset(REGIONS)
-        self.side: Side = "both"
-        self.blend: Blend = "replace"
+        self.reach = Reach()
         self.category: Category = "all"
         self.filter = ""
         self.portraits = Portraits(app)
@@ -213,44 +232,42 @@ class PosesFeature(Feature):
         return last
 
     def apply(self, pose: Pose) -> None:
-        """Put ``pose`` on the face at full strength; once more takes one that is there back to it."""
-        self._apply(pose, 1.0)
-
-    def apply_flipped(self, pose: Pose) -> None:
-        """Put ``pose`` on the face with left and right exchanged."""
-        self._safely(lambda: self._apply(flipped_pose(self.app.session.model, pose), 1.0))
-
-    def set_strength(self, strength: float) -> None:
-        """Change how far the applied pose goes, inside the edit that is open."""
-        last = self.application
-        if last is not None:
-            self._put(last.pose, last.before, strength)
-
-    def choose(self, regions: frozenset[Region], side: Side, blend: Blend) -> None:
-        """Choose what poses reach and how; the one that is applied follows."""
-        last = self.application
-        self.regions, self.side, self.blend = regions, side, blend
-        if last is not None and not self.app.session.editing:
-            self._apply(last.pose, last.strength)
-
-    def _apply(self, pose: Pose, strength: float) -> None:
+        """Put ``pose`` on the face at full strength; where it is there already, anew with what it is to reach now."""
         app = self.app
         if app.busy:
             return
         app.comparing = False
         last = self.application
-        before = last.before if last is not None and last.pose == pose else self._start()
+        again = last is not None and last.pose == pose
+        before = last.before if last is not None and again else self._start()
         # Changes of one and the same application are one step of the history.
-        with app.session.edit(f"Apply {pose.name}", merges=last is not None and last.pose == pose):
-            self._put(pose, before, strength)
+        with app.session.edit(f"Apply {pose.name}", merges=again):
+            self._put(pose, before, self.reach, 1.0)
         app.redraw()
 
-    def _put(self, pose: Pose, before: Array, strength: float) -> None:
+    def apply_flipped(self, pose: Pose) -> None:
+        """Put ``pose`` on the face with left and right exchanged."""
+        self._safely(lambda: self.apply(flipped_pose(self.app.session.model, pose)))
+
+    def set_strength(self, strength: float) -> None:
+        """Change how far the applied pose goes, inside the edit that is open."""
+        last = self.application
+        if last is not None:
+            self._put(last.pose, last.before, last.reach, strength)
+
+    def reset_strength(self) -> None:
+        """Let the applied pose go all the way, no further."""
+        last = self.application
+        if last is not None and not self.app.busy:
+            with self.app.session.edit(f"Apply {last.pose.name}", merges=True):
+                self.set_strength(1.0)
+
+    def _put(self, pose: Pose, before: Array, reach: Reach, strength: float) -> None:
         session = self.app.session
-        regions = None if len(self.regions) == len(REGIONS) else self.regions
-        after = applied(session.model, before, pose, strength, regions, self.side, self.blend)
+        regions = None if len(reach.regions) == len(REGIONS) else reach.regions
+        after = applied(session.model, before, pose, strength, regions, reach.side, reach.blend)
         session.set_start(after)
-        self._application = Application(session, pose, before, after, strength)
+        self._application = Application(session, pose, before, after, reach, strength)
 
     def _start(self) -> Array:
         start = self.app.session.document.start

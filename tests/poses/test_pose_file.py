@@ -1,4 +1,4 @@
-"""Pose files come back as they were written; a library keeps, renames and deletes them, and lists what it cannot read."""
+"""Pose files come back as they were written; a library keeps, renames and deletes them and tells what it cannot."""
 
 import json
 from pathlib import Path

@@ -1,6 +1,7 @@
 """The tab of the poses: pictures to click on, and below them how the pose reaches the face."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from imgui_bundle import ImVec2, imgui
@@ -25,15 +26,23 @@ _CATEGORIES: tuple[tuple[Category, str, str], ...] = (
     ("mine", "Mine", "The poses that you have saved"),
 )
 _REGION_TIPS = {
-    "brows": "Brows",
-    "eyes": "Eyes and lids",
-    "cheeks": "Cheeks and nose",
-    "mouth": "Mouth, jaw and tongue",
+    "brows": "the brows",
+    "eyes": "eyes and lids",
+    "cheeks": "cheeks and nose",
+    "mouth": "mouth, jaw and tongue",
 }
 _SIDES: tuple[tuple[Side, str, str], ...] = (
-    ("both", "Both sides", "Poses reach both sides of the face."),
-    ("left", "Left", "Only the character's left side; what has no side, such as the jaw, stays as it is."),
-    ("right", "Right", "Only the character's right side; what has no side, such as the jaw, stays as it is."),
+    ("both", "Both sides", "The next pose reaches both sides of the face."),
+    (
+        "left",
+        "Left",
+        "The next pose reaches the character's left side alone; what has no side, such as the jaw, stays.",
+    ),
+    (
+        "right",
+        "Right",
+        "The next pose reaches the character's right side alone; what has no side, such as the jaw, stays.",
+    ),
 )
 _BLENDS: tuple[tuple[Blend, str, str], ...] = (
     ("replace", "Replace", "The pose takes the place of what the face has there."),
@@ -200,7 +209,8 @@ class PosesPanel:
         if last is None:
             imgui.text_disabled("Click a pose to apply it")
         else:
-            imgui.text(shortened(last.pose.name, imgui.get_content_region_avail().x))
+            reach = f", {last.reach.words}" if last.reach.words else ""
+            imgui.text(shortened(f"{last.pose.name}{reach}", imgui.get_content_region_avail().x))
         percent = 100.0 * (1.0 if last is None else last.strength)
         reset = last is not None and percent != 100.0 and not app.slider_edit.active
         imgui.begin_disabled(last is None)
@@ -228,17 +238,16 @@ class PosesPanel:
         if reset and last is not None:
             imgui.same_line()
             if imgui.button(f"{Icon.UNDO}##strength", (em(1.8), 0.0)):
-                poses.apply(last.pose)
+                poses.reset_strength()
             app.marks.note("poses:strength-reset")
             tooltip("Back to 100 %")
 
     def _draw_reach(self) -> None:
-        poses, app = self._poses, self._poses.app
-        regions = self._draw_regions(poses.regions)
-        side = _choice(app.marks, "poses:side", _SIDES, poses.side)
-        blend = _choice(app.marks, "poses:blend", _BLENDS, poses.blend)
-        if (regions, side, blend) != (poses.regions, poses.side, poses.blend):
-            poses.choose(regions, side, blend)
+        poses, marks = self._poses, self._poses.app.marks
+        regions = self._draw_regions(poses.reach.regions)
+        side = _choice(marks, "poses:side", _SIDES, poses.reach.side)
+        blend = _choice(marks, "poses:blend", _BLENDS, poses.reach.blend)
+        poses.reach = replace(poses.reach, regions=regions, side=side, blend=blend)
 
     def _draw_regions(self, regions: frozenset[Region]) -> frozenset[Region]:
         """Draw the switches of the regions and return those that are on now; all are, where none would be."""
@@ -251,7 +260,7 @@ class PosesPanel:
         if lit_button("Face##region", regions == everything, ACCENT_DARK, width):
             chosen = everything
         app.marks.note("poses:region:all")
-        tooltip("Poses reach the whole face.")
+        tooltip("The next pose reaches the whole face.")
         for region in REGIONS:
             imgui.same_line(0.0, gap)
             on = region in regions and regions != everything
@@ -259,7 +268,7 @@ class PosesPanel:
                 # The first one that is pressed stands alone, more join it.
                 chosen = frozenset((region,)) if regions == everything else regions ^ {region}
             app.marks.note(f"poses:region:{region}")
-            tooltip(f"{_REGION_TIPS[region]} only, with the other regions that are lit")
+            tooltip(f"The next pose reaches {_REGION_TIPS[region]}, and the other regions that are lit.")
         imgui.pop_style_var()
         return chosen or everything
 
@@ -268,7 +277,7 @@ class PosesPanel:
         width = button_width(3)
         action_button(app.marks, app.actions["pose-save"], width, "Save...")
         imgui.same_line()
-        mirror = "pose-mirror-right" if poses.side == "right" else "pose-mirror"
+        mirror = "pose-mirror-right" if poses.reach.side == "right" else "pose-mirror"
         action_button(app.marks, app.actions[mirror], width, "Mirror")
         imgui.same_line()
         action_button(app.marks, app.actions["pose-flip"], width, "Flip")
