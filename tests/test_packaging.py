@@ -15,7 +15,7 @@ import pytest
 CHECKOUT = Path(__file__).resolve().parent.parent
 Run = Callable[..., str]
 
-# Compiles each vertex shader with the fragment shader of its name, and loads each subject with its model, and each pose.
+# Compiles each vertex shader with the fragment shader of its name, loads each subject with its model, and each pose.
 USE_EVERYTHING = """
 from pathlib import Path
 import faceposer

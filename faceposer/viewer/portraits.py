@@ -33,6 +33,7 @@ class Portraits:
         self._app = app
         self._kept: dict[Hashable, moderngl.Texture | None] = {}
         self._wanted: dict[Hashable, Callable[[], NDArray[np.uint8] | None]] = {}
+        self._old: list[moderngl.Texture | None] = []
 
     @property
     def waiting(self) -> bool:
@@ -62,21 +63,33 @@ class Portraits:
 
     def follow(self) -> None:
         """Draw one of the pictures that were asked for."""
+        self._release_old()
         if not self._wanted:
             return
         key = next(iter(self._wanted))
         picture = self._wanted.pop(key)()
         self._kept[key] = None if picture is None else _texture(self._app.window.ctx, picture)
         while len(self._kept) > _MOST_KEPT:
-            _release(self._kept.pop(next(iter(self._kept))))
+            self._old.append(self._kept.pop(next(iter(self._kept))))
         self._app.redraw(2)
 
     def forget(self) -> None:
-        """Free all pictures."""
+        """Show none of the pictures any more."""
         self._wanted.clear()
-        for texture in self._kept.values():
-            _release(texture)
+        # The frame that is being put together may show them yet.
+        self._old += self._kept.values()
         self._kept.clear()
+
+    def release(self) -> None:
+        """Free what the GPU holds."""
+        self.forget()
+        self._release_old()
+
+    def _release_old(self) -> None:
+        for texture in self._old:
+            if texture is not None:
+                texture.release()
+        self._old.clear()
 
 
 def _texture(ctx: moderngl.Context, picture: NDArray[np.uint8]) -> moderngl.Texture:
@@ -85,11 +98,6 @@ def _texture(ctx: moderngl.Context, picture: NDArray[np.uint8]) -> moderngl.Text
     texture.build_mipmaps()
     texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
     return texture
-
-
-def _release(texture: moderngl.Texture | None) -> None:
-    if texture is not None:
-        texture.release()
 
 
 def _read(path: Path) -> NDArray[np.uint8] | None:

@@ -182,7 +182,7 @@ class PosesFeature(Feature):
 
     def close(self) -> None:
         """Free the pictures."""
-        self.portraits.forget()
+        self.portraits.release()
 
     # The library
 
