@@ -15,7 +15,8 @@ from faceposer.poses.portrait import portrait_view
 if TYPE_CHECKING:
     from faceposer.viewer.app import App
 
-_SAMPLES = 4
+# Drawn so many times as large each way and averaged: without a GPU that takes half as long as multisampling.
+_FINER = 2
 _MOST_KEPT = 400
 # Pixels each way of a picture file that is worth a look.
 _LARGEST = 2048
@@ -50,8 +51,10 @@ class Portraits:
 
     def draw(self, coefficients: Array, size: int) -> NDArray[np.uint8]:
         """Return the picture of a pose, shape (size, size, 3)."""
-        camera = portrait_view(self._app.session.model.subject).camera((size, size))
-        return self._app.scene.portrait(coefficients, camera, _SAMPLES)
+        camera = portrait_view(self._app.session.model.subject).camera((_FINER * size, _FINER * size))
+        fine = self._app.scene.portrait(coefficients, camera, 0)
+        blocks = fine.reshape(size, _FINER, size, _FINER, 3).astype(np.float32)
+        return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
 
     def _get(self, key: Hashable, picture: Callable[[], NDArray[np.uint8] | None]) -> int | None:
         if key not in self._kept:

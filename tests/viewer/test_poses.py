@@ -27,7 +27,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
         app, "picture", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
     )
     # Nor do those of the poses, but to the tests that take this back.
-    vars(app.scene)["portrait"] = lambda *_: np.zeros((8, 8, 3), dtype=np.uint8)
+    vars(app.scene)["portrait"] = lambda _, camera, __: np.zeros((*camera.size, 3), dtype=np.uint8)
     robot = Robot(app)
     robot.click_widget("tab:Poses")
     yield robot
