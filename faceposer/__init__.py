@@ -1,1 +1,20 @@
-"""Face Poser: interactive posing of 3D faces with learned priors."""
+"""Face Poser: interactive posing of 3D faces with learned priors.
+
+In Python, ``faceposer.load("man")`` gives a face to pose (docs/api.md).
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from faceposer.api import Camera, Face, FacePoserError, Pose, load, subjects
+
+__all__ = ["Camera", "Face", "FacePoserError", "Pose", "load", "subjects"]
+
+
+def __getattr__(name: str) -> Any:
+    # The commands import this package too, and most of them need nothing of the interface.
+    if name in __all__:
+        from faceposer import api
+
+        return getattr(api, name)
+    raise AttributeError(f"module 'faceposer' has no attribute '{name}'")

@@ -149,54 +149,41 @@ def _solve(options: argparse.Namespace) -> int:
     check_output(options.output, ".obj")
     if options.report is not None:
         check_output(options.report, ".json")
-    from faceposer.interchange.meshes import write_posed_obj
+    from faceposer.api import load
     from faceposer.session.document import write_text
-    from faceposer.session.opening import open_session
     from faceposer.session.report import solve_report
-    from faceposer.session.solver_worker import run_job
 
     if options.session.suffix.lower() != ".json":
         raise FacePoserError(f"'{options.session}' is no session file; give one that ends in '.json'.")
-    session = open_session(str(options.session))
-    result = run_job(session.whole_job())
-    if result.error is not None or result.solution is None:
-        raise result.error or FacePoserError("The solve gave nothing.")
-    write_posed_obj(options.output, session.model, result.solution.coefficients)
+    face = load(options.session)
+    solution = face.solve()
+    face.save(options.output)
     if options.report is not None:
-        report = solve_report(session.model, session.document, result.solution)
+        report = solve_report(face.model, face.session.document, solution)
         write_text(options.report, json.dumps(report, indent=1) + "\n", "report")
-    for i, (constraint, residual) in enumerate(
-        zip(session.document.constraints, result.solution.residuals_px, strict=True)
-    ):
+    for i, (constraint, residual) in enumerate(zip(face.constraints, solution.residuals_px, strict=True)):
         print(f"constraint {i} ({constraint.kind}): {residual:.2f} px off")
-    print(f"{options.output} written, {result.solution.seconds * 1e3:.1f} ms, energy {result.solution.energy:.4g}")
+    print(f"{options.output} written, {solution.seconds * 1e3:.1f} ms, energy {solution.energy:.4g}")
     return 0
 
 
 def _render(options: argparse.Namespace) -> int:
     check_output(options.output, ".png")
-    import numpy as np
-    from numpy.typing import ArrayLike
-
-    from faceposer.geometry.camera import Camera, OrbitView
-    from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_mesh
-    from faceposer.session.opening import open_session
-    from faceposer.viewer.offscreen import render_mesh, render_subject
-    from faceposer.viewer.pictures import write_png
-
-    def camera(vertices: ArrayLike) -> Camera:
-        return OrbitView.preset(np.min(vertices, axis=0), np.max(vertices, axis=0), options.view).camera(options.size)
+    from faceposer.geometry.mesh_io import MESH_SUFFIXES
 
     if Path(options.what).suffix.lower() in MESH_SUFFIXES:
+        from faceposer.geometry.camera import OrbitView
+        from faceposer.geometry.mesh_io import read_mesh
+        from faceposer.viewer.offscreen import render_mesh
+        from faceposer.viewer.pictures import write_png
+
         mesh = read_mesh(Path(options.what))
-        picture = render_mesh(mesh.vertices, mesh.triangles(), camera(mesh.vertices))
+        view = OrbitView.preset(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0), options.view)
+        write_png(options.output, render_mesh(mesh.vertices, mesh.triangles(), view.camera(options.size)))
     else:
-        session = open_session(options.what)
-        session.wait()
-        subject = session.model.subject
-        vertices = session.model.instance(session.coefficients)
-        picture = render_subject(subject, vertices, camera(subject.vertices))
-    write_png(options.output, picture)
+        from faceposer.api import load
+
+        load(options.what).render(options.output, options.view, options.size)
     print(f"{options.output} written")
     return 0
 

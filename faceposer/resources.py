@@ -42,6 +42,11 @@ def user_config_dir() -> Path:
     return _user_dir("XDG_CONFIG_HOME", ".config")
 
 
+def user_data_dir() -> Path:
+    """Return the folder for what the user makes and the program keeps; it need not exist."""
+    return _user_dir("XDG_DATA_HOME", ".local/share")
+
+
 def user_state_dir() -> Path:
     """Return the folder for what the program remembers between runs; it need not exist."""
     return _user_dir("XDG_STATE_HOME", ".local/state")

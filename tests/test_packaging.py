@@ -15,11 +15,12 @@ import pytest
 CHECKOUT = Path(__file__).resolve().parent.parent
 Run = Callable[..., str]
 
-# Compiles each vertex shader with the fragment shader of its name, and loads each subject with its model.
+# Compiles each vertex shader with the fragment shader of its name, loads each subject with its model, and each pose.
 USE_EVERYTHING = """
 from pathlib import Path
 import faceposer
 from faceposer.model.subject_file import available_subjects
+from faceposer.poses.library import starter_poses
 from faceposer.session.opening import open_session
 from faceposer.viewer.offscreen import offscreen_context
 from faceposer.viewer.renderer import load_program
@@ -32,6 +33,9 @@ with offscreen_context() as ctx:
 for name, _ in available_subjects():
     assert len(open_session(name).model.basis) > 0
     print("subject", name)
+for entry in starter_poses():
+    assert entry.pose is not None, entry.problem
+    print("pose", entry.path.parent.name, entry.pose.name)
 print("package", Path(faceposer.__file__).parent)
 """
 
@@ -113,5 +117,8 @@ def test_shaders_compile_and_assets_load_outside_the_checkout(run_installed: Run
         path.stem for path in (CHECKOUT / "shaders").glob("*.vert")
     }
     assert {name for kind, name in lines if kind == "subject"} >= {"man", "woman"}
+    poses = [name for kind, name in lines if kind == "pose"]
+    assert len(poses) == 38
+    assert {"poses Happiness", "creature Happiness"} <= set(poses)
     (package,) = (Path(name) for kind, name in lines if kind == "package")
     assert not package.is_relative_to(CHECKOUT)

@@ -219,10 +219,13 @@ class Session:
 
     def accept_pose(self) -> None:
         """Make the current face the one that editing starts from, without constraints, as one step."""
-        with self.edit("Accept the pose"):
+        self.settle(self.coefficients, "Accept the pose")
+
+    def settle(self, pose: NDArray[np.float64], label: str) -> None:
+        """Make ``pose``, shape (r,), the one that editing starts from, without constraints, as one step."""
+        with self.edit(label):
             self.epoch += 1
-            document = replace(self._document, constraints=()).starting_from(self.coefficients)
-            self._document = document.posed(self.coefficients)
+            self._document = replace(self._document, constraints=()).starting_from(pose).posed(pose)
             self.revision += 1
 
     def reset_pose(self) -> None:

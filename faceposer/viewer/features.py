@@ -152,5 +152,6 @@ class Features:
 def build_features(app: "App") -> Features:
     """Return the features of ``app``, in the order of their tabs."""
     from faceposer.viewer.exchange import Exchange
+    from faceposer.viewer.poses import PosesFeature
 
-    return Features([Exchange(app)])
+    return Features([PosesFeature(app), Exchange(app)])

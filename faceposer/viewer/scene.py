@@ -74,6 +74,19 @@ class Scene:
             self.pictures_drawn += 1
         return self._drawn[1].texture
 
+    def portrait(self, coefficients: ArrayLike, camera: Camera, samples: int) -> NDArray[np.uint8]:
+        """Return a picture of another pose, shape (r,), without showing it: (height, width, 3), top row first."""
+        assert self._normals is not None
+        vertices = self._require_model().instance(coefficients)
+        self._renderer.update(vertices, self._normals(vertices))
+        target = ColourTarget(self._ctx, camera.size, min(samples, self._ctx.max_samples))
+        self._renderer.draw(target.framebuffer, camera)
+        target.resolve()
+        picture = target.read()
+        target.release()
+        self._renderer.update(self.vertices, self.normals, self._pose)
+        return picture
+
     def _target(self, size: Size, samples: int) -> ColourTarget:
         target = self._targets.get(samples)
         if target is None or target.size != size:

@@ -24,6 +24,7 @@ class Settings:
         export_path: Where the last OBJ went, or "".
         folder: Where the last session was opened or saved, or "".
         welcome_done: Whether the guided pose has been shown; it is on the first start, where nothing is remembered yet.
+        poses_folder: Where the user's poses are, or "" for the usual folder.
         recent: Whole paths of the files that were opened or saved last, newest first, at most ``MAX_RECENT``.
     """
 
@@ -32,6 +33,7 @@ class Settings:
     export_path: str = ""
     folder: str = ""
     welcome_done: bool = True
+    poses_folder: str = ""
     recent: list[str] = field(default_factory=list)
 
 

@@ -1,5 +1,6 @@
 """Builds the creature: a goblin that has no rig, but thirty example expressions."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -97,11 +98,13 @@ _EAR_TURNS = {
 }
 
 
-def build_creature(builder: Builder) -> tuple[Subject, NDArray[np.float32]]:
-    """Return the creature, a subject without shapes, and its example expressions.
+def build_creature(
+    builder: Builder, expressions: Mapping[str, dict[str, float]] = EXPRESSIONS
+) -> tuple[Subject, NDArray[np.float32]]:
+    """Return the creature, a subject without shapes, and faces that it makes: its examples, or other ``expressions``.
 
     Returns:
-        The neutral face, and the vertices of the examples in the order of `EXPRESSIONS`, shape (30, N, 3), in
+        The neutral face, and the vertices of the faces in the order of the expressions, shape (E, N, 3), in
         centimetres in the subject's coordinates.
     """
     everyone, free = _creature_vertices(builder)
@@ -110,9 +113,9 @@ def build_creature(builder: Builder) -> tuple[Subject, NDArray[np.float32]]:
     units[[name.startswith("brow") and "Up" in name for name in ARKIT_SHAPES]] *= _BROWS_UP
     pieces = builder.pieces(everyone, units, CREATURE)
     skin = builder.skin
-    weights = np.stack([_unit_weights(expression) for expression in EXPRESSIONS.values()])
+    weights = np.stack([_unit_weights(expression) for expression in expressions.values()])
     examples = [replace(piece, shapes=np.tensordot(weights, piece.shapes, axes=1)) for piece in pieces]
-    examples[0] = _finished_skin(builder, examples[0], skin.fine.matrix @ free[skin.base_ids])
+    examples[0] = _finished_skin(builder, examples[0], skin.fine.matrix @ free[skin.base_ids], expressions)
     for k, side in enumerate(SIDES):
         examples[k + 1] = replace(examples[k + 1], shapes=_turned(pieces[k + 1], side, weights))
     masks = vertex_masks(builder.source, skin)
@@ -178,10 +181,10 @@ def _unit_weights(expression: dict[str, float]) -> Floats:
     return weights
 
 
-def _finished_skin(builder: Builder, skin: Piece, free: Floats) -> Piece:
-    """Return the skin with its examples: ears turned, and lids kept off the eyeballs in each."""
+def _finished_skin(builder: Builder, skin: Piece, free: Floats, expressions: Mapping[str, dict[str, float]]) -> Piece:
+    """Return the skin with its faces: ears turned, and lids kept off the eyeballs in each."""
     shapes = skin.shapes.copy()
-    for k, expression in enumerate(EXPRESSIONS.values()):
+    for k, expression in enumerate(expressions.values()):
         for side in SIDES:
             axis = np.zeros(3)
             for name, turn in _EAR_TURNS.items():
@@ -196,7 +199,7 @@ def _finished_skin(builder: Builder, skin: Piece, free: Floats) -> Piece:
 
 
 def _turned(eye: Piece, side: str, weights: Floats) -> Floats:
-    """Return the offsets of an eyeball in each example: turned as a whole, so that it stays round, shape (30, N, 3)."""
+    """Return the offsets of an eyeball in each face: turned as a whole, so that it stays round, shape (E, N, 3)."""
     gaze = [
         {
             action: row[ARKIT_SHAPES.index(f"eye{action}{side}")]

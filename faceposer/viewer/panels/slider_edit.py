@@ -43,6 +43,7 @@ class SliderEdit:
         changed: bool,
         apply: Callable[[], None],
         begin: Callable[[], None] | None = None,
+        merges: bool = False,
     ) -> None:
         """Open, continue or end the edit of the slider that was drawn last.
 
@@ -53,11 +54,12 @@ class SliderEdit:
             changed: Whether its value has just changed.
             apply: Brings the value into the session, inside the edit.
             begin: Called when a drag begins, before anything changes.
+            merges: Whether it joins the step before, if that has the same label.
         """
         if imgui.is_item_activated() and not session.editing:
             if begin is not None:
                 begin()
-            edit = session.edit(label)
+            edit = session.edit(label, merges)
             edit.__enter__()
             self._open = _Open(key, session, edit)
         if not self.dragging(key):

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from imgui_bundle import ImVec4, imgui
+from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.viewer.actions import Action
 from faceposer.viewer.theme import ACCENT_DARK, ACCENT_MID, FAINT, Fonts, em
@@ -96,22 +96,40 @@ def action_button(marks: Marks, action: Action, width: float, label: str = "", s
         imgui.pop_style_color(3)
 
 
-def choice(marks: Marks, name: str, labels: Sequence[str], chosen: int, tips: Sequence[str]) -> int:
-    """Draw buttons of which one is down, and return which is chosen now."""
+def lit_button(label: str, on: bool, colour: tuple[float, float, float, float], width: float) -> bool:
+    """Draw a button, in ``colour`` where it is ``on``, and return whether it was pressed."""
+    if on:
+        _push_lit(colour)
+    pressed = imgui.button(label, (max(width, 1.0), 0.0))
+    if on:
+        imgui.pop_style_color(3)
+    return pressed
+
+
+def choice(
+    marks: Marks, name: str, labels: Sequence[str], chosen: int, tips: Sequence[str], by_text: bool = False
+) -> int:
+    """Draw buttons of which one is down, and return which is chosen now.
+
+    They are equally wide, or ``by_text`` as wide as their labels and a share of the room that is left.
+    """
     gap = max(round(em(0.1)), 1)
-    width = (imgui.get_content_region_avail().x - gap * (len(labels) - 1)) / len(labels)
+    room = imgui.get_content_region_avail().x - gap * (len(labels) - 1)
+    texts = [imgui.calc_text_size(label).x if by_text else 0.0 for label in labels]
+    spare = (room - sum(texts)) / len(labels)
+    if by_text:
+        padding = ImVec2(max(min(0.5 * spare, em(0.6)), 0.0), imgui.get_style().frame_padding.y)
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, padding)
     for i, label in enumerate(labels):
         if i:
             imgui.same_line(0.0, gap)
-        if i == chosen:
-            _push_lit(ACCENT_DARK)
-        pressed = imgui.button(f"{label}##{name}", (max(width, 1.0), 0.0))
-        if i == chosen:
-            imgui.pop_style_color(3)
+        pressed = lit_button(f"{label}##{name}", i == chosen, ACCENT_DARK, texts[i] + spare)
         marks.note(f"{name}:{i}")
         tooltip(tips[i])
         if pressed:
             chosen = i
+    if by_text:
+        imgui.pop_style_var()
     return chosen
 
 

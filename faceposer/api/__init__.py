@@ -1,0 +1,8 @@
+"""Face Poser in Python: load a face, say what pulls at it, solve, take vertices and weights (docs/api.md)."""
+
+from faceposer.api.face import Face, load, subjects
+from faceposer.errors import FacePoserError
+from faceposer.geometry.camera import Camera
+from faceposer.poses.pose_file import Pose
+
+__all__ = ["Camera", "Face", "FacePoserError", "Pose", "load", "subjects"]

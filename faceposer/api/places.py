@@ -1,0 +1,78 @@
+"""What a caller may give for places and pixels, and what constraints take."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.camera import Camera
+from faceposer.geometry.picking import SurfacePoint
+from faceposer.model.face_model import FaceModel
+from faceposer.model.feature_names import feature_vertex, region_vertices
+from faceposer.model.subject import Subject
+from faceposer.solve.constraints.stroke import as_pixels
+
+#: A place on a face: what people call it, the index of a vertex, a surface point, or the pixel that shows it.
+Place = str | int | SurfacePoint | tuple[float, float]
+Pixels = Sequence[tuple[float, float]] | ArrayLike
+
+
+def point_at(model: FaceModel, p: ArrayLike, place: Place, camera: Camera) -> SurfacePoint | int:
+    """Return the point of the surface that ``place`` means, a pixel of ``camera`` being looked up on the face ``p``.
+
+    Raises:
+        FacePoserError: If there is no such place.
+    """
+    if isinstance(place, str):
+        return feature_vertex(model.subject, place)
+    if isinstance(place, SurfacePoint):
+        return place
+    if isinstance(place, (int, np.integer)):
+        return int(_vertices(model.subject, [place])[0])
+    points, met = model.pick(p, camera, pixels_of([place]))
+    if not met[0]:
+        raise FacePoserError(f"The camera does not see the face at the pixel ({place[0]:g}, {place[1]:g}).")
+    return points[0]
+
+
+def fixed_vertices(subject: Subject, what: str | ArrayLike) -> NDArray[np.int64]:
+    """Return the vertices that ``what`` means: a region, else a feature point, by name, or indices, shape (n,).
+
+    Raises:
+        FacePoserError: If there are no such places.
+    """
+    if not isinstance(what, str):
+        return _vertices(subject, what)
+    try:
+        return region_vertices(subject, what).astype(np.int64)
+    except FacePoserError as no_region:
+        try:
+            return np.array([feature_vertex(subject, what)])
+        except FacePoserError:
+            raise no_region from None
+
+
+def pixels_of(points: Pixels) -> tuple[tuple[float, float], ...]:
+    """Return ``points``, shape (n, 2) with n at least 1, as constraints keep pixels.
+
+    Raises:
+        FacePoserError: If they are anything else.
+    """
+    try:
+        array = np.asarray(points, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if array.ndim != 2 or array.shape[1] != 2 or not len(array) or not np.isfinite(array).all():
+        raise FacePoserError("Pixels are given as pairs of numbers (u, v), at least one.")
+    return as_pixels(array)
+
+
+def _vertices(subject: Subject, indices: ArrayLike) -> NDArray[np.int64]:
+    array = np.atleast_1d(np.asarray(indices))
+    if array.ndim != 1 or not len(array) or array.dtype.kind not in "iu":
+        raise FacePoserError("Vertices are given by their numbers, at least one.")
+    outside = array[(array < 0) | (array >= len(subject.vertices))]
+    if len(outside):
+        raise FacePoserError(f"'{subject.title}' has the vertices 0 to {len(subject.vertices) - 1}, not {outside[0]}.")
+    return array.astype(np.int64)

@@ -1,0 +1,70 @@
+"""Places of a face by what people call them: its feature points and its regions."""
+
+import difflib
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.model.subject import Subject
+
+_SIDES = frozenset(("left", "right"))
+_SMALL_WORDS = frozenset(("the", "of", "a"))
+
+
+def feature_vertex(subject: Subject, name: str) -> int:
+    """Return the vertex of the feature point that ``name`` means.
+
+    A name is MPEG-4's ("8.3"), the title of a feature point ("left mouth corner"), or words that occur in one, in any
+    order ("mouth corner left", "upper lip"); of several titles the one with the fewest other words is meant, and of
+    these MPEG-4's first. A side is never guessed.
+
+    Raises:
+        FacePoserError: If it means no feature point, or one of either side.
+    """
+    if name in subject.feature_points:
+        return subject.feature_points[name]
+    wanted = _words(name)
+    titles = {key: _words(title) for key, title in subject.feature_titles.items() if key in subject.feature_points}
+    fitting = {key: words - wanted for key, words in titles.items() if wanted and wanted <= words}
+    one_sided = {key: others for key, others in fitting.items() if not others & _SIDES}
+    if one_sided:
+        key = min(one_sided, key=lambda key: (len(one_sided[key]), _order(key)))
+        return subject.feature_points[key]
+    if fitting:
+        least = min(len(others) for others in fitting.values())
+        shown = " or ".join(
+            f"'{subject.feature_titles[key]}'" for key, others in fitting.items() if len(others) == least
+        )
+        raise FacePoserError(f"'{name}' may be {shown}; say which.")
+    close = difflib.get_close_matches(name, list(subject.feature_titles.values()), 1, 0.4)
+    guess = f" Did you mean '{close[0]}'?" if close else ""
+    raise FacePoserError(f"'{subject.title}' has no feature point '{name}'.{guess}")
+
+
+def region_vertices(subject: Subject, name: str) -> NDArray[np.int32]:
+    """Return the vertices of the region that ``name`` means, such as "mouth", "left brow", or "brow" for both sides.
+
+    Raises:
+        FacePoserError: If it means no region.
+    """
+    wanted = _words(name)
+    found = [
+        ids
+        for key, ids in subject.regions.items()
+        if wanted and _words(key) - wanted <= _SIDES - wanted and wanted <= _words(key)
+    ]
+    if not found:
+        raise FacePoserError(
+            f"'{subject.title}' has no region '{name}'; its regions are {', '.join(sorted(subject.regions)) or 'none'}."
+        )
+    return np.unique(np.concatenate(found)).astype(np.int32)
+
+
+def _words(name: str) -> frozenset[str]:
+    return frozenset(re.findall(r"[a-z0-9]+", name.lower())) - _SMALL_WORDS
+
+
+def _order(key: str) -> tuple[int, ...]:
+    return tuple(int(number) for number in re.findall(r"\d+", key))

@@ -1,0 +1,33 @@
+"""The view in which a pose is pictured: the face fills it, hair, ears and neck do not matter."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from faceposer.geometry.camera import OrbitView
+from faceposer.model.subject import Subject
+
+# From the brows to the chin, by MPEG-4's feature points.
+_FRAME = ("2.1", "4.3", "4.4", "4.5", "4.6", "8.3", "8.4", "9.3")
+# A little from the side: lips that are pushed forward show.
+_YAW, _PITCH = math.radians(8.0), math.radians(2.0)
+# Room around the face as a share of its height: brows rise and the jaw drops.
+_ABOVE, _BELOW = 0.16, 0.14
+# Preset views leave room all around, which a small picture has not.
+_CLOSER = 1.25
+
+
+def portrait_view(subject: Subject) -> OrbitView:
+    """Return the view that frames the ``subject``'s face for a square picture."""
+    ids = [subject.feature_points[name] for name in _FRAME if name in subject.feature_points]
+    points = subject.vertices[ids] if len(ids) >= 4 else subject.vertices
+    low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
+    height = high[1] - low[1]
+    low[1] -= _BELOW * height
+    high[1] += _ABOVE * height
+    # Preset views look at heights; a square one must also hold the width.
+    wider = 0.5 * max((high[0] - low[0]) - (high[1] - low[1]), 0.0)
+    low[1] -= wider
+    high[1] += wider
+    return replace(OrbitView.preset(low, high), yaw=_YAW, pitch=_PITCH).zoomed(_CLOSER)

@@ -1,0 +1,273 @@
+"""The poses that come with the program, as weights of ARKit's shapes; a name without a side means both sides.
+
+Expressions: the action units (AU) of Ekman and Friesen's Facial Action Coding System that make each of the six basic
+emotions, in the shapes of ARKit nearest to them. Visemes: the thirteen of J. Lander, "Read My Lips: Facial Animation
+Techniques", Game Developer, 2000.
+"""
+
+from dataclasses import dataclass, field
+
+from faceposer.model.subject import ARKIT_SHAPES
+
+
+@dataclass(frozen=True)
+class Starter:
+    """One pose of the set.
+
+    Attributes:
+        stem: Of its file; files are shown in the order of their names.
+        name: What people call it.
+        note: A sentence about it.
+        weights: Of ARKit's shapes.
+        creature: Weights of face units that differ on the goblin; the ears have units of their own.
+    """
+
+    stem: str
+    name: str
+    note: str
+    weights: dict[str, float]
+    creature: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def tag(self) -> str:
+        """What kind of pose it is."""
+        return self.stem.split("-")[0]
+
+    def sided(self) -> dict[str, float]:
+        """Return the weights by the names of ARKit's shapes, in ARKit's order."""
+        given = {}
+        for name, weight in self.weights.items():
+            names = [name] if name in ARKIT_SHAPES else [name + side for side in ("Left", "Right")]
+            given.update(dict.fromkeys(names, weight))
+        return {name: given[name] for name in ARKIT_SHAPES if name in given}
+
+
+STARTERS = (
+    Starter(
+        "expression-1-happiness",
+        "Happiness",
+        "Cheeks raised, corners of the lips pulled up, lips parted: FACS action units 6 + 12 + 25.",
+        {
+            "mouthSmile": 1.0,
+            "mouthDimple": 0.1,
+            "mouthUpperUp": 0.5,
+            "mouthLowerDown": 0.25,
+            "jawOpen": 0.14,
+            "cheekSquint": 0.7,
+            "eyeSquint": 0.2,
+        },
+        {"mouthSmile": 1.15, "earUp": 0.3},
+    ),
+    Starter(
+        "expression-2-sadness",
+        "Sadness",
+        "Inner brows raised and drawn together, corners of the lips down, chin up: FACS action units 1 + 4 + 15 + 17.",
+        {
+            "browInnerUp": 1.0,
+            "browDown": 0.1,
+            "mouthFrown": 0.85,
+            "mouthShrugLower": 0.45,
+            "eyeSquint": 0.15,
+            "eyeBlink": 0.18,
+            "eyeLookDown": 0.3,
+        },
+        {"mouthFrown": 1.6, "mouthShrugLower": 0.6, "earDown": 0.9},
+    ),
+    Starter(
+        "expression-3-surprise",
+        "Surprise",
+        "Brows raised, eyes wide, jaw dropped: FACS action units 1 + 2 + 5 + 26.",
+        {
+            "browInnerUp": 1.0,
+            "browOuterUp": 0.95,
+            "eyeWide": 0.8,
+            "jawOpen": 0.55,
+            "mouthFunnel": 0.15,
+        },
+        {"jawOpen": 0.75, "earUp": 0.8},
+    ),
+    Starter(
+        "expression-4-fear",
+        "Fear",
+        "Brows raised and drawn together, eyes wide, lids tense, lips stretched: FACS action units 1 + 2 + 4 + 5 + 7 + "
+        "20 + 26.",
+        {
+            "browInnerUp": 1.0,
+            "browOuterUp": 0.35,
+            "browDown": 0.1,
+            "eyeWide": 0.95,
+            "eyeSquint": 0.1,
+            "mouthStretch": 0.85,
+            "mouthFrown": 0.25,
+            "mouthLowerDown": 0.4,
+            "jawOpen": 0.22,
+        },
+        {"mouthFrown": 0.6, "earBack": 0.7, "earDown": 0.6},
+    ),
+    Starter(
+        "expression-5-anger",
+        "Anger",
+        "Brows lowered, eyes staring, lids tense, lips pressed: FACS action units 4 + 5 + 7 + 23 + 24.",
+        {
+            "browDown": 1.0,
+            "eyeWide": 0.25,
+            "eyeSquint": 0.45,
+            "noseSneer": 0.4,
+            "mouthPress": 0.55,
+            "mouthFrown": 0.4,
+            "mouthRollLower": 0.2,
+            "mouthRollUpper": 0.2,
+            "mouthShrugLower": 0.3,
+            "jawForward": 0.2,
+        },
+        {"browDown": 1.2, "mouthPress": 0.2, "mouthFrown": 1.4, "earBack": 0.8},
+    ),
+    Starter(
+        "expression-6-disgust",
+        "Disgust",
+        "Nose wrinkled, upper lip raised, corners of the lips and lower lip down: FACS action units 9 + 10 + 15 + 16.",
+        {
+            "noseSneer": 1.0,
+            "mouthUpperUp": 0.7,
+            "mouthFrown": 0.4,
+            "mouthLowerDown": 0.2,
+            "mouthShrugLower": 0.25,
+            "browDown": 0.6,
+            "eyeSquint": 0.35,
+            "cheekSquint": 0.4,
+        },
+        {"mouthFrown": 1.0, "earBack": 0.4, "earDown": 0.2},
+    ),
+    Starter(
+        "viseme-01-mbp",
+        "M B P",
+        "Lips closed: mom, bob, pop.",
+        {
+            "mouthPress": 0.3,
+            "mouthRollLower": 0.25,
+            "mouthRollUpper": 0.25,
+            "jawOpen": 0.045,
+        },
+        {"mouthPress": 0.1, "mouthRollLower": 0.5, "mouthRollUpper": 0.5, "jawOpen": 0.06},
+    ),
+    Starter(
+        "viseme-02-w",
+        "W OO",
+        "Lips pursed: we, boot.",
+        {
+            "mouthPucker": 1.0,
+            "mouthFunnel": 0.2,
+        },
+        {"mouthPucker": 1.5},
+    ),
+    Starter(
+        "viseme-03-r",
+        "R",
+        "Lips rounded and open, corners drawn in a little: red, book.",
+        {
+            "mouthPucker": 0.6,
+            "mouthFunnel": 0.2,
+            "jawOpen": 0.15,
+        },
+        {"mouthPucker": 1.0},
+    ),
+    Starter(
+        "viseme-04-fv",
+        "F V",
+        "Lower lip at the upper teeth: fat, vat.",
+        {
+            "mouthRollLower": 0.8,
+            "mouthUpperUp": 0.55,
+            "mouthShrugLower": 0.1,
+            "jawOpen": 0.03,
+        },
+        {"mouthRollLower": 1.0, "mouthUpperUp": 0.6},
+    ),
+    Starter(
+        "viseme-05-th",
+        "TH",
+        "Tongue between the teeth: think, that.",
+        {
+            "jawOpen": 0.17,
+            "tongueOut": 0.5,
+            "mouthUpperUp": 0.15,
+            "mouthLowerDown": 0.1,
+        },
+    ),
+    Starter(
+        "viseme-06-l",
+        "L",
+        "Teeth apart, tip of the tongue behind them: lot.",
+        {
+            "jawOpen": 0.33,
+            "tongueOut": 0.45,
+            "mouthUpperUp": 0.25,
+            "mouthLowerDown": 0.15,
+            "mouthStretch": 0.1,
+        },
+    ),
+    Starter(
+        "viseme-07-dst",
+        "D S T N",
+        "Lips relaxed, teeth nearly closed: dot, sit, zoo, not.",
+        {"jawOpen": 0.07, "mouthUpperUp": 0.25, "mouthLowerDown": 0.45, "mouthStretch": 0.15},
+    ),
+    Starter(
+        "viseme-08-ch",
+        "CH SH J",
+        "Teeth nearly closed, lips pushed forward, corners tight: chime, shy, jive, vision.",
+        {
+            "jawOpen": 0.06,
+            "mouthFunnel": 0.75,
+            "mouthPucker": 0.1,
+            "mouthUpperUp": 0.25,
+            "mouthLowerDown": 0.35,
+        },
+    ),
+    Starter(
+        "viseme-09-kg",
+        "K G NG",
+        "Mouth slightly open, teeth nearly closed: keg, hang, yes.",
+        {"jawOpen": 0.17, "mouthUpperUp": 0.15, "mouthLowerDown": 0.25},
+    ),
+    Starter(
+        "viseme-10-ee",
+        "EE",
+        "Mouth wide and slightly open: beat, bit.",
+        {
+            "mouthStretch": 0.45,
+            "mouthSmile": 0.35,
+            "mouthDimple": 0.2,
+            "mouthUpperUp": 0.25,
+            "mouthLowerDown": 0.35,
+            "jawOpen": 0.1,
+        },
+    ),
+    Starter(
+        "viseme-11-eh",
+        "EH",
+        "Jaw dropped a little, teeth apart: bait, bet, but.",
+        {"jawOpen": 0.28, "mouthStretch": 0.25, "mouthLowerDown": 0.25, "mouthUpperUp": 0.1},
+    ),
+    Starter(
+        "viseme-12-oh",
+        "OH",
+        "Lips round, jaw dropped a little: boat.",
+        {
+            "jawOpen": 0.42,
+            "mouthFunnel": 0.4,
+            "mouthPucker": 0.7,
+        },
+        {"mouthPucker": 1.3, "mouthFunnel": 0.7},
+    ),
+    Starter(
+        "viseme-13-ah",
+        "AH",
+        "Jaw dropped far: bat, bought.",
+        {
+            "jawOpen": 0.65,
+            "mouthLowerDown": 0.15,
+            "mouthUpperUp": 0.1,
+        },
+    ),
+)

@@ -1,0 +1,130 @@
+"""Builds ``assets/poses``: six expressions and thirteen visemes for the faces that come with the program.
+
+Run from the root of a checkout::
+
+    python -m scripts.build_poses             # those for faces with ARKit's shapes, and those for the goblin
+    python -m scripts.build_poses --check     # compares with the committed files instead
+    python -m scripts.build_poses --sheet docs/images/poses.jpg     # draws those that are there, on all faces
+
+The goblin has no shapes of ARKit: its poses are made as its examples are, from face units (the source data of
+``build_assets.py`` is needed), and written as the weights of its own shapes that come nearest.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))
+
+from faceposer.api import load, subjects
+from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.subject_file import load_subject
+from faceposer.poses.portrait import portrait_view
+from faceposer.poses.pose_file import Pose, pose_text, read_pose
+from faceposer.solve.weight_fit import fit_weights
+from scripts.asset_building.builder import Builder
+from scripts.asset_building.creature import build_creature
+from scripts.asset_building.source import Source, download_wheel
+from scripts.asset_building.starter_poses import STARTERS, Starter
+
+#: How far a weight of the goblin's may be off on another machine: its shapes are some centimetres large.
+_TOLERANCE = 0.02
+# Decimals: a thousandth of a shape is not to be seen.
+_DECIMALS = 3
+#: The sheet: pixels each way of a picture, and pictures in a row.
+_SIDE, _ACROSS = 140, 10
+
+
+def people_poses() -> dict[str, Pose]:
+    """Return the poses for all faces with ARKit's shapes, by their files."""
+    return {f"{one.stem}.json": _pose(one, one.sided(), "man") for one in STARTERS}
+
+
+def creature_poses(builder: Builder) -> dict[str, Pose]:
+    """Return the poses for the goblin, by their files."""
+    model = build_face_model(load_subject("creature"))
+    expressions = {one.stem: {**one.weights, **one.creature} for one in STARTERS}
+    neutral, faces = build_creature(builder, expressions)
+    poses = {}
+    for one, vertices in zip(STARTERS, faces, strict=True):
+        weights = _nearest(model, (vertices - neutral.vertices).astype(np.float64))
+        poses[f"creature/{one.stem}.json"] = _pose(one, weights, "creature")
+    return poses
+
+
+def _nearest(model: FaceModel, offsets: NDArray[np.float64]) -> dict[str, float]:
+    """Return the weights within their limits whose face comes nearest to ``offsets`` from neutral, shape (N, 3)."""
+    shapes = model.subject.shapes.reshape(len(model.subject.shapes), -1).astype(np.float64)
+    weights = np.linalg.solve(model.gram, shapes @ offsets.ravel())
+    return fit_weights(model, model.coefficients_of(weights))
+
+
+def _pose(one: Starter, weights: dict[str, float], subject: str) -> Pose:
+    rounded = {name: round(weight, _DECIMALS) for name, weight in weights.items()}
+    return Pose(one.name, {name: weight for name, weight in rounded.items() if weight}, subject, (one.tag,), one.note)
+
+
+def differences(built: Pose, path: Path) -> str:
+    """Return what differs between ``built`` and the file ``path``, or ""."""
+    if not path.is_file():
+        return "is missing"
+    stored = read_pose(path)
+    if (built.name, built.subject, built.tags, built.note) != (stored.name, stored.subject, stored.tags, stored.note):
+        return "differs in its words"
+    names = built.weights.keys() | stored.weights.keys()
+    far = max(abs(built.weights.get(name, 0.0) - stored.weights.get(name, 0.0)) for name in names)
+    return f"differs by {far:.3f}" if far > _TOLERANCE else ""
+
+
+def draw_sheet(path: Path) -> None:
+    """Draw the poses on all faces that come with the program, two rows for each."""
+    sheet = Image.new("RGB", (_ACROSS * _SIDE, 2 * len(subjects()) * _SIDE))
+    for i, subject in enumerate(subjects()):
+        face = load(subject)
+        camera = portrait_view(face.subject).camera((_SIDE, _SIDE))
+        for k, one in enumerate(STARTERS):
+            face.apply_pose(one.name)
+            picture = Image.fromarray(face.render(view=camera))
+            ImageDraw.Draw(picture).text((5, 3), one.name, fill="white")
+            sheet.paste(picture, (k % _ACROSS * _SIDE, (2 * i + k // _ACROSS) * _SIDE))
+    sheet.save(path, quality=88)
+    print(f"{path}: {sheet.width} x {sheet.height}")
+
+
+def main() -> int:
+    """Run the command line and return the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--wheel", type=Path, help="the source wheel, if it is already here")
+    parser.add_argument("--cache", type=Path, default=ROOT / "build" / "source", help="folder for the download")
+    parser.add_argument("--output", type=Path, default=ROOT / "assets" / "poses", help="folder of the results")
+    parser.add_argument("--check", action="store_true", help="compare with what is there instead of writing")
+    parser.add_argument("--sheet", type=Path, metavar="FILE", help="only draw the poses that are there")
+    options = parser.parse_args()
+    if options.sheet is not None:
+        draw_sheet(options.sheet)
+        return 0
+    builder = Builder(Source(options.wheel or download_wheel(options.cache)))
+    poses = people_poses() | creature_poses(builder)
+    n_different = 0
+    for name, pose in poses.items():
+        path = options.output / name
+        if options.check:
+            found = differences(pose, path)
+            n_different += bool(found)
+            print(f"{path}: {found or 'as built'}")
+        else:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(pose_text(pose), encoding="utf-8", newline="\n")
+    if not options.check:
+        print(f"{options.output}: {len(poses)} poses")
+    return int(n_different > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

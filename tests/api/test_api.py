@@ -1,0 +1,215 @@
+"""The Python interface: what its page shows runs, all constraints do what the window's do, errors are one sentence."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import faceposer
+from faceposer.api import Face
+from faceposer.geometry.mesh_io import read_mesh
+from faceposer.session.document import read_document
+from faceposer.session.opening import open_session
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "api.md"
+EXAMPLES = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+
+
+@pytest.fixture
+def face() -> Face:
+    return faceposer.load("man")
+
+
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    return tmp_path / "data" / "faceposer" / "poses"
+
+
+def test_the_example_on_the_page_is_ten_lines_and_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code = EXAMPLES[0]
+    assert len([line for line in code.splitlines() if line.strip()]) == 10
+    exec(compile(code, "docs/api.md", "exec"), {})
+    shape, smile = re.fullmatch(r"\((\d+), 3\) ([\d.]+)\n", capsys.readouterr().out).groups()  # type: ignore[union-attr]
+    assert float(smile) > 0.3
+    mesh = read_mesh(tmp_path / "posed.obj")
+    assert len(mesh.vertices) == int(shape)
+    assert np.abs(mesh.vertices - faceposer.load("man").vertices).max() > 0.3
+
+
+def test_the_other_example_on_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert len(EXAMPLES) == 2
+    exec(compile(EXAMPLES[1], "docs/api.md", "exec"), {})
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["poses", "surprised.png"]
+    weights = json.loads((tmp_path / "poses" / "closed-smile.json").read_text())["weights"]
+    assert weights["cheekSquintLeft"] > 0.5
+
+
+def test_importing_the_package_is_cheap_and_its_names_are_there() -> None:
+    code = (
+        "import faceposer, sys; assert not {'numpy', 'scipy', 'imgui_bundle'} & set(sys.modules); "
+        "assert all(getattr(faceposer, name) for name in faceposer.__all__); "
+        "assert not {'imgui_bundle', 'moderngl', 'sklearn'} & set(sys.modules)"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    with pytest.raises(AttributeError, match="nothing_of_the_kind"):
+        faceposer.nothing_of_the_kind  # noqa: B018
+
+
+def test_nothing_moves_before_the_solve_and_then_all_is_met(face: Face) -> None:
+    camera = face.camera("three-quarter", (800, 700))
+    u, v = face.pixel("left mouth corner", camera)
+    point = face.drag("mouth corner left", to=(u + 6, v - 8), camera=camera)
+    np.testing.assert_array_equal(face.coefficients, face.model.neutral())
+    assert face.residuals[0] == pytest.approx(10.0)
+    solution = face.solve()
+    assert face.constraints == (point,)
+    assert face.residuals == pytest.approx(solution.residuals_px)
+    assert face.residuals[0] < 2.0
+    assert face.pixel("8.3", camera) == pytest.approx((u + 6, v - 8), abs=2.0)
+    assert face.weights["mouthSmileLeft"] > 0.1
+
+
+def test_every_kind_of_constraint(face: Face) -> None:
+    camera = face.camera()
+    lip, brow = np.array(face.pixel("lower lip")), np.array(face.pixel("top of the right brow"))
+    corners = [np.array(face.pixel(name)) for name in ("right mouth corner", "left mouth corner")]
+    face.set_distance("middle of the inner upper lip", "middle of the inner lower lip", 30)
+    face.stroke([brow - (30, 0), brow, brow + (30, 0)], [brow - (30, 14), brow - (0, 14), brow + (30, -14)], 10)
+    line = [corners[0], lip, corners[1]]
+    face.curve(line, [corners[0] - (6, 6), lip + (0, 8), corners[1] + (6, -6)], weight=0.5)
+    face.fix("left brow")
+    face.fix([0, 5, 9], weight=2.0)
+    face.look(12, 6)
+    kinds = [constraint.kind for constraint in face.constraints]
+    assert kinds == ["distance", "stroke", "curve", "fixed", "fixed", "gaze"]
+    face.solve()
+    assert np.max(face.residuals) < 8.0
+    assert face.weights["eyeLookOutLeft"] == pytest.approx(12 / 31, abs=0.05)
+    assert face.pixel("top of the right brow", camera)[1] < brow[1] - 6
+    face.look(-12)
+    assert len(face.constraints) == 6
+    face.remove(face.constraints[0])
+    assert [constraint.kind for constraint in face.constraints] == kinds[1:]
+    face.reset()
+    assert face.constraints == ()
+    np.testing.assert_array_equal(face.vertices, face.model.instance(face.model.neutral()))
+
+
+def test_a_place_is_a_name_a_number_or_a_pixel(face: Face) -> None:
+    vertex = face.subject.feature_points["9.3"]
+    tip = face.pixel("nose tip")
+    assert face.pixel(vertex) == face.pixel("9.3") == face.pixel("tip of the nose") == tip
+    assert face.pixel(tip) == pytest.approx(tip, abs=1e-6)
+    assert face.pixel(np.int32(vertex)) == tip  # type: ignore[arg-type]
+
+
+def test_the_prior_holds_the_face(face: Face) -> None:
+    u, v = face.pixel("nose tip")
+    face.drag("nose tip", to=(u + 40, v))
+    face.solve()
+    held = face.residuals[0]
+    face.prior_weight = 0.0
+    face.solve()
+    assert face.residuals[0] < held
+    face.prior = "whole"
+    assert face.session.document.prior == "whole"
+
+
+def test_weights_and_poses_are_what_the_face_starts_from(face: Face) -> None:
+    face.set_weights({"jawOpen": 0.5})
+    assert face.weights["jawOpen"] == pytest.approx(0.5, abs=0.02)
+    face.apply_pose("ANGER", regions=["brows"])
+    assert face.weights["jawOpen"] == pytest.approx(0.5, abs=0.02)
+    assert face.weights["browDownLeft"] > 0.9
+    u, v = face.pixel("left mouth corner")
+    face.drag("left mouth corner", to=(u + 5, v - 10))
+    face.solve()
+    assert face.weights["browDownLeft"] > 0.7
+    face.apply_pose(faceposer.Pose("Shut", {}), 1.0)
+    face.solve()
+    assert face.weights["browDownLeft"] < 0.2, "constraints pull from the new start"
+
+
+def test_own_poses_go_round(face: Face, own_folder: Path) -> None:
+    face.set_weights({"mouthSmileLeft": 0.7})
+    path = face.save_pose("Half a smile")
+    assert path == own_folder / "half-a-smile.json"
+    with pytest.raises(faceposer.FacePoserError, match="already"):
+        face.save_pose("Half a smile")
+    other = faceposer.load("woman")
+    other.apply_pose("half a smile")
+    assert other.weights["mouthSmileLeft"] == pytest.approx(0.7, abs=0.02)
+    other.flip()
+    assert other.weights["mouthSmileRight"] == pytest.approx(0.7, abs=0.05)
+    other.mirror("right")
+    assert other.weights["mouthSmileLeft"] == pytest.approx(0.7, abs=0.05)
+    other.apply_pose(path, strength=-1.0, blend="add", side="right")
+
+
+def test_a_session_goes_to_the_window_and_back(face: Face, tmp_path: Path) -> None:
+    u, v = face.pixel("top of the left brow")
+    face.drag("top of the left brow", to=(u, v - 15))
+    face.solve()
+    path = face.save(tmp_path / "work.json")
+    assert read_document(path).constraints == face.constraints
+    again = faceposer.load(path)
+    np.testing.assert_allclose(again.vertices, face.vertices, atol=1e-4)
+    assert open_session(str(path)).residuals_px == pytest.approx(face.residuals)
+
+
+def test_a_picture_comes_as_an_array_and_as_a_file(face: Face, tmp_path: Path) -> None:
+    picture = face.render(tmp_path / "a.png", "left", (120, 160), "clay")
+    assert picture.shape == (160, 120, 3)
+    assert picture.std() > 10.0
+    assert (tmp_path / "a.png").stat().st_size > 500
+    assert face.render(view=face.camera("front", (64, 48))).shape == (48, 64, 3)
+
+
+@pytest.mark.parametrize(
+    ("do", "sentence"),
+    [
+        ("faceposer.load('mann')", "Did you mean 'man'"),
+        ("face.drag('mouth corner', (1, 2))", "say which"),
+        ("face.drag('nostrils', (1, 2))", "no feature point 'nostrils'"),
+        ("face.drag('', (1, 2))", "no feature point"),
+        ("face.drag((1.0, 2.0), (1, 2))", "does not see the face"),
+        ("face.drag(-1, (1, 2))", "has the vertices 0 to"),
+        ("face.drag('8.3', 'left')", "pairs of numbers"),
+        ("face.drag('8.3', (float('nan'), 1))", "pairs of numbers"),
+        ("face.drag('8.3', (1, 2), weight=-1)", "weight of a constraint"),
+        ("face.stroke([(1, 2)], [(3, 4)])", "does not touch the face"),
+        ("face.curve([(480, 500)], [(480, 500)])", "two points or more"),
+        ("face.fix('elbow')", "no region 'elbow'"),
+        ("face.fix([])", "at least one"),
+        ("face.fix([10**7])", "has the vertices 0 to"),
+        ("face.set_weights({'jaw': 1.0})", "no shape 'jaw'"),
+        ("face.apply_pose('joy')", "no pose 'joy'"),
+        ("face.apply_pose('nowhere.json')", "cannot be read"),
+        ("face.apply_pose('anger', 3.0)", "strength"),
+        ("face.save('face.xyz')", ".obj, .json or .png"),
+        ("face.save_pose(' ')", "needs a name"),
+        ("face.remove(other)", "does not pull"),
+        ("setattr(face, 'prior_weight', -1.0)", "prior weight"),
+        ("setattr(face, 'prior', 'none')", "The prior is one of"),
+    ],
+)
+def test_errors_are_one_sentence_and_nothing_is_left(do: str, sentence: str, tmp_path: Path) -> None:
+    face = faceposer.load("man")
+    other = faceposer.load("man").drag("8.3", (1, 2))
+    with pytest.raises(faceposer.FacePoserError) as refused:
+        eval(do, {"face": face, "faceposer": faceposer, "other": other})
+    assert sentence in str(refused.value)
+    assert "\n" not in str(refused.value)
+    assert face.constraints == ()
+    assert not face.session.can_undo
+    assert list(tmp_path.iterdir()) == []
