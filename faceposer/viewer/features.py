@@ -54,6 +54,10 @@ class Feature:
     def follow(self) -> None:
         """Do what is to be done once in every turn of the loop, before anything is drawn."""
 
+    def drop(self, paths: tuple[str, ...]) -> bool:
+        """Take the files ``paths`` that were dropped onto the window; return whether they are for this feature."""
+        return False
+
     def draw_tab(self) -> None:
         """Draw the content of its tab."""
 
@@ -115,6 +119,10 @@ class Features:
         for feature in self._features:
             feature.session_changed()
 
+    def drop(self, paths: tuple[str, ...]) -> bool:
+        """Give dropped files to the first feature that takes them; return whether one did."""
+        return any(feature.drop(paths) for feature in self._features)
+
     def follow(self) -> None:
         """Let all do what is due in this turn of the loop."""
         for feature in self._features:
@@ -143,4 +151,6 @@ class Features:
 
 def build_features(app: "App") -> Features:
     """Return the features of ``app``, in the order of their tabs."""
-    return Features([])
+    from faceposer.viewer.photos import Photos
+
+    return Features([Photos(app)])

@@ -120,6 +120,8 @@ class Router:
 
     def _on_drop(self, paths: tuple[str, ...]) -> None:
         app = self._app
+        if not app.importing.running and app.features.drop(paths):
+            return
         if app.importing.takes(paths[0]):
             app.importing.drop(paths)
         elif not app.importing.running:

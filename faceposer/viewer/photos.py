@@ -1,0 +1,348 @@
+"""Photos that the face is posed after: which is looked through, its picture, and what the user does to it."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import moderngl
+from imgui_bundle import imgui
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.picture_view import PictureView
+from faceposer.photo.aligning import aligned, first_camera
+from faceposer.photo.photo import MAX_PHOTOS, Photo, Place
+from faceposer.photo.reading import FOREIGN_SUFFIXES, PHOTO_SUFFIXES, inspect_photo, read_photo
+from faceposer.session.photos import with_expression, with_photo
+from faceposer.solve.camera_fit import LEAST_POINTS
+from faceposer.tools.photo_tool import PhotoTool
+from faceposer.viewer.actions import Action, Submenu
+from faceposer.viewer.features import Feature
+from faceposer.viewer.file_dialogs import FileRequest
+from faceposer.viewer.offscreen import photo_texture
+from faceposer.viewer.panels.photo import draw_photo_tab
+from faceposer.viewer.photo_overlay import draw_photo_overlay
+from faceposer.viewer.renderer import PhotoLayer
+from faceposer.viewer.settings import last_folder
+
+if TYPE_CHECKING:
+    from faceposer.viewer.app import App
+
+# The longer side of a picture on the GPU: what an ordinary card takes, and more than a display shows.
+_LARGEST = 4096
+# Radians of a turn away from the photo over which it fades.
+_FADE = 0.25
+
+
+class Photos(Feature):
+    """The tab "Photo", and the photo in the view."""
+
+    tab = ("Photo", "Pose the face after a photo: pins let the camera find where the photo was taken from")
+
+    def __init__(self, app: "App") -> None:
+        """Serve ``app``; photos are read when they are looked through."""
+        super().__init__(app)
+        self._picture: tuple[str, moderngl.Texture | None] | None = None
+
+    # What there is
+
+    @property
+    def photos(self) -> tuple[Photo, ...]:
+        """The photos of the session."""
+        return self.app.session.document.photos
+
+    @property
+    def tool(self) -> PhotoTool:
+        """What sets pins."""
+        return self.app.toolbox.photo_tool
+
+    @property
+    def active(self) -> int | None:
+        """Index of the photo that the tab is about, or None."""
+        index = self.tool.active
+        return index if index is not None and index < len(self.photos) else None
+
+    @property
+    def photo(self) -> Photo | None:
+        """The photo that the tab is about, or None."""
+        return None if self.active is None else self.photos[self.active]
+
+    @property
+    def looking(self) -> bool:
+        """Whether the view looks through the photo, or is turned away from it."""
+        return self.photo is not None and isinstance(self.app.viewport.view, PictureView)
+
+    @property
+    def aligned(self) -> bool:
+        """Whether the view shows the photo and the face as its camera saw them."""
+        view = self.app.viewport.view
+        return self.photo is not None and isinstance(view, PictureView) and view.aligned
+
+    def actions(self) -> Sequence[Action | Submenu]:
+        """Return its menu entries."""
+
+        def free() -> bool:
+            return not self.app.busy
+
+        def shown() -> bool:
+            return free() and self.photo is not None
+
+        return (
+            Action("photo-open", "Open photo...", "File", self.ask, (), free, help="Pose the face after a photo"),
+            Action(
+                "photo-pin",
+                "Pin the photo",
+                "Tools",
+                self.pin,
+                ("I",),
+                shown,
+                lambda: self.app.toolbox.chosen is self.tool,
+                separated=True,
+                help="Show where the photo has the features of the face, so that its camera is found",
+            ),
+            Action(
+                "photo-skip",
+                "Skip this pin",
+                "Tools",
+                self.skip,
+                ("Tab",),
+                lambda: shown() and self.app.toolbox.chosen is self.tool,
+                help="Go on to the next place: not all can be seen in every photo",
+            ),
+            Action(
+                "photo-pose",
+                "Pose from the pins",
+                "Tools",
+                self.pose,
+                (),
+                lambda: shown() and self.enough,
+                help="Let the face take the expression that the pins tell, by points and distances",
+            ),
+            Action(
+                "photo-look",
+                "Look through the photo",
+                "View",
+                self.look,
+                (),
+                lambda: shown() and not self.aligned,
+                separated=True,
+                help="Return to the camera that took the photo",
+            ),
+            Action(
+                "photo-shown",
+                "Show the photo",
+                "View",
+                self.toggle,
+                ("Shift+I",),
+                shown,
+                lambda: self.photo is not None and self.photo.visible,
+                help="Show the photo or only the face",
+            ),
+        )
+
+    @property
+    def enough(self) -> bool:
+        """Whether the photo has the pins that its camera takes."""
+        return self.photo is not None and len(self.photo.pins) >= LEAST_POINTS
+
+    # Turns of the loop
+
+    def session_changed(self) -> None:
+        """Look through the photo that the session was last seen through, and say which files are missing."""
+        camera = self.app.viewport.camera
+        found = [i for i, photo in enumerate(self.photos) if photo.camera and photo.camera.stands_with(camera)]
+        self.tool.active = found[0] if found else 0 if self.photos else None
+        if found:
+            self._look(self.photos[found[0]])
+        missing = [photo for photo in self.photos if not Path(photo.path).is_file()]
+        if missing:
+            named = missing[0].path if len(missing) == 1 else f"{missing[0].path}' and {len(missing) - 1} more"
+            self.app.dialogs.report(
+                "A photo is missing",
+                f"The session is open, but there is no photo '{named}'; put it there, or remove it in the tab Photo.",
+            )
+
+    def follow(self) -> None:
+        """Keep the view at the photo's camera, as after an undo, and give the scene what lies behind the face."""
+        viewport, scene = self.app.viewport, self.app.scene
+        if self.tool.active is not None and self.active is None:
+            self.tool.active = len(self.photos) - 1 if self.photos else None
+            if not self.photos and isinstance(viewport.view, PictureView):
+                viewport.view = viewport.framed()
+                if self.app.toolbox.chosen is self.tool:
+                    self.app.toolbox.choose("point")
+        photo, view = self.photo, viewport.view
+        layer = None
+        if photo is not None and isinstance(view, PictureView):
+            camera = photo.camera or first_camera(photo, self.app.session.model)
+            if view.photo != camera:
+                view = viewport.view = view.through(camera)
+            texture = self._texture(photo) if photo.visible else None
+            if texture is not None:
+                near = max(1.0 - max(abs(view.yaw), abs(view.pitch)) / _FADE, 0.0)
+                behind, before = (0.0, photo.opacity) if photo.front else (1.0, 1.0 - photo.opacity)
+                before = before if view.aligned else 0.0
+                layer = PhotoLayer(texture, photo.size, camera.focal, near * behind, near * before)
+        if layer != scene.photo:
+            scene.photo = layer
+            self.app.redraw()
+
+    def _texture(self, photo: Photo) -> moderngl.Texture | None:
+        """Return the picture of ``photo`` on the GPU, or None where its file cannot be read."""
+        if self._picture is None or self._picture[0] != photo.path:
+            self._release()
+            # One that cannot be read is told of once, not in every frame.
+            self._picture = (photo.path, None)
+            with suppress(FacePoserError):
+                pixels = read_photo(Path(photo.path), _LARGEST)
+                self._picture = (photo.path, photo_texture(self.app.window.ctx, pixels))
+        return self._picture[1]
+
+    @property
+    def readable(self) -> bool:
+        """Whether the file of the photo could be read."""
+        return self.photo is not None and self._texture(self.photo) is not None
+
+    def _release(self) -> None:
+        if self._picture is not None and self._picture[1] is not None:
+            self._picture[1].release()
+        self._picture = None
+
+    def close(self) -> None:
+        """Free the picture."""
+        self.app.scene.photo = None
+        self._release()
+
+    # What is drawn
+
+    def draw_tab(self) -> None:
+        """Draw the tab."""
+        draw_photo_tab(self)
+
+    def draw_behind(self, draw: imgui.ImDrawList) -> None:
+        """Draw the pins of the photo."""
+        draw_photo_overlay(self.app, draw)
+
+    # What the user does
+
+    def ask(self) -> None:
+        """Ask for a photo and open it."""
+        folder = Path(self.photos[-1].path).parent if self.photos else last_folder(self.app.settings)
+        start = folder if folder.is_dir() else last_folder(self.app.settings)
+        self.app.dialogs_ask(FileRequest("open", "Open a photo", "Photos", PHOTO_SUFFIXES, start, self.open))
+
+    def drop(self, paths: tuple[str, ...]) -> bool:
+        """Open what was dropped if all of it is pictures."""
+        suffixes = (*PHOTO_SUFFIXES, *FOREIGN_SUFFIXES)
+        if self.app.covered or self.app.busy or not all(Path(path).suffix.lower() in suffixes for path in paths):
+            return False
+        for path in paths:
+            self.open(Path(path))
+        return True
+
+    def open(self, path: Path) -> None:
+        """Add the photo ``path`` to the session as one step, look through it and lead to the first pin."""
+        app = self.app
+        path = path.expanduser().absolute()
+        try:
+            file = inspect_photo(path)
+            if len(self.photos) >= MAX_PHOTOS:
+                raise FacePoserError(f"A session has at most {MAX_PHOTOS} photos; remove one first.")
+            read_photo(path, 64)
+        except FacePoserError as error:
+            app.dialogs.report("The photo cannot be opened", str(error))
+            return
+        photo = Photo(str(path), file.size, focal=file.focal)
+        photo = replace(photo, camera=first_camera(photo, app.session.model))
+        app.toolbox.finish()
+        self._release()
+        with app.session.edit("Open a photo"):
+            document = app.session.document
+            app.session.replace(replace(document, photos=(*document.photos, photo)))
+        self.choose(len(self.photos) - 1)
+        self.pin()
+
+    def choose(self, index: int) -> None:
+        """Make photo ``index`` the one that the tab is about, and look through it."""
+        if self.app.toolbox.active:
+            return
+        self.tool.active, self.tool.selected = index, None
+        self._look(self.photos[index])
+        if self.app.toolbox.chosen is self.tool:
+            self.tool.place = self.tool.next_place(self.app.viewport)
+
+    def look(self) -> None:
+        """Look through the photo again."""
+        if self.photo is not None:
+            self._look(self.photo)
+
+    def _look(self, photo: Photo) -> None:
+        viewport, session = self.app.viewport, self.app.session
+        if isinstance(viewport.view, PictureView) and viewport.view.photo == photo.camera:
+            viewport.view = viewport.view.back()
+            return
+        x, y, z = session.model.subject.vertices.mean(axis=0).tolist()
+        locked = viewport.view.locked if isinstance(viewport.view, PictureView) else True
+        view = PictureView.whole(photo.camera or first_camera(photo, session.model), (x, y, z))
+        viewport.view = replace(view, locked=locked)
+        if len(photo.pins) >= LEAST_POINTS:
+            viewport.frame_face()
+        self.app.redraw()
+
+    def pin(self) -> None:
+        """Take up the tool that sets pins, at the first place that has none."""
+        self.look()
+        self.app.toolbox.choose(self.tool.name)
+        self.tool.place = self.tool.next_place(self.app.viewport)
+
+    def skip(self) -> None:
+        """Go on to the next place."""
+        self.tool.skip(self.app.viewport)
+
+    def place(self, place: Place) -> None:
+        """Let the next press on the photo pin ``place``."""
+        self.look()
+        self.app.toolbox.choose(self.tool.name)
+        self.tool.place = place
+
+    def toggle(self) -> None:
+        """Show the photo, or only the face."""
+        if self.photo is not None:
+            self.change(replace(self.photo, visible=not self.photo.visible), "Show or hide the photo")
+
+    def change(self, photo: Photo, label: str, merges: bool = False) -> None:
+        """Exchange the photo for ``photo`` as one step, or within the edit of a slider."""
+        session, index = self.app.session, self.active
+        assert index is not None
+        document = with_photo(session.document, index, photo)
+        if session.editing:
+            session.replace(document)
+            return
+        with session.edit(label, merges):
+            session.replace(document)
+
+    def realign(self, focal: float | None) -> None:
+        """Seek the camera anew with the focal length ``focal`` in pixels, or with the likely one if None."""
+        photo, session = self.photo, self.app.session
+        if photo is not None:
+            changed = aligned(replace(photo, focal=focal), session.model, session.coefficients)
+            self.change(changed, "Align the photo")
+
+    def remove(self, index: int) -> None:
+        """Take photo ``index`` out of the session as one step; its file stays."""
+        session = self.app.session
+        document = session.document
+        with session.edit("Remove a photo"):
+            session.replace(replace(document, photos=(*document.photos[:index], *document.photos[index + 1 :])))
+        if self.photos:
+            self.choose(min(self.active or 0, len(self.photos) - 1))
+
+    def pose(self) -> None:
+        """Let the face take the expression that the pins tell, as one step; what they told before goes."""
+        photo, session = self.photo, self.app.session
+        if photo is None or not self.enough:
+            return
+        self.app.toolbox.finish()
+        with session.edit("Pose from the photo"):
+            session.replace(with_expression(session.document, session.model, photo))
