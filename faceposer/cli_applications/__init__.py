@@ -4,6 +4,8 @@ import argparse
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from faceposer.cli_applications import photo
+
 Subparsers = Any
 
 
@@ -21,7 +23,7 @@ class _Command(Protocol):
     run: Callable[[argparse.Namespace], int]
 
 
-_COMMANDS: tuple[_Command, ...] = ()
+_COMMANDS: tuple[_Command, ...] = (photo,)
 
 COMMANDS = tuple(command.NAME for command in _COMMANDS)
 

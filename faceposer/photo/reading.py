@@ -23,8 +23,8 @@ _ORIENTATION, _EXIF, _FOCAL_35MM = 0x0112, 0x8769, 0xA405
 # Diagonal of the 35 mm film's frame, 36 by 24 mm, which equivalent focal lengths speak of.
 _FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 #: Focal length that a portrait is likely to have, in mm on 35 mm film, and the usual spread of its logarithm.
-LIKELY_FOCAL_MM = 70.0
-FOCAL_SPREAD = 0.4
+LIKELY_FOCAL_MM = 80.0
+FOCAL_SPREAD = 0.3
 
 
 @dataclass(frozen=True)

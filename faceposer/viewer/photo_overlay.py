@@ -63,7 +63,8 @@ def draw_photo_overlay(app: "App", draw: imgui.ImDrawList) -> None:
         draw.add_circle_filled(at(pixel), 4.6 * scale, u32(_WHITE if lit else TARGET, 1.0))
         # What it marks must be seen: the middle is open.
         draw.add_circle_filled(at(pixel), 1.8 * scale, u32(EDGE, 0.9))
-    if hovered is not None:
+    # A pin that was just set needs no name: the next one may lie under it.
+    if hovered is not None and not (hovered == tool.selected and tool.place is not None):
         draw_label(draw, viewport, pixels[hovered], place_title(app, photo.pins[hovered].place))
     if tool.place is not None and not app.toolbox.active:
         _draw_next(app, draw, tool.place)

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 _LARGEST = 4096
 # Radians of a turn away from the photo over which it fades.
 _FADE = 0.25
+# Least opacity of the photo over the face while pins are set.
+_PINNING = 0.7
 
 
 class Photos(Feature):
@@ -146,6 +148,10 @@ class Photos(Feature):
         """Whether the photo has the pins that its camera takes."""
         return self.photo is not None and len(self.photo.pins) >= LEAST_POINTS
 
+    @property
+    def _pinning(self) -> bool:
+        return self.app.toolbox.chosen is self.tool and (self.tool.place is not None or self.app.toolbox.active)
+
     # Turns of the loop
 
     def session_changed(self) -> None:
@@ -181,7 +187,11 @@ class Photos(Feature):
             texture = self._texture(photo) if photo.visible else None
             if texture is not None:
                 near = max(1.0 - max(abs(view.yaw), abs(view.pitch)) / _FADE, 0.0)
-                behind, before = (0.0, photo.opacity) if photo.front else (1.0, 1.0 - photo.opacity)
+                opacity = photo.opacity
+                if self._pinning:
+                    # Who sets pins has to see the photo.
+                    opacity = max(opacity, _PINNING) if photo.front else min(opacity, 1.0 - _PINNING)
+                behind, before = (0.0, opacity) if photo.front else (1.0, 1.0 - opacity)
                 before = before if view.aligned else 0.0
                 layer = PhotoLayer(texture, photo.size, camera.focal, near * behind, near * before)
         if layer != scene.photo:

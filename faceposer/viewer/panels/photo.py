@@ -14,7 +14,7 @@ from faceposer.photo.reading import focal_in_mm, focal_in_pixels
 from faceposer.solve.camera_fit import LEAST_POINTS
 from faceposer.viewer.panels.widgets import action_button, button_width, caption, choice, heading, tooltip
 from faceposer.viewer.photo_overlay import place_title
-from faceposer.viewer.theme import FAINT, WARNING, Icon, em, u32
+from faceposer.viewer.theme import FAINT, INK, WARNING, Icon, em, u32
 
 if TYPE_CHECKING:
     from faceposer.viewer.app import App
@@ -58,8 +58,14 @@ def _draw_row(photos: "Photos", index: int) -> bool:
     row = imgui.get_frame_height()
     begin, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
     imgui.set_next_item_allow_overlap()
-    flags = imgui.SelectableFlags_.none.value
-    pressed, _ = imgui.selectable(f"{Icon.PHOTO}  {photo.name}##row", index == photos.active, flags, ImVec2(width, row))
+    corner = imgui.get_cursor_screen_pos()
+    pressed, _ = imgui.selectable("##row", index == photos.active, 0, ImVec2(width, row))
+    baseline = corner.y + (row - imgui.get_font_size()) / 2.0
+    draw = imgui.get_window_draw_list()
+    draw.add_text((corner.x + em(0.3), baseline), u32(INK, 0.75), Icon.PHOTO)
+    draw.push_clip_rect((corner.x, corner.y), (corner.x + width - row, corner.y + row), True)
+    draw.add_text((corner.x + em(1.8), baseline), u32(INK), photo.name)
+    draw.pop_clip_rect()
     app.marks.note(f"photo:{index}")
     tooltip(f"{photo.path}\n{photo.size[0]} x {photo.size[1]} pixels, {len(photo.pins)} pins")
     if pressed and not app.busy:
@@ -185,7 +191,7 @@ def _draw_pin(photos: "Photos", photo: Photo, place: Place, off: float | None) -
     """Draw a place of the face in the list: pinned, next, or not pinned."""
     app, tool = photos.app, photos.tool
     index = photo.pin_of(place)
-    row = imgui.get_text_line_height_with_spacing()
+    row = round(imgui.get_font_size() + em(0.4))
     begin, corner, width = imgui.get_cursor_pos(), imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     imgui.push_id(str(place))
     imgui.set_next_item_allow_overlap()
@@ -195,9 +201,10 @@ def _draw_pin(photos: "Photos", photo: Photo, place: Place, off: float | None) -
     app.marks.note(f"pin:{place}")
     draw = imgui.get_window_draw_list()
     state = Icon.CHECK if index is not None else Icon.POINT if choosing and tool.place == place else ""
-    draw.add_text((corner.x + em(0.1), corner.y), u32(FAINT), state)
+    baseline = corner.y + (row - imgui.get_font_size()) / 2.0
+    draw.add_text((corner.x + em(0.1), baseline), u32(FAINT), state)
     tint = imgui.get_color_u32(imgui.Col_.text) if index is not None or lit else u32(FAINT)
-    draw.add_text((corner.x + em(1.4), corner.y), tint, place_title(app, place))
+    draw.add_text((corner.x + em(1.4), baseline), tint, place_title(app, place))
     if pressed and not app.busy:
         if index is None:
             photos.place(place)
@@ -206,7 +213,7 @@ def _draw_pin(photos: "Photos", photo: Photo, place: Place, off: float | None) -
     if index is not None:
         text = "" if off is None else f"{off:.1f} px"
         at = corner.x + width - em(1.6) - imgui.calc_text_size(text).x
-        draw.add_text((at, corner.y), u32(FAINT), text)
+        draw.add_text((at, baseline), u32(FAINT), text)
         imgui.set_cursor_pos(ImVec2(begin.x + width - em(1.3), begin.y))
         imgui.push_style_color(imgui.Col_.button, ImVec4(0.0, 0.0, 0.0, 0.0))
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0.0, 0.0))
@@ -217,4 +224,5 @@ def _draw_pin(photos: "Photos", photo: Photo, place: Place, off: float | None) -
         imgui.pop_style_color()
         app.marks.note(f"pin:{place}:delete")
         tooltip("Remove the pin")
+    imgui.set_cursor_pos(ImVec2(begin.x, begin.y + row))
     imgui.pop_id()
