@@ -7,11 +7,14 @@ from faceposer.photo.aligning import aligned
 from faceposer.photo.photo import Photo, Pin, Place
 from faceposer.photo.places import guided
 from faceposer.session.photos import with_photo
+from faceposer.tools.point_tool import CLICK_THRESHOLD
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, Workbench
 
 Pixel = tuple[float, float]
 # In pixels of a display at normal density.
 _REACH = 11.0
+# While pins are set one after another: the next place may lie close to the last.
+_REACH_BETWEEN = 6.0
 
 
 class PhotoTool(PosingTool):
@@ -54,7 +57,8 @@ class PhotoTool(PosingTool):
         pixels = self.pixels(context)
         distances = [math.hypot(u - position[0], v - position[1]) for u, v in pixels]
         nearest = min(range(len(pixels)), key=distances.__getitem__, default=None)
-        return nearest if nearest is not None and distances[nearest] <= _REACH * context.ui_scale else None
+        reach = (_REACH if self.place is None else _REACH_BETWEEN) * context.ui_scale
+        return nearest if nearest is not None and distances[nearest] <= reach else None
 
     def next_place(self, context: ToolContext, after: Place | None = None) -> Place | None:
         """Return the first place of the guided order, from ``after`` on, that has no pin yet, or None."""
@@ -79,27 +83,29 @@ class PhotoTool(PosingTool):
             self.place = context.pick(event.position) or self.place
             return
         index = self.pin_at(event.position, context)
-        view, place = context.view, self.place
-        begin = event.position
+        begin, view = event.position, context.view
+        while index is not None and self.place is not None:
+            event = yield
+            # on release: places lie close together, as the lips of a closed mouth; only a drag means the pin there
+            if event.kind == "release":
+                index = None
+            elif math.dist(event.position, begin) > CLICK_THRESHOLD * context.ui_scale:
+                break
+        place = self.place if index is None else photo.pins[index].place
+        assert place is not None
         handle = begin if index is None else self.pixels(context)[index]
-        label = "Set a pin" if index is None else "Move a pin"
         try:
-            with context.session.edit(label):
-                if index is None:
-                    assert place is not None
-                    self.selected = len(photo.pins)
-                    self._set(Pin(place, self._in_photo(begin, photo, view, context)), context)
-                else:
-                    self.selected = index
-                    place = photo.pins[index].place
+            with context.session.edit("Set a pin" if index is None else "Move a pin"):
+                self.selected = len(photo.pins) if index is None else index
                 while True:
-                    event = yield
+                    # on move
+                    x, y = (handle[i] + event.position[i] - begin[i] for i in range(2))
+                    if index is None or event.position != begin:
+                        self._set(Pin(place, self._in_photo((x, y), photo, view, context)), context)
                     # on release
                     if event.kind == "release":
                         break
-                    # on move
-                    x, y = (handle[i] + event.position[i] - begin[i] for i in range(2))
-                    self._set(Pin(place, self._in_photo((x, y), photo, view, context)), context)
+                    event = yield
         except GeneratorExit:
             context.view = view
             raise

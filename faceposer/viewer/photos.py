@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import moderngl
+import numpy as np
 from imgui_bundle import imgui
 
 from faceposer.errors import FacePoserError
@@ -33,6 +34,10 @@ if TYPE_CHECKING:
 _LARGEST = 4096
 # Radians of a turn away from the photo over which it fades.
 _FADE = 0.25
+# Share of the view's height below which a head is small.
+_SMALL = 0.5
+# Pictures on the GPU: to go from one photo to the next takes no time.
+_MOST_PICTURES = 4
 # Least opacity of the photo over the face while pins are set.
 _PINNING = 0.7
 
@@ -45,7 +50,8 @@ class Photos(Feature):
     def __init__(self, app: "App") -> None:
         """Serve ``app``; photos are read when they are looked through."""
         super().__init__(app)
-        self._picture: tuple[str, moderngl.Texture | None] | None = None
+        self._pictures: dict[str, moderngl.Texture | None] = {}
+        self._pins = ("", 0)
 
     # What there is
 
@@ -156,6 +162,9 @@ class Photos(Feature):
 
     def session_changed(self) -> None:
         """Look through the photo that the session was last seen through, and say which files are missing."""
+        # A file may have changed since.
+        self.app.scene.photo = None
+        self._release()
         camera = self.app.viewport.camera
         found = [i for i, photo in enumerate(self.photos) if photo.camera and photo.camera.stands_with(camera)]
         self.tool.active = found[0] if found else 0 if self.photos else None
@@ -184,6 +193,9 @@ class Photos(Feature):
             camera = photo.camera or first_camera(photo, self.app.session.model)
             if view.photo != camera:
                 view = viewport.view = view.through(camera)
+            self._come_near(photo)
+            view = viewport.view
+            assert isinstance(view, PictureView)
             texture = self._texture(photo) if photo.visible else None
             if texture is not None:
                 near = max(1.0 - max(abs(view.yaw), abs(view.pitch)) / _FADE, 0.0)
@@ -197,27 +209,41 @@ class Photos(Feature):
         if layer != scene.photo:
             scene.photo = layer
             self.app.redraw()
+        if len(self._pictures) > _MOST_PICTURES:
+            # Here and not where one is taken up: what is drawn in this frame must stay.
+            self._release(kept="" if photo is None else photo.path)
+
+    def _come_near(self, photo: Photo) -> None:
+        """Bring a small head near once it is known where it is: pins are set more exactly there."""
+        app, before = self.app, self._pins
+        self._pins = (photo.path, len(photo.pins))
+        if app.toolbox.active:
+            self._pins = before
+        elif before == (photo.path, LEAST_POINTS - 1) and len(photo.pins) == LEAST_POINTS:
+            head = app.viewport.camera.project(app.scene.vertices)
+            if float(np.ptp(head[:, 1])) < _SMALL * app.viewport.size[1]:
+                app.viewport.frame_face()
 
     def _texture(self, photo: Photo) -> moderngl.Texture | None:
         """Return the picture of ``photo`` on the GPU, or None where its file cannot be read."""
-        if self._picture is None or self._picture[0] != photo.path:
-            self._release()
-            # One that cannot be read is told of once, not in every frame.
-            self._picture = (photo.path, None)
+        if photo.path not in self._pictures:
+            # One that cannot be read is not tried again in every frame.
+            self._pictures[photo.path] = None
             with suppress(FacePoserError):
                 pixels = read_photo(Path(photo.path), _LARGEST)
-                self._picture = (photo.path, photo_texture(self.app.window.ctx, pixels))
-        return self._picture[1]
+                self._pictures[photo.path] = photo_texture(self.app.window.ctx, pixels)
+        return self._pictures[photo.path]
 
     @property
     def readable(self) -> bool:
         """Whether the file of the photo could be read."""
         return self.photo is not None and self._texture(self.photo) is not None
 
-    def _release(self) -> None:
-        if self._picture is not None and self._picture[1] is not None:
-            self._picture[1].release()
-        self._picture = None
+    def _release(self, kept: str = "") -> None:
+        for path in [path for path in self._pictures if path != kept]:
+            texture = self._pictures.pop(path)
+            if texture is not None:
+                texture.release()
 
     def close(self) -> None:
         """Free the picture."""
@@ -266,7 +292,6 @@ class Photos(Feature):
         photo = Photo(str(path), file.size, focal=file.focal)
         photo = replace(photo, camera=first_camera(photo, app.session.model))
         app.toolbox.finish()
-        self._release()
         with app.session.edit("Open a photo"):
             document = app.session.document
             app.session.replace(replace(document, photos=(*document.photos, photo)))
