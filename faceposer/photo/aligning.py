@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 # Share of the head's height by which a feature of one person lies elsewhere than on another's head.
 _MISFIT = 0.015
+# Sine of the turn away from the camera that is usual in photos: it decides where the pins lie along a line.
+_USUAL_TURN = 0.5
 # Share of the picture's height that the head takes before anything is known.
 _FIRST_SHARE = 0.45
 
@@ -61,7 +63,7 @@ def aligned(photo: Photo, model: FaceModel, p: ArrayLike) -> Photo:
         weights = np.maximum(weights, 0.5)
     spread = FOCAL_SPREAD if photo.focal is None else 0.0
     sigma = _MISFIT * model.subject.height * _pixels_per_unit(places, pixels)
-    fit = fit_camera(places, pixels, start, weights, spread, max(sigma, 1.0))
+    fit = fit_camera(places, pixels, start, weights, spread, max(sigma, 1.0), _USUAL_TURN)
     return replace(photo, camera=fit.camera)
 
 

@@ -6,8 +6,9 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.subject import Subject
 from faceposer.photo.photo import Place
 
-#: Feature points that tell where the camera stands: they hardly move with the expression, or not at all.
-ALIGNING = ("3.7", "3.12", "3.11", "3.8", "9.3", "9.15", "8.3", "8.4", "2.1", "10.5", "10.6")
+#: Feature points that tell where the camera stands: most hardly move with the expression, and the
+#: first four already lie far apart.
+ALIGNING = ("3.7", "3.12", "9.3", "2.1", "3.11", "3.8", "9.15", "8.3", "8.4", "10.5", "10.6")
 #: Feature points that tell the expression, and hardly more of the camera.
 EXPRESSIVE = ("8.1", "8.2", "2.2", "2.3", "4.3", "4.4", "4.1", "4.2", "4.5", "4.6", "3.1", "3.3", "3.2", "3.4")
 #: The order in which one is led from point to point.

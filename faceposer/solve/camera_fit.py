@@ -53,6 +53,7 @@ def fit_camera(
     weights: ArrayLike | None = None,
     focal_spread: float = 0.0,
     sigma_px: float = 1.0,
+    turn_spread: float = 0.0,
 ) -> CameraFit:
     """Return the camera that sees ``points`` nearest to ``pixels``.
 
@@ -64,7 +65,9 @@ def fit_camera(
         weights: How much each point counts, shape (n,), at least 0; all 1 if None.
         focal_spread: Standard deviation of the logarithm of the focal length, by which it may leave that of ``start``;
             0 to keep it. It is kept too where the points cannot tell it.
-        sigma_px: Standard deviation of the pixels, which weighs them against the focal length's.
+        sigma_px: Standard deviation of the pixels, which weighs them against the focal length's and the turn's.
+        turn_spread: Standard deviation of the sine by which a face turns away from the camera, for points that hardly
+            tell its turn, as those along a line; 0 to take any turn alike.
 
     Raises:
         ValueError: If the shapes do not fit, or no point has a weight.
@@ -80,8 +83,9 @@ def fit_camera(
         return CameraFit(placed, _distances(placed, places, seen), False, False)
     free = focal_spread > 0.0 and counting >= LEAST_FOR_FOCAL and not _flat(places[counts > 0.0])
     best: tuple[float, Camera] | None = None
+    spread = focal_spread if free else 0.0
     for guess in _guesses(places, seen, counts, start, placed):
-        camera, energy = _descend(places, seen, counts / sigma_px**2, guess, start, focal_spread if free else 0.0)
+        camera, energy = _descend(places, seen, counts / sigma_px**2, guess, start, spread, turn_spread)
         if not camera.to_camera(places)[:, 2].min() > 0.0:
             continue
         energy += (_angle(camera.rotation @ _FRONTAL.T) / _USUAL_TURN) ** 2
@@ -139,7 +143,7 @@ def _guesses(places: Array, seen: Array, counts: Array, start: Camera, placed: C
 
 
 def _descend(
-    places: Array, seen: Array, weights: Array, guess: Camera, likely: Camera, spread: float
+    places: Array, seen: Array, weights: Array, guess: Camera, likely: Camera, spread: float, turn_spread: float
 ) -> tuple[Camera, float]:
     """Return the nearest camera of least energy, by Levenberg's and Marquardt's steps, and that energy.
 
@@ -156,18 +160,26 @@ def _descend(
     )
     axis, log_likely = guess.principal_point, math.log(likely.focal)
     unknowns = 7 if spread > 0.0 else 6
+    by_focal = 1.0 / spread if spread > 0.0 else 0.0
+    by_sine = 1.0 / turn_spread if turn_spread > 0.0 else 0.0
 
     def residual(rotation: Array, state: Array) -> Array:
         points = local @ rotation.T + math.exp(state[2]) * np.array([state[0], state[1], 1.0])
         depth = np.maximum(points[:, 2:], 1e-6)
         off: Array = (roots * (math.exp(state[3]) * points[:, :2] / depth + axis - seen)).ravel()
-        return np.append(off, (state[3] - log_likely) / spread) if spread > 0.0 else off
+        expected = [rotation[0, 2] * by_sine, rotation[1, 2] * by_sine, (state[3] - log_likely) * by_focal]
+        return np.append(off, expected)
 
     off = residual(rotation, state)
     energy, damping = float(off @ off), 1e-3
     for _ in range(_ITERATIONS):
         rows = (roots[:, :, None] * _derivatives(local @ rotation.T, state)).reshape(-1, 7)[:, :unknowns]
-        rows = np.vstack([rows, np.eye(7)[6] / spread]) if spread > 0.0 else rows
+        # The face looks along z, whose image a small turn w moves by w x z.
+        x, y, z = rotation[:, 2]
+        expected = np.zeros((3, 7))
+        expected[0, 1:3], expected[1, 0], expected[1, 2] = (z * by_sine, -y * by_sine), -z * by_sine, x * by_sine
+        expected[2, 6] = by_focal
+        rows = np.vstack([rows, expected[:, :unknowns]])
         curvature, slope = rows.T @ rows, rows.T @ off
         damped = curvature + damping * np.diag(np.diag(curvature) + 1e-12)
         step: Array = np.asarray(np.linalg.solve(damped, -slope), dtype=np.float64)

@@ -295,6 +295,7 @@ class Photos(Feature):
         with app.session.edit("Open a photo"):
             document = app.session.document
             app.session.replace(replace(document, photos=(*document.photos, photo)))
+        app.guide.dismiss()
         self.choose(len(self.photos) - 1)
         self.pin()
 

@@ -107,10 +107,21 @@ def test_derivatives_agree_with_differences() -> None:
     before = np.linalg.norm(near.project(FACE) - pixels)
     original, camera_fit._ITERATIONS = camera_fit._ITERATIONS, 2
     try:
-        found, _ = camera_fit._descend(FACE, pixels, np.ones(len(FACE)), near, near, 50.0)
+        found, _ = camera_fit._descend(FACE, pixels, np.ones(len(FACE)), near, near, 50.0, 0.0)
     finally:
         camera_fit._ITERATIONS = original
     assert np.linalg.norm(found.project(FACE) - pixels) < 0.02 * before
+
+
+def test_pins_along_a_line_leave_the_face_turned_as_is_usual() -> None:
+    """The corners of the eyes tell hardly more than a line; a pixel of noise must not turn the head over."""
+    known = camera()
+    pixels = known.project(FACE[:4]) + [[0.0, 3.0], [0.0, 0.0], [0.0, -3.0], [0.0, -2.0]]
+    loose = fit_camera(FACE[:4], pixels, guess(), sigma_px=5.0).camera
+    usual = fit_camera(FACE[:4], pixels, guess(), sigma_px=5.0, turn_spread=0.5).camera
+    angles = [math.degrees(camera_fit._angle(c.rotation @ known.rotation.T)) for c in (loose, usual)]
+    assert angles[1] < 15.0
+    assert angles[0] > 2.0 * angles[1]
 
 
 def test_nothing_to_go_by_is_refused() -> None:

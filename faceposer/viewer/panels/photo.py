@@ -29,9 +29,7 @@ def draw_photo_tab(photos: "Photos") -> None:
     action_button(app.marks, app.actions["photo-open"], -1.0, strong=not photos.photos)
     if not photos.photos:
         imgui.spacing()
-        caption(
-            "Open a photo, or drop one onto the window. A few pins on it let the camera find where it was taken from."
-        )
+        caption("Open a photo, or drop one onto the window. From a few pins on it, its camera is found.")
         caption("Then every tool works over the photo, and the pins can pose the face.")
         return
     for i in range(len(photos.photos)):
@@ -173,6 +171,7 @@ def _draw_pins(photos: "Photos", photo: Photo) -> None:
     off = residuals_px(photo, app.session.model, app.session.coefficients)
     order = guided(app.session.model.subject)
     others = [pin.place for pin in photo.pins if pin.place not in order]
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, 0.0))
     for title, places in (
         ("To find the camera", [place for place in order if place in ALIGNING]),
         ("For the expression", [place for place in order if place not in ALIGNING]),
@@ -184,6 +183,8 @@ def _draw_pins(photos: "Photos", photo: Photo) -> None:
         for place in places:
             index = photo.pin_of(place)
             _draw_pin(photos, photo, place, None if index is None else off.get(index))
+        imgui.dummy((0.0, em(0.3)))
+    imgui.pop_style_var()
     caption("Any other place: with Set pins on, press on the face with Shift, then on the photo.")
 
 
