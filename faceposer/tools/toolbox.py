@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+from faceposer.geometry.picture_view import PictureView
 from faceposer.solve.constraints.curve import CurveConstraint
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.point import PointConstraint
@@ -283,6 +284,9 @@ class Toolbox:
             return "Drag: move the point   ·   right click: remove it   ·   Shift+click: select more"
         if self.hover.surface:
             return self.chosen.hint(self._context)
+        view = self._context.view
+        if isinstance(view, PictureView) and view.locked:
+            return "Wheel: zoom the photo   ·   Shift+middle: pan   ·   the view is locked to the photo"
         return "Drag: orbit   ·   wheel: zoom   ·   Shift+middle: pan"
 
 

@@ -161,12 +161,18 @@ class Renderer:
             ctx.enable(moderngl.BLEND)
 
         ctx.enable(moderngl.DEPTH_TEST)
+        ctx.depth_func = "<="
         program = self._surface
         set_uniform(program, "over_photo", over_photo)
         self._set_camera(program, camera)
         set_uniform(program, "viewport", size)
         set_uniform(program, "neck", _cut_of_neck(buffers.subject))
         set_uniform(program, "mouth", _front_of_teeth(buffers.subject))
+        if over_photo:
+            # Only what is nearest fades into the photo: its depth comes first.
+            target.color_mask = (False, False, False, False)
+            self._draw_parts(shading, opaque=True)
+            target.color_mask = (True, True, True, True)
         self._draw_parts(shading, opaque=True)
         if wireframe:
             self._set_camera(self._edges, camera)

@@ -109,9 +109,28 @@ def test_a_photo_is_pinned_posed_after_saved_and_opened_again(robot: Robot, phot
     assert not app.dialogs.open
     view = app.viewport.view
     assert isinstance(view, PictureView)
-    assert view.photo == app.session.document.photos[0].camera
+    photo_camera = app.session.document.photos[0].camera
+    assert photo_camera is not None
+    assert view.photo == photo_camera
     assert app.scene.photo is not None
     np.testing.assert_array_equal(app.session.coefficients, pose)
+
+    robot.key("Q")
+    robot.key("F")
+    x, y = robot.at("5.1")
+    robot.drag((x, y), (x + 12.0, y - 9.0))
+    drawn = app.session.document.constraints[-1]
+    assert drawn.camera is not None
+    assert drawn.camera.stands_with(photo_camera), "tools draw under the photo's camera"
+    assert app.session.residuals_px[-1] < np.hypot(12.0, 9.0) - 3.0
+    robot.wheel(2)
+    assert np.hypot(*(np.subtract(robot.at("5.1"), robot.position))) < 20.0
+    view = app.viewport.view
+    robot.key("1")
+    app.viewport.look_through(drawn.camera)
+    robot.frames(2)
+    assert isinstance(app.viewport.view, PictureView)
+    assert app.scene.photo is not None, "its view is that of the photo"
 
 
 def test_photo_and_face_keep_together(robot: Robot, photo: Path) -> None:

@@ -165,7 +165,7 @@ def _draw_pins(photos: "Photos", photo: Photo) -> None:
     action_button(app.marks, app.actions["photo-pin"], width, "Set pins")
     imgui.same_line()
     action_button(app.marks, app.actions["photo-skip"], width, "Skip")
-    ready = photos.enough and tool.next_place(app.viewport) is None
+    ready = photos.enough and tool.next_place(app.viewport) is None and not _posed(app, photo)
     action_button(app.marks, app.actions["photo-pose"], -1.0, strong=ready)
     imgui.spacing()
     off = residuals_px(photo, app.session.model, app.session.coefficients)
@@ -186,6 +186,12 @@ def _draw_pins(photos: "Photos", photo: Photo) -> None:
         imgui.dummy((0.0, em(0.3)))
     imgui.pop_style_var()
     caption("Any other place: with Set pins on, press on the face with Shift, then on the photo.")
+
+
+def _posed(app: "App", photo: Photo) -> bool:
+    """Whether anything was drawn through the photo's camera already."""
+    drawn = (constraint.camera for constraint in app.session.document.constraints)
+    return any(photo.camera is not None and camera is not None and camera.stands_with(photo.camera) for camera in drawn)
 
 
 def _draw_pin(photos: "Photos", photo: Photo, place: Place, off: float | None) -> None:
