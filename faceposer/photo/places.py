@@ -10,7 +10,24 @@ from faceposer.photo.photo import Place
 #: first four already lie far apart.
 ALIGNING = ("3.7", "3.12", "9.3", "2.1", "3.11", "3.8", "9.15", "8.3", "8.4", "10.5", "10.6")
 #: Feature points that tell the expression, and hardly more of the camera.
-EXPRESSIVE = ("8.1", "8.2", "2.2", "2.3", "4.3", "4.4", "4.1", "4.2", "4.5", "4.6", "3.1", "3.3", "3.2", "3.4")
+EXPRESSIVE = (
+    "8.1",
+    "8.2",
+    "2.2",
+    "2.3",
+    "4.3",
+    "4.4",
+    "4.1",
+    "4.2",
+    "4.5",
+    "4.6",
+    "3.1",
+    "3.3",
+    "3.2",
+    "3.4",
+    "3.5",
+    "3.6",
+)
 #: The order in which one is led from point to point.
 GUIDED = ALIGNING + EXPRESSIVE
 
@@ -46,6 +63,8 @@ OPENINGS = (
     Pair(("3.1", "3.3"), ("3.7", "3.11")),
     Pair(("3.2", "3.4"), ("3.12", "3.8")),
 )
+#: Each pupil, by which one sees where the eyes look, with the corners of its eye.
+PUPILS = (("3.5", ("3.7", "3.11")), ("3.6", ("3.12", "3.8")))
 #: Points that a person has higher or lower, nearer or farther apart than another by nature, one group after another.
 GROUPS = (
     ("8.3", "8.4", "8.1", "8.2", "8.5", "8.6", "8.7", "8.8", "8.9", "8.10", "2.2", "2.3", "2.4", "2.5"),

@@ -13,11 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from faceposer.geometry.camera import Camera
+from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.aligning import pinned
 from faceposer.photo.photo import Photo
-from faceposer.photo.places import GROUPS, OPENINGS, anchor_of, rigidity
+from faceposer.photo.places import GROUPS, OPENINGS, PUPILS, anchor_of, rigidity
 from faceposer.solve.constraints.distance import DistanceConstraint
+from faceposer.solve.constraints.gaze import MOST_PITCH, MOST_YAW, GazeConstraint
 from faceposer.solve.constraints.point import SIGMA_PX, PointConstraint
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import solve
@@ -34,6 +36,7 @@ _GROUP_SPREAD = 0.018
 # Of openings, in pixels of an ordinary view: they depend little on the person.
 _OPENING_SPREAD_PX = 4.0
 _ROUNDS = 8
+_GAZE_ROUNDS = 5
 
 
 def constraint_camera(photo: Photo, model: FaceModel) -> Camera:
@@ -77,22 +80,22 @@ def expression_constraints(
         pixels[pin.place] = np.asarray(pin.pixel) * scale
     spread = _FEATURE_SPREAD * _HEAD_PX
     weight = SIGMA_PX**2 / (SIGMA_PX**2 + spread**2)
+    pupils = {pupil for pupil, _ in PUPILS}
+    places = [place for place in pixels if place not in pupils and rigidity(place, model) < 0.3]
     points = [
         PointConstraint(anchor, (float(pixels[place][0]), float(pixels[place][1])), camera, weight=weight)
-        for place in pixels
-        if rigidity(place, model) < 0.3
-        and (anchor := anchor_of(place, model.subject)) is not None
-        and not isinstance(anchor, str)
+        for place in places
+        if (anchor := anchor_of(place, model.subject)) is not None and not isinstance(anchor, str)
     ]
-    places = [place for place in pixels if rigidity(place, model) < 0.3]
-    distances = _openings(model, camera, {place: at for place, at in pixels.items() if isinstance(place, str)})
+    named = {place: at for place, at in pixels.items() if isinstance(place, str)}
+    others = [*_openings(model, camera, named), *_gaze(model, camera, named)]
     groups = [[i for i, place in enumerate(places) if place in group] for group in GROUPS]
     targets = np.array([point.target for point in points]).reshape(-1, 2)
     shifted = list(points)
     p: Array | None = None
     group_variance = (_GROUP_SPREAD * _HEAD_PX) ** 2
     for _ in range(_ROUNDS):
-        problem = PoseProblem(model, [*shifted, *distances], start, prior_weight, prior=prior)
+        problem = PoseProblem(model, [*shifted, *others], start, prior_weight, prior=prior)
         p = solve(problem, p).coefficients
         off = [targets[i] - camera.project(model.positions_at(point.points, p))[0] for i, point in enumerate(points)]
         for group in groups:
@@ -103,7 +106,43 @@ def expression_constraints(
             for i in group:
                 u, v = (targets[i] - offset).tolist()
                 shifted[i] = replace(points[i], target=(u, v))
-    return (*shifted, *distances)
+    return (*shifted, *others)
+
+
+def _gaze(model: FaceModel, camera: Camera, pixels: Mapping[str, Array]) -> list[Constraint]:
+    """Return where the eyes look, for pins at ``pixels`` of ``camera``, (2,) each, if there are any of pupils.
+
+    What counts is where a pupil lies between the corners of its eye, by the width of that eye.
+    """
+    subject = model.subject
+    vertices, wanted = [], []
+    for pupil, corners in PUPILS:
+        if not all(name in pixels and name in subject.feature_points for name in (pupil, *corners)):
+            continue
+        ours = camera.project(subject.vertices[[int(subject.feature_points[name]) for name in corners]])
+        theirs = np.array([pixels[name] for name in corners])
+        width = float(np.linalg.norm(theirs[0] - theirs[1]))
+        if width > 1e-6:
+            scale = float(np.linalg.norm(ours[0] - ours[1])) / width
+            vertices.append(int(subject.feature_points[pupil]))
+            wanted.append(ours.mean(axis=0) + scale * (pixels[pupil] - theirs.mean(axis=0)))
+    if not vertices or not any(name.startswith("eyeLook") for name in subject.shape_names):
+        return []
+    points = SurfacePoints.at_vertices(vertices)
+
+    def seen(angles: Array) -> Array:
+        pose = GazeConstraint((float(angles[0]), float(angles[1]))).moved_start(model, model.neutral())
+        return camera.project(model.positions_at(points, pose)).ravel()
+
+    most = np.array([MOST_YAW, MOST_PITCH])
+    angles: Array = np.zeros(2)
+    for _ in range(_GAZE_ROUNDS):
+        # Differences are taken towards the middle, for at its limit an eye turns no farther.
+        towards = np.where(angles > 0.0, -1.0, 1.0)
+        slopes = [(seen(angles + towards * axis) - seen(angles)) * (towards @ axis) for axis in np.eye(2)]
+        step = np.linalg.lstsq(np.stack(slopes, axis=1), np.ravel(wanted) - seen(angles), rcond=1e-6)[0]
+        angles = np.clip(angles + step, -most, most)
+    return [GazeConstraint((float(angles[0]), float(angles[1])))]
 
 
 def _openings(model: FaceModel, camera: Camera, pixels: Mapping[str, Array]) -> list[Constraint]:

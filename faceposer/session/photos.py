@@ -11,6 +11,7 @@ from faceposer.photo.places import anchor_of
 from faceposer.photo.posing import expression_constraints
 from faceposer.session.document import Document
 from faceposer.solve.constraints.distance import DistanceConstraint
+from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import Constraint
 
@@ -44,8 +45,13 @@ def with_expression(document: Document, model: FaceModel, photo: Photo) -> Docum
         ValueError: If the photo has no camera yet.
     """
     pinned = {anchor_of(pin.place, model.subject) for pin in photo.pins}
-    kept = [constraint for constraint in document.constraints if not _told(constraint, photo, pinned)]
     told = expression_constraints(photo, model, document.start, document.prior_weight, document.prior)
+    kept = [constraint for constraint in document.constraints if not _told(constraint, photo, pinned)]
+    # The eyes look one way.
+    if any(isinstance(constraint, GazeConstraint) for constraint in kept if constraint.locked):
+        told = tuple(constraint for constraint in told if not isinstance(constraint, GazeConstraint))
+    elif any(isinstance(constraint, GazeConstraint) for constraint in told):
+        kept = [constraint for constraint in kept if not isinstance(constraint, GazeConstraint)]
     return replace(document, constraints=(*kept, *told))
 
 

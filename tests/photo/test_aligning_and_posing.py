@@ -15,6 +15,7 @@ from faceposer.photo.photo import Photo, Pin
 from faceposer.photo.places import ALIGNING, GUIDED, guided, rigidity
 from faceposer.photo.posing import expression_constraints
 from faceposer.photo.reading import LIKELY_FOCAL_MM, focal_in_pixels
+from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
 
@@ -100,6 +101,14 @@ def test_openings_are_measured_by_the_persons_own_features(model: FaceModel) -> 
     shut = [c for c in expression_constraints(closed, model) if c.kind == "distance"]
     assert distances[0].target > shut[0].target + 10.0  # type: ignore[union-attr]
     assert distances[1].target == pytest.approx(shut[1].target, abs=2.0)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("gaze", [(15.0, 0.0), (-12.0, 8.0), (0.0, -10.0)])
+def test_pupils_tell_where_the_eyes_look(model: FaceModel, gaze: tuple[float, float]) -> None:
+    pose = GazeConstraint(gaze).moved_start(model, model.neutral())
+    photo = aligned(pinned(model, pose, GUIDED), model, model.neutral())
+    (found,) = [c for c in expression_constraints(photo, model) if isinstance(c, GazeConstraint)]
+    np.testing.assert_allclose(found.direction, gaze, atol=6.0)
 
 
 def test_places_that_a_face_lacks_are_passed_over(model: FaceModel) -> None:
