@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
+from faceposer.photo.aligning import aligned
 from faceposer.photo.photo import Photo, photos_from_json
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.registry import Constraint, constraint_from_json
@@ -163,7 +164,8 @@ class Document:
                 constraints.append(constraint.resolved(model, start))
             except ValueError as error:
                 raise FacePoserError(f"constraints[{i}]: {error}.") from error
-        return replace(self, constraints=tuple(constraints))
+        photos = tuple(photo if photo.camera is not None else aligned(photo, model, start) for photo in self.photos)
+        return replace(self, constraints=tuple(constraints), photos=photos)
 
 
 def whole_subject(subject: str, folder: Path) -> str:

@@ -42,6 +42,18 @@ _MOST_PICTURES = 4
 _PINNING = 0.7
 
 
+def _trouble(photo: Photo) -> str:
+    """Return why ``photo`` cannot be shown as it was pinned, or ""."""
+    try:
+        size = inspect_photo(Path(photo.path)).size
+    except FacePoserError as error:
+        return f"{error} Put it there, or take it out in the tab Photo."
+    if size == photo.size:
+        return ""
+    found, known = ("x".join(map(str, sides)) for sides in (size, photo.size))
+    return f"the photo '{photo.path}' has {found} pixels, and was pinned at {known}; put the old one back."
+
+
 class Photos(Feature):
     """The tab "Photo", and the photo in the view."""
 
@@ -170,13 +182,10 @@ class Photos(Feature):
         self.tool.active = found[0] if found else 0 if self.photos else None
         if found:
             self._look(self.photos[found[0]])
-        missing = [photo for photo in self.photos if not Path(photo.path).is_file()]
-        if missing:
-            named = missing[0].path if len(missing) == 1 else f"{missing[0].path}' and {len(missing) - 1} more"
-            self.app.dialogs.report(
-                "A photo is missing",
-                f"The session is open, but there is no photo '{named}'; put it there, or remove it in the tab Photo.",
-            )
+        troubles = [trouble for trouble in map(_trouble, self.photos) if trouble]
+        if troubles:
+            more = f" So it is with {len(troubles) - 1} more." if len(troubles) > 1 else ""
+            self.app.dialogs.report("A photo cannot be shown", f"The session is open, but: {troubles[0]}{more}")
 
     def follow(self) -> None:
         """Keep the view at the photo's camera, as after an undo, and give the scene what lies behind the face."""

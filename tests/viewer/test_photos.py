@@ -256,6 +256,11 @@ def test_what_is_no_photo_or_gone_is_said(robot: Robot, photo: Path, tmp_path: P
     assert app.dialogs.open, "the session is open, with a word on the file"
     assert len(app.session.document.photos) == 1
     assert app.scene.photo is None
+    robot.click_widget("choice:0")
+    Image.new("RGB", (40, 40)).save(photo)
+    app.files.open(str(tmp_path / "a.json"))
+    robot.frames(3)
+    assert app.dialogs.open, "another picture has its name"
 
 
 def test_the_picture_of_the_renderer_has_the_photo_where_its_camera_says(model: FaceModel) -> None:

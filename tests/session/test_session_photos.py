@@ -77,3 +77,12 @@ def test_the_expression_replaces_what_the_pins_told_before(model: FaceModel, tmp
     assert again.constraints[0] == own
     locked = replace(once, constraints=(own, replace(once.constraints[1], locked=True)))
     assert len(with_expression(locked, model, photo).constraints) == len(once.constraints) + 1
+
+
+def test_a_camera_that_a_file_leaves_out_is_sought(model: FaceModel, tmp_path: Path) -> None:
+    photo = pinned(model, tmp_path / "face.jpg")
+    bare = replace(photo, camera=None)
+    (found,) = Session(model, Document("man", photos=(bare,))).document.photos
+    assert found.camera is not None
+    assert photo.camera is not None
+    np.testing.assert_allclose(found.camera.rotation, photo.camera.rotation, atol=0.02)
