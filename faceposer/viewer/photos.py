@@ -23,6 +23,7 @@ from faceposer.viewer.features import Feature
 from faceposer.viewer.file_dialogs import FileRequest
 from faceposer.viewer.offscreen import photo_texture
 from faceposer.viewer.panels.photo import draw_photo_tab
+from faceposer.viewer.photo_actions import photo_actions
 from faceposer.viewer.photo_overlay import draw_photo_overlay
 from faceposer.viewer.renderer import PhotoLayer
 from faceposer.viewer.settings import last_folder
@@ -101,65 +102,7 @@ class Photos(Feature):
 
     def actions(self) -> Sequence[Action | Submenu]:
         """Return its menu entries."""
-
-        def free() -> bool:
-            return not self.app.busy
-
-        def shown() -> bool:
-            return free() and self.photo is not None
-
-        return (
-            Action("photo-open", "Open photo...", "File", self.ask, (), free, help="Pose the face after a photo"),
-            Action(
-                "photo-pin",
-                "Pin the photo",
-                "Tools",
-                self.pin,
-                ("I",),
-                shown,
-                lambda: self.app.toolbox.chosen is self.tool,
-                separated=True,
-                help="Show where the photo has the features of the face, so that its camera is found",
-            ),
-            Action(
-                "photo-skip",
-                "Skip this pin",
-                "Tools",
-                self.skip,
-                ("Tab",),
-                lambda: shown() and self.app.toolbox.chosen is self.tool,
-                help="Go on to the next place: not all can be seen in every photo",
-            ),
-            Action(
-                "photo-pose",
-                "Pose from the pins",
-                "Tools",
-                self.pose,
-                (),
-                lambda: shown() and self.enough,
-                help="Let the face take the expression that the pins tell, by points and distances",
-            ),
-            Action(
-                "photo-look",
-                "Look through the photo",
-                "View",
-                self.look,
-                (),
-                lambda: shown() and not self.aligned,
-                separated=True,
-                help="Return to the camera that took the photo",
-            ),
-            Action(
-                "photo-shown",
-                "Show the photo",
-                "View",
-                self.toggle,
-                ("Shift+I",),
-                shown,
-                lambda: self.photo is not None and self.photo.visible,
-                help="Show the photo or only the face",
-            ),
-        )
+        return photo_actions(self)
 
     @property
     def enough(self) -> bool:
@@ -196,9 +139,10 @@ class Photos(Feature):
                 viewport.view = viewport.framed()
                 if self.app.toolbox.chosen is self.tool:
                     self.app.toolbox.choose("point")
+        self._recognise()
         photo, view = self.photo, viewport.view
         layer = None
-        if photo is not None and isinstance(view, PictureView):
+        if photo is not None and isinstance(view, PictureView) and view.photo.size == photo.size:
             camera = photo.camera or first_camera(photo, self.app.session.model)
             if view.photo != camera:
                 view = viewport.view = view.through(camera)
@@ -221,6 +165,16 @@ class Photos(Feature):
         if len(self._pictures) > _MOST_PICTURES:
             # Here and not where one is taken up: what is drawn in this frame must stay.
             self._release(kept="" if photo is None else photo.path)
+
+    def _recognise(self) -> None:
+        """Look through the photo whose camera the view has taken up, as from a constraint that was drawn through it."""
+        view = self.app.viewport.view
+        if not isinstance(view, PictureView) or (self.photo is not None and view.photo.size == self.photo.size):
+            return
+        for i, photo in enumerate(self.photos):
+            if photo.camera is not None and photo.camera.stands_with(view.photo):
+                self.tool.active = i
+                self._look(photo)
 
     def _come_near(self, photo: Photo) -> None:
         """Bring a small head near once it is known where it is: pins are set more exactly there."""
@@ -328,7 +282,9 @@ class Photos(Feature):
             viewport.view = viewport.view.back()
             return
         x, y, z = session.model.subject.vertices.mean(axis=0).tolist()
-        locked = viewport.view.locked if isinstance(viewport.view, PictureView) else True
+        before = viewport.view
+        ours = isinstance(before, PictureView) and any(before.photo.size == known.size for known in self.photos)
+        locked = before.locked if ours and isinstance(before, PictureView) else True
         view = PictureView.whole(photo.camera or first_camera(photo, session.model), (x, y, z))
         viewport.view = replace(view, locked=locked)
         if len(photo.pins) >= LEAST_POINTS:

@@ -1,5 +1,7 @@
 """The view of the face: what tools see of the window, and where the window shows it."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -112,4 +114,4 @@ class Viewport:
         if camera.shift == (0.0, 0.0) and abs(camera.rotation[0, 1]) < 1e-6:
             self.view = OrbitView.of_camera(camera, target)
         else:
-            self.view = PictureView.whole(camera, target)
+            self.view = replace(PictureView.whole(camera, target), locked=False)

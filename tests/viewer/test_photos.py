@@ -115,6 +115,13 @@ def test_a_photo_is_pinned_posed_after_saved_and_opened_again(robot: Robot, phot
     assert app.scene.photo is not None
     np.testing.assert_array_equal(app.session.coefficients, pose)
 
+
+def test_tools_draw_under_the_photos_camera_and_lead_back_to_it(robot: Robot, photo: Path) -> None:
+    app = robot.app
+    open_photo(robot, photo)
+    pin(robot, 6)
+    photo_camera = app.session.document.photos[0].camera
+    assert photo_camera is not None
     robot.key("Q")
     robot.key("F")
     x, y = robot.at("5.1")
@@ -125,12 +132,21 @@ def test_a_photo_is_pinned_posed_after_saved_and_opened_again(robot: Robot, phot
     assert app.session.residuals_px[-1] < np.hypot(12.0, 9.0) - 3.0
     robot.wheel(2)
     assert np.hypot(*(np.subtract(robot.at("5.1"), robot.position))) < 20.0
-    view = app.viewport.view
     robot.key("1")
     app.viewport.look_through(drawn.camera)
     robot.frames(2)
     assert isinstance(app.viewport.view, PictureView)
     assert app.scene.photo is not None, "its view is that of the photo"
+    assert app.viewport.view.photo == photo_camera
+    assert app.viewport.view.locked
+    robot.click_widget("tab:Photo")
+    robot.click_widget("photo:0:delete")
+    robot.key("1")
+    app.viewport.look_through(drawn.camera)
+    robot.frames(2)
+    assert app.scene.photo is None
+    robot.drag(*beside(robot))
+    assert not app.viewport.view.aligned, "without the photo nothing locks its view"
 
 
 def test_photo_and_face_keep_together(robot: Robot, photo: Path) -> None:
