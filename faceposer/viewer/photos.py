@@ -65,6 +65,7 @@ class Photos(Feature):
         super().__init__(app)
         self._pictures: dict[str, moderngl.Texture | None] = {}
         self._pins = ("", 0)
+        self._fresh = False
 
     # What there is
 
@@ -123,8 +124,7 @@ class Photos(Feature):
         camera = self.app.viewport.camera
         found = [i for i, photo in enumerate(self.photos) if photo.camera and photo.camera.stands_with(camera)]
         self.tool.active = found[0] if found else 0 if self.photos else None
-        if found:
-            self._look(self.photos[found[0]])
+        self._fresh = bool(found)
         troubles = [trouble for trouble in map(_trouble, self.photos) if trouble]
         if troubles:
             more = f" So it is with {len(troubles) - 1} more." if len(troubles) > 1 else ""
@@ -139,6 +139,10 @@ class Photos(Feature):
                 viewport.view = viewport.framed()
                 if self.app.toolbox.chosen is self.tool:
                     self.app.toolbox.choose("point")
+        if self._fresh and self.photo is not None and viewport.size != (1, 1):
+            # As soon as it is known how large the view is.
+            self._fresh = False
+            self._look(self.photo, afresh=True)
         self._recognise()
         photo, view = self.photo, viewport.view
         layer = None
@@ -276,15 +280,16 @@ class Photos(Feature):
         if self.photo is not None:
             self._look(self.photo)
 
-    def _look(self, photo: Photo) -> None:
+    def _look(self, photo: Photo, afresh: bool = False) -> None:
+        """Look through the camera of ``photo``, near to the head if that is known, unless one does already."""
         viewport, session = self.app.viewport, self.app.session
-        if isinstance(viewport.view, PictureView) and viewport.view.photo == photo.camera:
+        if not afresh and isinstance(viewport.view, PictureView) and viewport.view.photo == photo.camera:
             viewport.view = viewport.view.back()
             return
         x, y, z = session.model.subject.vertices.mean(axis=0).tolist()
         before = viewport.view
         ours = isinstance(before, PictureView) and any(before.photo.size == known.size for known in self.photos)
-        locked = before.locked if ours and isinstance(before, PictureView) else True
+        locked = before.locked if ours and not afresh and isinstance(before, PictureView) else True
         view = PictureView.whole(photo.camera or first_camera(photo, session.model), (x, y, z))
         viewport.view = replace(view, locked=locked)
         if len(photo.pins) >= LEAST_POINTS:

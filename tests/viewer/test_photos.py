@@ -98,9 +98,8 @@ def test_a_photo_is_pinned_posed_after_saved_and_opened_again(robot: Robot, phot
     assert weights["mouthSmileLeft"] > 0.3
     assert app.session.undo_label == "Pose from the photo"
     pose = app.session.coefficients.copy()
-    camera = app.viewport.camera
     path = tmp_path / "posed.json"
-    app.session.save(path, camera)
+    app.session.save(path, found)
     robot.key("1")
     assert not isinstance(app.viewport.view, PictureView)
     assert app.scene.photo is None
@@ -112,7 +111,10 @@ def test_a_photo_is_pinned_posed_after_saved_and_opened_again(robot: Robot, phot
     photo_camera = app.session.document.photos[0].camera
     assert photo_camera is not None
     assert view.photo == photo_camera
+    assert view.locked
     assert app.scene.photo is not None
+    head = app.viewport.camera.project(app.scene.vertices)
+    assert np.ptp(head[:, 1]) > 0.6 * app.viewport.size[1], "the head is near"
     np.testing.assert_array_equal(app.session.coefficients, pose)
 
 
