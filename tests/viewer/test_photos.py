@@ -10,6 +10,7 @@ from PIL import Image
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picture_view import PictureView
 from faceposer.model.face_model import FaceModel
+from faceposer.photo.photo import Pin
 from faceposer.photo.places import GUIDED
 from faceposer.viewer.app import App
 from faceposer.viewer.events import Drop
@@ -24,7 +25,7 @@ SMILE = {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8}
 
 @pytest.fixture
 def robot(tmp_path: Path) -> Iterator[Robot]:
-    app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(900, 680), folder=str(tmp_path)))
+    app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(680, 540), folder=str(tmp_path)))
     yield Robot(app)
     app.close()
 
@@ -72,6 +73,20 @@ def beside(robot: Robot) -> tuple[tuple[float, float], tuple[float, float]]:
     return (left + 20.0, 0.7 * bottom + 0.3 * top), (left + 80.0, 0.5 * bottom + 0.5 * top)
 
 
+def pin_at_once(robot: Robot, count: int) -> None:
+    """Pin as ``pin`` does, without the pointer."""
+    app = robot.app
+    session, tool = app.session, app.toolbox.photo_tool
+    vertices = session.model.instance(session.model.coefficients_of(SMILE))
+    photo = session.document.photos[0]
+    for name in GUIDED[:count]:
+        u, v = TAKEN.project(vertices[[session.model.subject.feature_points[name]]])[0].tolist()
+        photo = photo.with_pin(Pin(name, (u, v)))
+    with session.edit("Set pins"):
+        tool.change(photo, app.viewport)
+    robot.frames(2)
+
+
 def colour(robot: Robot, place: tuple[float, float]) -> np.ndarray:
     picture = robot.app.screenshot()
     scale = picture.shape[1] / robot.app.window.size[0]
@@ -83,11 +98,13 @@ def test_a_photo_is_pinned_posed_after_saved_and_opened_again(robot: Robot, phot
     open_photo(robot, photo)
     assert app.session.undo_label == "Open a photo"
     assert app.toolbox.chosen.name == "photo"
-    pin(robot, 15)
+    pin(robot, 5)
+    pin_at_once(robot, 15)
     found = app.session.document.photos[0].camera
     assert found is not None
     np.testing.assert_allclose(found.rotation, TAKEN.rotation, atol=0.05)
-    robot.click_widget("photo-pose")
+    app.actions["photo-pose"].run()
+    robot.frames(2)
     weights = dict(
         zip(
             app.session.model.subject.shape_names,
@@ -121,13 +138,13 @@ def test_a_photo_is_pinned_posed_after_saved_and_opened_again(robot: Robot, phot
 def test_tools_draw_under_the_photos_camera_and_lead_back_to_it(robot: Robot, photo: Path) -> None:
     app = robot.app
     open_photo(robot, photo)
-    pin(robot, 6)
+    pin_at_once(robot, 6)
     photo_camera = app.session.document.photos[0].camera
     assert photo_camera is not None
     robot.key("Q")
     robot.key("F")
     x, y = robot.at("5.1")
-    robot.drag((x, y), (x + 12.0, y - 9.0))
+    robot.drag((x, y), (x + 12.0, y - 9.0), steps=3)
     drawn = app.session.document.constraints[-1]
     assert drawn.camera is not None
     assert drawn.camera.stands_with(photo_camera), "tools draw under the photo's camera"
@@ -147,14 +164,14 @@ def test_tools_draw_under_the_photos_camera_and_lead_back_to_it(robot: Robot, ph
     app.viewport.look_through(drawn.camera)
     robot.frames(2)
     assert app.scene.photo is None
-    robot.drag(*beside(robot))
+    robot.drag(*beside(robot), steps=2)
     assert not app.viewport.view.aligned, "without the photo nothing locks its view"
 
 
 def test_photo_and_face_keep_together(robot: Robot, photo: Path) -> None:
     app = robot.app
     open_photo(robot, photo)
-    pin(robot, 6)
+    pin_at_once(robot, 6)
     robot.key("Esc")
     view = app.viewport.view
     assert isinstance(view, PictureView)
@@ -176,15 +193,15 @@ def test_photo_and_face_keep_together(robot: Robot, photo: Path) -> None:
     robot.wheel(3)
     checked()
     begin = at(robot, (200.0, 100.0))
-    robot.drag(begin, (begin[0] + 40, begin[1] + 25), button="middle", modifiers=frozenset({"shift"}))
+    robot.drag(begin, (begin[0] + 40, begin[1] + 25), steps=2, button="middle", modifiers=frozenset({"shift"}))
     checked()
-    app.window.set_size((760, 700))
+    app.window.set_size((600, 560))
     checked()
     before = app.viewport.view
-    robot.drag(*beside(robot))
+    robot.drag(*beside(robot), steps=2)
     assert app.viewport.view == before, "locked"
     robot.click_widget("photo-lock")
-    robot.drag(*beside(robot))
+    robot.drag(*beside(robot), steps=2)
     assert not app.viewport.view.aligned  # type: ignore[union-attr]
     robot.click_widget("photo-look")
     checked()
@@ -206,7 +223,7 @@ def test_the_photo_lies_behind_or_before_the_face(robot: Robot, photo: Path) -> 
     assert behind[1] < 215, "the face lies over the green square"
     left, top, right, bottom = app.marks["photo-opacity"]
     robot.click((left + 0.98 * (right - left) * 0.6, (top + bottom) / 2))
-    robot.drag(((left + right) / 2, (top + bottom) / 2), (left + 1, (top + bottom) / 2))
+    robot.drag(((left + right) / 2, (top + bottom) / 2), (left + 1, (top + bottom) / 2), steps=3)
     assert app.session.document.photos[0].opacity == 0.0
     np.testing.assert_allclose(colour(robot, middle), (20, 220, 20), atol=6)
     robot.click_widget("photo-layer:1")
@@ -220,7 +237,7 @@ def test_the_photo_lies_behind_or_before_the_face(robot: Robot, photo: Path) -> 
 
 def test_pins_by_keys_and_list_and_several_photos(robot: Robot, photo: Path, tmp_path: Path) -> None:
     app = robot.app
-    app.window.set_size((900, 1000))
+    app.window.set_size((680, 1000))
     open_photo(robot, photo)
     tool = app.toolbox.photo_tool
     robot.key("Tab")
