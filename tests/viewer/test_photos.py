@@ -31,6 +31,16 @@ def robot(tmp_path: Path) -> Iterator[Robot]:
 
 
 @pytest.fixture
+def quick(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> Robot:
+    """The robot where the picture itself does not matter, which is most of the time of a frame without a GPU."""
+    app = robot.app
+    monkeypatch.setattr(
+        app, "picture", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
+    )
+    return robot
+
+
+@pytest.fixture
 def photo(tmp_path: Path) -> Path:
     """A red picture with a green square in its middle."""
     pixels = np.zeros((300, 400, 3), dtype=np.uint8)
@@ -93,7 +103,8 @@ def colour(robot: Robot, place: tuple[float, float]) -> np.ndarray:
     return picture[int(place[1] * scale), int(place[0] * scale)].astype(int)
 
 
-def test_a_photo_is_pinned_posed_after_saved_and_opened_again(robot: Robot, photo: Path, tmp_path: Path) -> None:
+def test_a_photo_is_pinned_posed_after_saved_and_opened_again(quick: Robot, photo: Path, tmp_path: Path) -> None:
+    robot = quick
     app = robot.app
     open_photo(robot, photo)
     assert app.session.undo_label == "Open a photo"
@@ -135,7 +146,8 @@ def test_a_photo_is_pinned_posed_after_saved_and_opened_again(robot: Robot, phot
     np.testing.assert_array_equal(app.session.coefficients, pose)
 
 
-def test_tools_draw_under_the_photos_camera_and_lead_back_to_it(robot: Robot, photo: Path) -> None:
+def test_tools_draw_under_the_photos_camera_and_lead_back_to_it(quick: Robot, photo: Path) -> None:
+    robot = quick
     app = robot.app
     open_photo(robot, photo)
     pin_at_once(robot, 6)
@@ -168,7 +180,8 @@ def test_tools_draw_under_the_photos_camera_and_lead_back_to_it(robot: Robot, ph
     assert not app.viewport.view.aligned, "without the photo nothing locks its view"
 
 
-def test_photo_and_face_keep_together(robot: Robot, photo: Path) -> None:
+def test_photo_and_face_keep_together(quick: Robot, photo: Path) -> None:
+    robot = quick
     app = robot.app
     open_photo(robot, photo)
     pin_at_once(robot, 6)
@@ -235,7 +248,8 @@ def test_the_photo_lies_behind_or_before_the_face(robot: Robot, photo: Path) -> 
     assert app.scene.photo is not None
 
 
-def test_pins_by_keys_and_list_and_several_photos(robot: Robot, photo: Path, tmp_path: Path) -> None:
+def test_pins_by_keys_and_list_and_several_photos(quick: Robot, photo: Path, tmp_path: Path) -> None:
+    robot = quick
     app = robot.app
     app.window.set_size((680, 1000))
     open_photo(robot, photo)
@@ -271,7 +285,8 @@ def test_pins_by_keys_and_list_and_several_photos(robot: Robot, photo: Path, tmp
     assert app.toolbox.chosen.name == "point"
 
 
-def test_what_is_no_photo_or_gone_is_said(robot: Robot, photo: Path, tmp_path: Path) -> None:
+def test_what_is_no_photo_or_gone_is_said(quick: Robot, photo: Path, tmp_path: Path) -> None:
+    robot = quick
     app = robot.app
     bad = tmp_path / "bad.jpg"
     bad.write_text("nothing")
