@@ -7,6 +7,7 @@ uniform bool textured;
 uniform sampler2D image;
 uniform vec3 base;
 uniform float mouth;  // how far forward the teeth reach
+uniform bool over_photo;  // whether what fades shows a photo instead of the backdrop
 uniform vec2 neck;  // heights between which the cut of the neck fades into the backdrop
 
 in vec3 eye_position;
@@ -97,5 +98,6 @@ void main() {
         linear = mix(0.75 * linear, vec3(0.014, 0.013, 0.013), from_below);
     }
     float fade = material <= 1 ? smoothstep(neck.x, neck.y, world_position.y) : 1.0;
-    colour = vec4(display(mix(backdrop(gl_FragCoord.xy), linear, fade), gl_FragCoord.xy), alpha);
+    if (over_photo) colour = vec4(display(linear, gl_FragCoord.xy), alpha * fade);
+    else colour = vec4(display(mix(backdrop(gl_FragCoord.xy), linear, fade), gl_FragCoord.xy), alpha);
 }

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any, Protocol
 
-from faceposer.cli_applications import export
+from faceposer.cli_applications import export, photo
 
 Subparsers = Any
 
@@ -25,7 +25,7 @@ class _Command(Protocol):
         ...
 
 
-_COMMANDS: tuple[_Command, ...] = (export,)
+_COMMANDS: tuple[_Command, ...] = (photo, export)
 
 COMMANDS = tuple(command.NAME for command in _COMMANDS)
 

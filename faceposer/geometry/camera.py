@@ -33,19 +33,22 @@ _NEAREST = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole camera: u = focal x / z + width / 2 and v = focal y / z + height / 2 in camera space.
+    """A pinhole camera: u = focal x / z + width / 2 + shift and v likewise with y and height, in camera space.
 
     Attributes:
         rotation: World to camera, orthonormal, shape (3, 3).
         translation: Added after the rotation, in the unit of the mesh, shape (3,).
         focal: Focal length in pixels.
         size: Width and height of the picture in pixels.
+        shift: From the middle of the picture to where the optical axis meets it, in pixels: a view that shows part of a
+            photo has its middle elsewhere.
     """
 
     rotation: Array
     translation: Array
     focal: float
     size: tuple[int, int]
+    shift: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         for name, shape in (("rotation", (3, 3)), ("translation", (3,))):
@@ -59,9 +62,13 @@ class Camera:
         if not (math.isfinite(self.focal) and self.focal > 0):
             raise ValueError("focal must be positive")
         object.__setattr__(self, "size", (int(self.size[0]), int(self.size[1])))
+        shift = (float(self.shift[0]), float(self.shift[1]))
+        if not (math.isfinite(shift[0]) and math.isfinite(shift[1])):
+            raise ValueError("shift must be finite")
+        object.__setattr__(self, "shift", shift)
 
     def _key(self) -> tuple[object, ...]:
-        return (self.rotation.tobytes(), self.translation.tobytes(), float(self.focal), self.size)
+        return (self.rotation.tobytes(), self.translation.tobytes(), float(self.focal), self.size, self.shift)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Camera) and self._key() == other._key()
@@ -77,7 +84,7 @@ class Camera:
     @property
     def principal_point(self) -> Array:
         """The pixel that the optical axis meets, shape (2,)."""
-        return np.array([self.size[0] / 2.0, self.size[1] / 2.0])
+        return np.array([self.size[0] / 2.0 + self.shift[0], self.size[1] / 2.0 + self.shift[1]])
 
     def to_camera(self, points: ArrayLike) -> Array:
         """Return world ``points`` of shape (n, 3) in camera space, shape (n, 3)."""
@@ -114,23 +121,28 @@ class Camera:
         return self.center, direction / np.linalg.norm(direction)
 
     def transferred(self, pixel: Sequence[float] | Array, other: "Camera") -> tuple[float, float] | None:
-        """Return where ``other`` shows what this camera shows at ``pixel``, or None unless both look the same way.
+        """Return where ``other`` shows what this camera shows at ``pixel``, or None unless both stand in one place.
 
-        Cameras of one view in windows of different sizes differ only by scale and by where the picture's centre lies.
+        Cameras of one view in windows of different sizes, or that show another part of one photo, differ only by scale
+        and by where the optical axis meets the picture.
         """
-        # A view that was written to a file and taken up again differs in the last digits.
-        turned = np.abs(self.rotation - other.rotation).max()
-        moved = np.abs(self.translation - other.translation).max()
-        same_framing = math.isclose(self.focal * other.size[1], other.focal * self.size[1], rel_tol=1e-9)
-        if turned > 1e-9 or moved > 1e-7 or not same_framing:
+        if not self.stands_with(other):
             return None
         offset = np.asarray(pixel, dtype=np.float64) - self.principal_point
         u, v = (offset * (other.focal / self.focal) + other.principal_point).tolist()
         return (u, v)
 
+    def stands_with(self, other: "Camera") -> bool:
+        """Whether both look from one place in one direction, however large their pictures are."""
+        # A view that was written to a file and taken up again differs in the last digits.
+        turned = np.abs(self.rotation - other.rotation).max()
+        moved = np.abs(self.translation - other.translation).max()
+        return bool(turned <= 1e-9 and moved <= 1e-7)
+
     def resized(self, size: tuple[int, int]) -> "Camera":
         """Return the camera for another picture size with the same vertical framing."""
-        return replace(self, focal=self.focal * size[1] / self.size[1], size=size)
+        scale = size[1] / self.size[1]
+        return replace(self, focal=self.focal * scale, size=size, shift=(self.shift[0] * scale, self.shift[1] * scale))
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,13 @@ def nearest_on_triangles(
 def mirrored_camera(camera: Camera) -> Camera:
     """Return the camera that sees the mirrored world as ``camera`` sees the world, left and right exchanged."""
     flip = np.diag(_ACROSS)
-    return Camera(flip @ camera.rotation @ flip, flip @ camera.translation, camera.focal, camera.size)
+    return Camera(
+        flip @ camera.rotation @ flip,
+        flip @ camera.translation,
+        camera.focal,
+        camera.size,
+        (-camera.shift[0], camera.shift[1]),
+    )
 
 
 def mirrored_pixels(pixels: ArrayLike, camera: Camera) -> NDArray[np.float64]:

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
+from faceposer.photo.aligning import aligned
+from faceposer.photo.photo import Photo, photos_from_json
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.registry import Constraint, constraint_from_json
 from faceposer.solve.priors import PRIORS, Prior
@@ -39,6 +41,7 @@ class Document:
             mixture as it was learned, start or no start.
         solved: Whether the pose is what the constraints ask for, or they still wait to be solved.
         camera: The view under which the document was last seen, or None.
+        photos: That the face is posed after; their paths are like that of the subject.
     """
 
     subject: str
@@ -49,6 +52,7 @@ class Document:
     camera: Camera | None = None
     solved: bool = True
     prior: Prior = "regions"
+    photos: tuple[Photo, ...] = ()
 
     def posed(self, coefficients: ArrayLike) -> "Document":
         """Return the document with the pose that was solved for it, shape (r,)."""
@@ -68,6 +72,10 @@ class Document:
         return replace(self, constraints=(*self.constraints[:index], constraint, *self.constraints[index + 1 :]))
 
     def same_input(self, other: "Document") -> bool:
+        """Whether both hold the same work: they ask for the same face and have the same photos."""
+        return self.photos == other.photos and self.same_face(other)
+
+    def same_face(self, other: "Document") -> bool:
         """Whether both ask for the same face: subject, constraints and prior weight agree."""
         ours = (self.subject, self.constraints, self.prior_weight, self.prior)
         return ours == (other.subject, other.constraints, other.prior_weight, other.prior) and _same(
@@ -91,6 +99,8 @@ class Document:
             data["start"] = self.start.tolist()
         if self.camera is not None:
             data["camera"] = codec.camera_to_json(self.camera)
+        if self.photos:
+            data["photos"] = [photo.to_json() for photo in self.photos]
         return data
 
     @classmethod
@@ -108,7 +118,7 @@ class Document:
         codec.check_keys(
             data,
             {"format", "version", "subject", "constraints"},
-            {"prior_weight", "prior", "coefficients", "start", "camera"},
+            {"prior_weight", "prior", "coefficients", "start", "camera", "photos"},
             "the session",
         )
         if not isinstance(data["subject"], str) or not data["subject"]:
@@ -125,6 +135,7 @@ class Document:
             codec.number_from_json(data.get("prior_weight", 1.0), "prior_weight", 0.0, _MAX_PRIOR_WEIGHT),
             camera=codec.camera_from_json(data["camera"], "camera") if "camera" in data else None,
             prior=prior,
+            photos=photos_from_json(data.get("photos", []), "photos"),
         )
         if "start" in data:
             document = document.starting_from(_pose_from_json(data["start"], "start"))
@@ -153,7 +164,8 @@ class Document:
                 constraints.append(constraint.resolved(model, start))
             except ValueError as error:
                 raise FacePoserError(f"constraints[{i}]: {error}.") from error
-        return replace(self, constraints=tuple(constraints))
+        photos = tuple(photo if photo.camera is not None else aligned(photo, model, start) for photo in self.photos)
+        return replace(self, constraints=tuple(constraints), photos=photos)
 
 
 def whole_subject(subject: str, folder: Path) -> str:
@@ -170,9 +182,12 @@ def subject_from(subject: str, folder: Path) -> str:
     moved together; any other by its whole path. ``subject`` itself is a name, a whole path, or as seen from the current
     folder.
     """
-    if not _is_file(subject):
-        return subject
-    whole = whole_subject(subject, Path())
+    return path_from(subject, folder) if _is_file(subject) else subject
+
+
+def path_from(path: str, folder: Path) -> str:
+    """Return how a session in ``folder`` names the file ``path``, as ``subject_from`` does."""
+    whole = os.path.normpath(Path(path).expanduser().absolute())
     try:
         relative = Path(os.path.relpath(whole, folder.absolute()))
     except ValueError:  # on another drive

@@ -9,6 +9,7 @@ from pathlib import Path
 from faceposer.errors import FacePoserError
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.subject_file import available_subjects, load_subject
+from faceposer.photo.photo import whole_path
 from faceposer.session.document import Document, read_document, whole_subject
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
@@ -63,9 +64,11 @@ def session_of(document: Document, path: Path | None, worker: Worker | None = No
     Raises:
         FacePoserError: If the subject cannot be found or read, or does not fit.
     """
-    subject = whole_subject(document.subject, Path() if path is None else path.parent)
+    folder = Path() if path is None else path.parent
+    subject = whole_subject(document.subject, folder)
+    photos = tuple(replace(photo, path=whole_path(photo.path, folder)) for photo in document.photos)
     try:
-        return Session(load_model(subject), replace(document, subject=subject), worker, path)
+        return Session(load_model(subject), replace(document, subject=subject, photos=photos), worker, path)
     except FacePoserError as error:
         if path is None:
             raise

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
-from faceposer.session.document import Document, subject_from, write_document
+from faceposer.session.document import Document, path_from, subject_from, write_document
 from faceposer.session.history import History
 from faceposer.session.solver_worker import InlineWorker, Job, Worker
 from faceposer.solve.constraints.registry import Constraint
@@ -157,7 +157,7 @@ class Session:
         """
         if not self._editing:
             raise RuntimeError("documents are replaced inside an edit")
-        solved = self._document.solved and document.same_input(self._document)
+        solved = self._document.solved and document.same_face(self._document)
         self._document = replace(document, solved=solved)
         self.revision += 1
         self._follow()
@@ -333,7 +333,11 @@ class Session:
         Raises:
             FacePoserError: If the file cannot be written.
         """
-        written = replace(self._document, subject=subject_from(self._document.subject, path.parent))
+        written = replace(
+            self._document,
+            subject=subject_from(self._document.subject, path.parent),
+            photos=tuple(replace(photo, path=path_from(photo.path, path.parent)) for photo in self._document.photos),
+        )
         write_document(path, written if camera is None else replace(written, camera=camera))
         self.path = path
         self._saved = self._document

@@ -11,8 +11,9 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from faceposer.geometry.camera import Camera, OrbitView
+from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
+from faceposer.geometry.picture_view import View
 from faceposer.geometry.strokes import StrokeShape
 from faceposer.session.session import Session
 from faceposer.solve.constraints.stroke import StrokeEnergy
@@ -68,7 +69,7 @@ class ToolContext(Protocol):
     """What tools need of their surroundings; the window gives it, and so do tests."""
 
     session: Session
-    view: OrbitView
+    view: View
     size: tuple[int, int]
     ui_scale: float
     navigation: Navigation

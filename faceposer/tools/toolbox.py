@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+from faceposer.geometry.picture_view import PictureView
 from faceposer.solve.constraints.curve import CurveConstraint
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.point import PointConstraint
@@ -12,6 +13,7 @@ from faceposer.tools.curve_tool import CurveTool
 from faceposer.tools.distance_tool import DistanceTool
 from faceposer.tools.fix_tool import FixTool
 from faceposer.tools.gaze_tool import GazeTool
+from faceposer.tools.photo_tool import PhotoTool
 from faceposer.tools.point_tool import PointTool, shifted
 from faceposer.tools.stroke_tool import StrokeTool
 from faceposer.tools.symmetry import Mirroring
@@ -42,6 +44,8 @@ class Toolbox:
             self.gaze_tool,
         )
         self.tools: dict[str, PosingTool] = {tool.name: tool for tool in everything}
+        # It sets pins on photos, not constraints: only with a photo it is of use.
+        self.photo_tool = PhotoTool(self.bench)
         self.chosen: PosingTool = self.point_tool
         self._gesture: Gesture | None = None
         self._gesture_button: Button | None = None
@@ -74,15 +78,17 @@ class Toolbox:
             return "arrow"
         if self.hover.pin is not None:
             return "grab"
-        if self.hover.surface or (self.chosen is self.stroke_tool and self.stroke_tool.draws_target):
+        draws_beside = self.chosen is self.stroke_tool and self.stroke_tool.draws_target
+        if self.hover.surface or draws_beside or (self.chosen is self.photo_tool and self.photo_tool.place is not None):
             return self.chosen.cursor
         return "arrow"
 
     def choose(self, name: str) -> None:
         """Take up the tool ``name``; what another has begun is forgotten."""
-        if self._gesture is None and self.chosen is not self.tools[name]:
+        tool = self.photo_tool if name == self.photo_tool.name else self.tools[name]
+        if self._gesture is None and self.chosen is not tool:
             self.chosen.drop()
-            self.chosen = self.tools[name]
+            self.chosen = tool
 
     def select(self, index: int, extend: bool = False) -> None:
         """Select the constraint ``index``, or with ``extend`` change only whether it is selected."""
@@ -235,7 +241,7 @@ class Toolbox:
     def _handle_under(self, position: tuple[float, float]) -> int | None:
         """Return the constraint whose handle a press at ``position`` would take, or None."""
         context, chosen = self._context, self.chosen
-        if chosen in (self.stroke_tool, self.fix_tool):
+        if chosen is self.photo_tool or chosen in (self.stroke_tool, self.fix_tool):
             return None
         if chosen in (self.point_tool, self.gaze_tool):
             press = PointerEvent("press", position, "left")
@@ -264,6 +270,8 @@ class Toolbox:
         """Return what the mouse will do now, for the status bar."""
         if self._active is self.camera_tool:
             return "Move: turn the view   ·   release: keep   ·   Esc: back to where it was"
+        if self._active is self.photo_tool:
+            return "Move: shift the pin, and the camera with it   ·   release: keep   ·   Esc: take back"
         if self._active is not None:
             return "Move: pull the face   ·   release: keep   ·   Esc: take back"
         if self.chosen is not self.point_tool:
@@ -276,6 +284,9 @@ class Toolbox:
             return "Drag: move the point   ·   right click: remove it   ·   Shift+click: select more"
         if self.hover.surface:
             return self.chosen.hint(self._context)
+        view = self._context.view
+        if isinstance(view, PictureView) and view.locked:
+            return "Wheel: zoom the photo   ·   Shift+middle: pan   ·   the view is locked to the photo"
         return "Drag: orbit   ·   wheel: zoom   ·   Shift+middle: pan"
 
 

@@ -288,12 +288,12 @@ class App:
         self.toolbox = Toolbox(self.viewport, self.toolbox.bench)
         self.drawn_constraints = DrawnConstraints(self)
         self.comparing = False
-        self.features.session_changed()
         camera = session.document.camera
         if camera is None:
             self.viewport.view = self.viewport.framed()
         else:
             self.viewport.look_through(camera)
+        self.features.session_changed()
         self.redraw()
 
     def viewport_placed(self) -> None:

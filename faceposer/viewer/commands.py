@@ -83,7 +83,17 @@ class Commands:
 
     def delete_selected(self) -> None:
         """Remove the selected points."""
-        self._app.toolbox.delete_selected()
+        if self.pin_selected:
+            photo_tool = self._app.toolbox.photo_tool
+            photo_tool.remove(photo_tool.selected or 0, self._app.viewport)
+        else:
+            self._app.toolbox.delete_selected()
+
+    @property
+    def pin_selected(self) -> bool:
+        """Whether what would be deleted is a pin of a photo."""
+        toolbox = self._app.toolbox
+        return toolbox.chosen is toolbox.photo_tool and toolbox.photo_tool.selected is not None
 
     def clear_points(self) -> None:
         """Remove all constraints that are not locked."""
@@ -248,7 +258,7 @@ def build_actions(app: "App") -> Actions:
                 "Edit",
                 do.delete_selected,
                 ("Delete", "Backspace"),
-                lambda: free() and bool(app.toolbox.selection),
+                lambda: free() and (do.pin_selected or bool(app.toolbox.selection)),
                 separated=True,
             ),
             Action(

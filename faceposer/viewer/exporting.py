@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.mesh import VertexNormals
+from faceposer.geometry.picture_view import View
 from faceposer.interchange import export
 from faceposer.interchange.progress import Progress, no_progress
 from faceposer.interchange.sampling import resampled
@@ -61,7 +62,7 @@ class Look:
     turn: float = 0.0
     rate: float | None = None
     shading: Shading = "full"
-    orbit: OrbitView | None = None
+    orbit: View | None = None
 
 
 def write(
@@ -173,8 +174,8 @@ class _Shot:
                 f"A GIF of {self.count} frames of {width}x{height} is too large; write an .mp4, or fewer or smaller "
                 "frames."
             )
-        if look.orbit is not None and not self._turn:
-            self._view = look.orbit
+        self._fixed = None if look.orbit is None or self._turn else look.orbit.camera(self.size)
+        if self._fixed is not None:
             return
         shown = np.linspace(0, len(self._poses) - 1, min(len(self._poses), _FRAMED_POSES)).astype(int)
         poses = [model.instance(self._poses[i]) for i in shown]
@@ -187,6 +188,8 @@ class _Shot:
 
     def camera(self, frame: int) -> Camera:
         """Return the camera of ``frame``."""
+        if self._fixed is not None:
+            return self._fixed
         share = frame / self.rate / self._turn if self._turn else 0.0
         return turned(self._view, share, self.size)
 

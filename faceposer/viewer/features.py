@@ -152,6 +152,7 @@ class Features:
 def build_features(app: "App") -> Features:
     """Return the features of ``app``, in the order of their tabs."""
     from faceposer.viewer.exchange import Exchange
+    from faceposer.viewer.photos import Photos
     from faceposer.viewer.poses import PosesFeature
 
-    return Features([PosesFeature(app), Exchange(app)])
+    return Features([PosesFeature(app), Photos(app), Exchange(app)])

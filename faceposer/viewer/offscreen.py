@@ -11,7 +11,7 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.model.subject import Part, Subject
-from faceposer.viewer.renderer import Renderer, Shading
+from faceposer.viewer.renderer import PhotoLayer, Renderer, Shading
 from faceposer.viewer.targets import ColourTarget
 
 
@@ -41,8 +41,18 @@ def render_subject(
     samples: int = 4,
     shading: Shading = "full",
     wireframe: bool = False,
+    photo: tuple[NDArray[np.uint8], Camera, float, float] | None = None,
 ) -> NDArray[np.uint8]:
     """Return a picture of ``subject`` with ``vertices``, (N, 3), under ``camera``, of shape (height, width, 3).
+
+    Args:
+        subject: What is drawn.
+        vertices: Its pose.
+        camera: Whose size is that of the picture.
+        samples: Per pixel; 0 for no multisampling.
+        shading: Skin, eyes and teeth, or clay.
+        wireframe: Draw the edges of the mesh too.
+        photo: The pixels of a photo, top row first, its camera, and its opacity behind the face and before it.
 
     Raises:
         FacePoserError: If the system has no OpenGL through EGL.
@@ -53,12 +63,28 @@ def render_subject(
         renderer.set_subject(subject)
         renderer.update(positions, VertexNormals(subject.triangles, len(positions))(positions))
         target = ColourTarget(ctx, camera.size, min(samples, ctx.max_samples))
-        renderer.draw(target.framebuffer, camera, shading, wireframe)
+        layer = None
+        if photo is not None:
+            picture, taken, behind, before = photo
+            layer = PhotoLayer(photo_texture(ctx, picture), taken.size, taken.focal, behind, before)
+        renderer.draw(target.framebuffer, camera, shading, wireframe, layer)
+        if layer is not None:
+            layer.picture.release()
         target.resolve()
         picture = target.read()
         target.release()
         renderer.release()
     return picture
+
+
+def photo_texture(ctx: moderngl.Context, picture: NDArray[np.uint8]) -> moderngl.Texture:
+    """Return ``picture``, (height, width, 3), on the GPU, smooth however small it is shown."""
+    height, width, _ = picture.shape
+    texture = ctx.texture((width, height), 3, np.ascontiguousarray(picture).tobytes(), alignment=1)
+    texture.build_mipmaps()
+    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    texture.repeat_x = texture.repeat_y = False
+    return texture
 
 
 def plain_subject(vertices: ArrayLike, triangles: ArrayLike) -> Subject:

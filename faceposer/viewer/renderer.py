@@ -1,5 +1,6 @@
 """Draws a posed subject into any framebuffer."""
 
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import moderngl
@@ -19,6 +20,32 @@ _MATERIALS = ("clay", "skin", "eye", "teeth", "gums", "tongue", "lashes")
 _NECK_FADE = 0.07
 
 
+@dataclass(frozen=True)
+class PhotoLayer:
+    """A photo as it lies behind the face and before it, centred where the camera's optical axis meets the picture.
+
+    Attributes:
+        picture: Top row first.
+        size: Width and height in pixels of the camera that took it.
+        focal: Of that camera, in its pixels.
+        behind: Opacity of the photo as the ground of the face, 0 to 1.
+        before: Opacity of the photo over the face, 0 to 1.
+    """
+
+    picture: moderngl.Texture
+    size: tuple[int, int]
+    focal: float
+    behind: float
+    before: float
+
+    def corners(self, camera: Camera) -> tuple[float, float, float, float]:
+        """Return left, top, right and bottom of the photo in the pixels of ``camera``."""
+        scale = camera.focal / self.focal
+        x, y = camera.principal_point.tolist()
+        across, down = 0.5 * scale * self.size[0], 0.5 * scale * self.size[1]
+        return (x - across, y - down, x + across, y + down)
+
+
 def projection_matrix(camera: Camera) -> NDArray[np.float32]:
     """Return the matrix from camera space (y down, z forward) to clip space, shape (4, 4)."""
     width, height = camera.size
@@ -27,6 +54,8 @@ def projection_matrix(camera: Camera) -> NDArray[np.float32]:
     matrix = np.zeros((4, 4), dtype=np.float32)
     matrix[0, 0] = 2.0 * camera.focal / width
     matrix[1, 1] = -2.0 * camera.focal / height
+    matrix[0, 2] = 2.0 * camera.shift[0] / width
+    matrix[1, 2] = -2.0 * camera.shift[1] / height
     matrix[2, 2] = (far + near) / (far - near)
     matrix[2, 3] = -2.0 * far * near / (far - near)
     matrix[3, 2] = 1.0
@@ -70,6 +99,8 @@ class Renderer:
         self._background = load_program(ctx, "background.vert", "background.frag")
         self._edges = load_program(ctx, "edges.vert", "edges.frag")
         self._triangle_id = load_program(ctx, "triangle_id.vert", "triangle_id.frag")
+        self._photo = load_program(ctx, "photo.vert", "photo.frag")
+        self._photo_quad = ctx.vertex_array(self._photo, [])
         self._backdrop = ctx.vertex_array(self._background, [])
         self.buffers: MeshBuffers | None = None
         self._arrays: dict[str, moderngl.VertexArray] = {}
@@ -98,8 +129,12 @@ class Renderer:
         camera: Camera,
         shading: Shading = "full",
         wireframe: bool = False,
+        photo: PhotoLayer | None = None,
     ) -> None:
-        """Draw the backdrop and the subject into all of ``target``, whose size must be the camera's."""
+        """Draw the backdrop and the subject into all of ``target``, whose size must be the camera's.
+
+        With a ``photo`` that lies behind, what fades into the backdrop fades into the photo.
+        """
         ctx, buffers = self.ctx, self._require_buffers()
         target.use()
         ctx.viewport = (0, 0, *camera.size)
@@ -108,13 +143,26 @@ class Renderer:
         ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
         set_uniform(self._background, "viewport", size)
         self._backdrop.render(moderngl.TRIANGLES, vertices=3)
+        # What lies below shows through: the picture itself stays opaque.
+        ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ONE, moderngl.ONE  # type: ignore[assignment]
+        over_photo = photo is not None and photo.behind > 0.0
+        if photo is not None and over_photo:
+            self._draw_photo(photo, camera, photo.behind)
+            ctx.enable(moderngl.BLEND)
 
         ctx.enable(moderngl.DEPTH_TEST)
+        ctx.depth_func = "<="
         program = self._surface
+        set_uniform(program, "over_photo", over_photo)
         self._set_camera(program, camera)
         set_uniform(program, "viewport", size)
         set_uniform(program, "neck", _cut_of_neck(buffers.subject))
         set_uniform(program, "mouth", _front_of_teeth(buffers.subject))
+        if over_photo:
+            # Only what is nearest fades into the photo: its depth comes first.
+            target.color_mask = (False, False, False, False)
+            self._draw_parts(shading, opaque=True)
+            target.color_mask = (True, True, True, True)
         self._draw_parts(shading, opaque=True)
         if wireframe:
             self._set_camera(self._edges, camera)
@@ -122,11 +170,23 @@ class Renderer:
             set_uniform(self._edges, "line", (0.0, 0.0, 0.0, 0.35))
             self._arrays["edges"].render(moderngl.LINES)
         ctx.enable(moderngl.BLEND)
-        ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
         target.depth_mask = False
         self._draw_parts(shading, opaque=False)
         target.depth_mask = True
         ctx.disable(moderngl.DEPTH_TEST | moderngl.BLEND)
+        if photo is not None and photo.before > 0.0:
+            self._draw_photo(photo, camera, photo.before)
+
+    def _draw_photo(self, photo: PhotoLayer, camera: Camera, opacity: float) -> None:
+        left, top, right, bottom = photo.corners(camera)
+        width, height = camera.size
+        corners = (2.0 * left / width - 1.0, 1.0 - 2.0 * bottom / height, 2.0 * right / width - 1.0)
+        self.ctx.enable(moderngl.BLEND)
+        set_uniform(self._photo, "corners", (*corners, 1.0 - 2.0 * top / height))
+        set_uniform(self._photo, "opacity", opacity)
+        photo.picture.use(0)
+        self._photo_quad.render(moderngl.TRIANGLE_STRIP, vertices=4)
+        self.ctx.disable(moderngl.BLEND)
 
     def _draw_parts(self, shading: Shading, opaque: bool) -> None:
         buffers = self._require_buffers()
@@ -189,7 +249,8 @@ class Renderer:
         """Free everything."""
         self.release_subject()
         self._backdrop.release()
-        for program in (self._surface, self._background, self._edges, self._triangle_id):
+        self._photo_quad.release()
+        for program in (self._surface, self._background, self._edges, self._triangle_id, self._photo):
             program.release()
 
 

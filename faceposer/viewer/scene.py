@@ -8,12 +8,16 @@ from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints, points_on_triangles
 from faceposer.model.face_model import FaceModel
-from faceposer.viewer.renderer import Renderer, Shading
+from faceposer.viewer.renderer import PhotoLayer, Renderer, Shading
 from faceposer.viewer.targets import ColourTarget, IdTarget, Size
 
 
 class Scene:
-    """One face in one picture."""
+    """One face in one picture.
+
+    Attributes:
+        photo: What lies behind the face or before it, or None.
+    """
 
     def __init__(self, ctx: moderngl.Context) -> None:
         """Compile the shaders in ``ctx``."""
@@ -28,6 +32,7 @@ class Scene:
         self._drawn: tuple[object, ColourTarget] | None = None
         self.vertices: NDArray[np.float32] = np.zeros((0, 3), dtype=np.float32)
         self.normals: NDArray[np.float32] = np.zeros((0, 3), dtype=np.float32)
+        self.photo: PhotoLayer | None = None
         self.pictures_drawn = 0
 
     @property
@@ -65,10 +70,10 @@ class Scene:
 
     def draw(self, camera: Camera, shading: Shading, wireframe: bool, samples: int) -> moderngl.Texture:
         """Return the picture under ``camera``, bottom row first, with ``samples`` per pixel; 0 for no multisampling."""
-        key = (camera, self._pose, shading, wireframe, samples, id(self._model))
+        key = (camera, self._pose, shading, wireframe, samples, id(self._model), self.photo)
         if self._drawn is None or self._drawn[0] != key:
             target = self._target(camera.size, min(samples, self._ctx.max_samples))
-            self._renderer.draw(target.framebuffer, camera, shading, wireframe)
+            self._renderer.draw(target.framebuffer, camera, shading, wireframe, self.photo)
             target.resolve()
             self._drawn = (key, target)
             self.pictures_drawn += 1

@@ -60,6 +60,7 @@ class Icon:
     FIX = "\uf08d"
     GAZE = "\uf06e"
     SYMMETRY = "\uf07e"
+    PHOTO = "\uf03e"
     FIGHT = "\uf0e7"
 
 

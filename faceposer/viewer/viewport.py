@@ -1,10 +1,13 @@
 """The view of the face: what tools see of the window, and where the window shows it."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
+from faceposer.geometry.picture_view import PictureView, View
 from faceposer.session.session import Session
 from faceposer.tools.tool import Navigation
 from faceposer.viewer.scene import Scene
@@ -33,7 +36,7 @@ class Viewport:
         self.ui_scale = 1.0
         self._scene = scene
         self._camera: tuple[object, Camera] | None = None
-        self.view = self.framed()
+        self.view: View = self.framed()
 
     @property
     def camera(self) -> Camera:
@@ -82,14 +85,33 @@ class Viewport:
         return view.zoomed(min(1.0, width / (across * height))) if min(width, height) > 1 else view
 
     def look(self, name: str) -> None:
-        """Turn to the direction ``name`` around what is looked at."""
-        self.view = self.view.looking(name)
+        """Turn to the direction ``name`` around what is looked at; the view through a photo is left."""
+        if isinstance(self.view, PictureView):
+            self.view = self.framed(name)
+        else:
+            self.view = self.view.looking(name)
 
     def frame_face(self) -> None:
         """Bring all of the face into view from the present direction."""
         framed = self.framed()
+        if isinstance(self.view, PictureView):
+            self.view = self._framed_in_picture(self.view)
+            return
         self.view = OrbitView(framed.target, self.view.yaw, self.view.pitch, framed.distance, framed.fov_y)
 
+    def _framed_in_picture(self, view: PictureView) -> PictureView:
+        pixels = view.photo.project(self._scene.vertices)
+        lower, upper = pixels.min(axis=0), pixels.max(axis=0)
+        margin = 0.06 * (upper - lower)
+        return view.showing(lower - margin, upper + margin, self.size)
+
     def look_through(self, camera: Camera) -> None:
-        """Take up the view of ``camera``, as a session's file has it; a roll, which orbiting never makes, is lost."""
-        self.view = OrbitView.of_camera(camera, self.framed().target)
+        """Take up the view of ``camera``, as a session's file has it.
+
+        One that is rolled, or whose axis meets its picture beside the middle, is that of a photo or a part of it.
+        """
+        target = self.framed().target
+        if camera.shift == (0.0, 0.0) and abs(camera.rotation[0, 1]) < 1e-6:
+            self.view = OrbitView.of_camera(camera, target)
+        else:
+            self.view = replace(PictureView.whole(camera, target), locked=False)

@@ -50,8 +50,8 @@ class Monkey:
         self.time = 0.0
         self.seen: set[str] = set()
         app.window.clock = self.clock
-        # Menus, dialogs and files are left alone.
-        left_out = {"keys", "about", "quit"}
+        # Menus, dialogs and files are left alone, and without a photo its keys do nothing.
+        left_out = {"keys", "about", "quit", "photo-pin", "photo-skip", "photo-shown"}
         self.keys = [
             key
             for action in app.actions

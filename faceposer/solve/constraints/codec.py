@@ -124,17 +124,18 @@ def name_from_json(value: Any, where: str, names: Sequence[str]) -> str:
 
 def camera_to_json(camera: Camera) -> dict[str, Any]:
     """Return a camera as the session file has it."""
-    return {
+    data = {
         "rotation": camera.rotation.tolist(),
         "translation": camera.translation.tolist(),
         "focal": float(camera.focal),
         "size": list(camera.size),
     }
+    return data if camera.shift == (0.0, 0.0) else data | {"shift": list(camera.shift)}
 
 
 def camera_from_json(value: Any, where: str) -> Camera:
     """Return the camera that ``value`` describes, or raise ``FacePoserError``."""
-    check_keys(value, {"rotation", "translation", "focal", "size"}, set(), where)
+    check_keys(value, {"rotation", "translation", "focal", "size"}, {"shift"}, where)
     rows = value["rotation"]
     if not isinstance(rows, list) or len(rows) != 3:
         raise FacePoserError(f"{where}.rotation must be a list of 3 rows.")
@@ -147,8 +148,9 @@ def camera_from_json(value: Any, where: str) -> Camera:
         raise FacePoserError(f"{where}.size must be from 1 to {_MAX_PICTURE} pixels each way.")
     translation = np.array(numbers_from_json(value["translation"], 3, f"{where}.translation"))
     focal = number_from_json(value["focal"], f"{where}.focal", minimum=1e-3)
+    shift = pixel_from_json(value.get("shift", [0.0, 0.0]), f"{where}.shift")
     try:
-        return Camera(rotation, translation, focal, (width, height))
+        return Camera(rotation, translation, focal, (width, height), shift)
     except ValueError as error:
         raise FacePoserError(f"{where}: {error}.") from error
 

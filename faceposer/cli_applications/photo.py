@@ -1,0 +1,121 @@
+"""``faceposer photo``: aligns the camera of a photo by pins and poses the face after it."""
+
+import argparse
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from faceposer.errors import FacePoserError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from faceposer.photo.photo import Photo
+    from faceposer.session.session import Session
+
+NAME = "photo"
+# Of each panel of the picture.
+_PANEL = (480, 600)
+
+
+def add_parser(commands: Any) -> None:
+    """Add the parser."""
+    parser = commands.add_parser(
+        NAME,
+        help="pose a face after a photo",
+        description="Find the camera of a photo by pins, pose the face after it and write the session.",
+    )
+    parser.add_argument("what", metavar="SUBJECT|SESSION", help="the face; a session keeps what it has")
+    parser.add_argument("photo", type=Path, metavar="PHOTO", help="JPEG, PNG or another common picture")
+    parser.add_argument("--pins", type=Path, metavar="PINS.json", required=True, help="pins (docs/photo.md)")
+    parser.add_argument("-o", "--output", type=Path, metavar="SESSION.json", required=True, help="session to write")
+    parser.add_argument("--focal", type=float, metavar="PX", help="focal length in pixels; else by EXIF, or found")
+    parser.add_argument("--no-pose", action="store_true", help="only align the camera")
+    parser.add_argument("--render", type=Path, metavar="OUT.png", help="also draw photo, face over photo, and face")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Do it and return the exit status."""
+    _check_output(options.output, ".json")
+    if options.render is not None:
+        _check_output(options.render, ".png")
+    if options.focal is not None and not 1.0 <= options.focal <= 1e6:
+        raise FacePoserError("The focal length must be from 1 to 1,000,000 pixels.")
+    from dataclasses import replace
+
+    from faceposer.photo.aligning import aligned, residuals_px
+    from faceposer.photo.photo import Photo
+    from faceposer.photo.pins_file import read_pins
+    from faceposer.photo.reading import focal_in_mm, inspect_photo
+    from faceposer.session.opening import open_session
+    from faceposer.session.photos import with_expression
+    from faceposer.solve.camera_fit import LEAST_POINTS
+
+    file = inspect_photo(options.photo)
+    pins = read_pins(options.pins)
+    session = open_session(options.what)
+    session.wait()
+    model = session.model
+    path = str(options.photo.absolute())
+    photo = aligned(Photo(path, file.size, pins, focal=options.focal or file.focal), model, session.coefficients)
+    off = residuals_px(photo, model, session.coefficients)
+    for pin in (pin for i, pin in enumerate(pins) if i not in off):
+        print(f"pin {pin.place}: the face has no such place")
+    if len(off) < LEAST_POINTS:
+        raise FacePoserError(
+            f"'{options.pins}' pins {len(off)} places that the face has; its camera takes {LEAST_POINTS}, better 8."
+        )
+    assert photo.camera is not None
+    camera = photo.camera
+    document = replace(session.document, photos=(*session.document.photos, photo))
+    with session.edit("Open a photo"):
+        session.replace(document if options.no_pose else with_expression(document, model, photo))
+    session.wait()
+    after = residuals_px(photo, model, session.coefficients)
+    for i, pin in enumerate(pins):
+        if i in off:
+            place = pin.place if isinstance(pin.place, str) else "of the surface"
+            title = model.subject.feature_titles.get(place, place)
+            print(f"pin {place:6} {title:34} {off[i]:6.1f} px off, posed {after[i]:6.1f} px")
+    how = "given" if options.focal else "by EXIF" if file.focal else "found, or likely"
+    print(f"focal length {camera.focal:.0f} px, {focal_in_mm(camera.focal, file.size):.0f} mm on 35 mm film ({how})")
+    if options.render is not None:
+        from faceposer.viewer.pictures import write_png
+
+        write_png(options.render, _picture(session, photo))
+        print(f"{options.render} written")
+    session.save(options.output, camera)
+    mean = sum(off.values()) / len(off)
+    told = len(session.document.constraints)
+    print(f"{options.output} written: {len(off)} pins, {mean:.1f} px off on average, {told} constraints")
+    return 0
+
+
+def _check_output(path: Path, suffix: str) -> None:
+    """Refuse an output that could not be written before any work is done for it."""
+    if path.suffix.lower() != suffix:
+        raise FacePoserError(f"The output '{path}' must end in '{suffix}'.")
+    if path.is_dir() or not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
+        raise FacePoserError(f"The output '{path}' cannot be written; give a file in a folder that is there.")
+
+
+def _picture(session: "Session", photo: "Photo") -> "NDArray[np.uint8]":
+    """Return the photo, the face over it and the face, each cut to the head, side by side."""
+    import numpy as np
+
+    from faceposer.geometry.picture_view import PictureView
+    from faceposer.photo.reading import read_photo
+    from faceposer.viewer.offscreen import render_subject
+
+    assert photo.camera is not None
+    subject = session.model.subject
+    vertices = session.model.instance(session.coefficients)
+    pixels = photo.camera.project(vertices)
+    lower, upper = pixels.min(axis=0), pixels.max(axis=0)
+    margin = 0.08 * (upper - lower)
+    view = PictureView.whole(photo.camera, (0.0, 0.0, 0.0)).showing(lower - margin, upper + margin, _PANEL)
+    camera, layer = view.camera(_PANEL), read_photo(Path(photo.path), 4096)
+    layers = ((1.0, 1.0), (1.0, 1.0 - photo.opacity))
+    shown = [render_subject(subject, vertices, camera, photo=(layer, photo.camera, *both)) for both in layers]
+    return np.hstack([*shown, render_subject(subject, vertices, camera)])

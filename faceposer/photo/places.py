@@ -1,0 +1,98 @@
+"""Which places of the face one pins in a photo, in which order, and what each of them tells."""
+
+from dataclasses import dataclass
+
+from faceposer.model.face_model import FaceModel
+from faceposer.model.subject import Subject
+from faceposer.photo.photo import Place
+
+#: Feature points that tell where the camera stands: most hardly move with the expression, and the
+#: first four already lie far apart.
+ALIGNING = ("3.7", "3.12", "9.3", "2.1", "3.11", "3.8", "9.15", "8.3", "8.4", "10.5", "10.6")
+#: Feature points that tell the expression, and hardly more of the camera.
+EXPRESSIVE = (
+    "8.1",
+    "8.2",
+    "2.2",
+    "2.3",
+    "4.3",
+    "4.4",
+    "4.1",
+    "4.2",
+    "4.5",
+    "4.6",
+    "3.1",
+    "3.3",
+    "3.2",
+    "3.4",
+    "3.5",
+    "3.6",
+)
+#: The order in which one is led from point to point.
+GUIDED = ALIGNING + EXPRESSIVE
+
+# How much a pin tells of the camera: what moves with the expression tells little.
+_RIGID = {
+    **dict.fromkeys(("3.7", "3.8", "3.11", "3.12"), 1.0),
+    **dict.fromkeys(("9.1", "9.2", "9.3", "9.4", "9.5", "9.12", "9.15"), 1.0),
+    **dict.fromkeys(("10.1", "10.2", "10.3", "10.4", "10.5", "10.6"), 1.0),
+    **dict.fromkeys(("11.1", "11.2", "11.3", "11.4", "11.6"), 0.3),
+    **dict.fromkeys(("5.3", "5.4", "2.13", "2.14"), 0.5),
+    "2.1": 0.25,
+}
+_LOOSE = 0.05
+_REGION_WEIGHTS = {"nose": 1.0, "ear_left": 1.0, "ear_right": 1.0, "forehead": 0.5}
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two feature points whose distance tells the expression, held against one that does not change with it.
+
+    Attributes:
+        ends: The two.
+        measure: Two whose distance is the same in all expressions: it tells how large this person's feature is.
+    """
+
+    ends: tuple[str, str]
+    measure: tuple[str, str]
+
+
+#: The opening of the mouth and of the eyes.
+OPENINGS = (
+    Pair(("2.2", "2.3"), ("3.7", "3.12")),
+    Pair(("3.1", "3.3"), ("3.7", "3.11")),
+    Pair(("3.2", "3.4"), ("3.12", "3.8")),
+)
+#: Each pupil, by which one sees where the eyes look, with the corners of its eye.
+PUPILS = (("3.5", ("3.7", "3.11")), ("3.6", ("3.12", "3.8")))
+#: Points that a person has higher or lower, nearer or farther apart than another by nature, one group after another.
+GROUPS = (
+    ("8.3", "8.4", "8.1", "8.2", "8.5", "8.6", "8.7", "8.8", "8.9", "8.10", "2.2", "2.3", "2.4", "2.5"),
+    ("4.1", "4.2", "4.3", "4.4", "4.5", "4.6"),
+    ("2.1",),
+)
+
+
+def guided(subject: Subject) -> list[str]:
+    """Return the feature points that ``subject`` has of those that one is led to, in order."""
+    return [name for name in GUIDED if name in subject.feature_points]
+
+
+def anchor_of(place: Place, subject: Subject) -> Place | None:
+    """Return ``place`` as the index of a vertex or a surface point, or None where ``subject`` lacks it."""
+    if isinstance(place, str):
+        vertex = subject.feature_points.get(place)
+        return None if vertex is None else int(vertex)
+    if isinstance(place, int):
+        return place if 0 <= place < len(subject.vertices) else None
+    return place if 0 <= place.face < len(subject.triangles) else None
+
+
+def rigidity(place: Place, model: FaceModel) -> float:
+    """Return how much a pin of ``place`` tells of the camera, 0 to 1."""
+    if isinstance(place, str):
+        return _RIGID.get(place, _LOOSE)
+    subject = model.subject
+    vertex = place if isinstance(place, int) else int(subject.triangles[place.face][0])
+    names = [name for name, vertices in subject.regions.items() if (vertices == vertex).any()]
+    return max((_REGION_WEIGHTS.get(name, _LOOSE) for name in names), default=_LOOSE)

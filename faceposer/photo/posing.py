@@ -1,0 +1,164 @@
+"""The expression of a photo, from its pins: what pulls at the face, with what is only this person's build set apart.
+
+A person's mouth lies lower, or the brows are higher, than the character's by nature. Of one photo nobody can tell that
+from an expression for certain, so each group of features may lie elsewhere as a whole, at a price, and each pin counts
+less than one that was set by dragging the character's own face (Lau et al. 2009, section 7: photos allow for quick
+prototyping, not for a detailed correspondence).
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from faceposer.geometry.camera import Camera
+from faceposer.geometry.picking import SurfacePoints
+from faceposer.model.face_model import FaceModel
+from faceposer.photo.aligning import pinned
+from faceposer.photo.photo import Photo
+from faceposer.photo.places import GROUPS, OPENINGS, PUPILS, anchor_of, rigidity
+from faceposer.solve.constraints.distance import DistanceConstraint
+from faceposer.solve.constraints.gaze import MOST_PITCH, MOST_YAW, GazeConstraint
+from faceposer.solve.constraints.point import SIGMA_PX, PointConstraint
+from faceposer.solve.constraints.registry import Constraint
+from faceposer.solve.map_solver import solve
+from faceposer.solve.priors import Prior
+from faceposer.solve.problem import PoseProblem
+
+Array = NDArray[np.float64]
+
+# An ordinary view shows the head at this many pixels; pins count as much as if they had been set there.
+_HEAD_PX = 540.0
+# Shares of the head's height by which people differ: where a feature lies in its group, and where the group lies.
+_FEATURE_SPREAD = 0.004
+_GROUP_SPREAD = 0.018
+# Of openings, in pixels of an ordinary view: they depend little on the person.
+_OPENING_SPREAD_PX = 4.0
+_ROUNDS = 8
+_GAZE_ROUNDS = 5
+
+
+def constraint_camera(photo: Photo, model: FaceModel) -> Camera:
+    """Return the photo's camera with pixels as large as an ordinary view has them.
+
+    Raises:
+        ValueError: If the photo has no camera yet.
+    """
+    camera = photo.camera
+    if camera is None:
+        raise ValueError("the photo has no camera yet")
+    middle = model.subject.vertices.mean(axis=0, dtype=np.float64)
+    depth = float((camera.rotation @ middle + camera.translation)[2])
+    scale = _HEAD_PX / model.subject.height * depth / camera.focal
+    size = (max(round(camera.size[0] * scale), 1), max(round(camera.size[1] * scale), 1))
+    centre = camera.principal_point * scale
+    shift = (float(centre[0]) - size[0] / 2.0, float(centre[1]) - size[1] / 2.0)
+    return replace(camera, focal=camera.focal * scale, size=size, shift=shift)
+
+
+def expression_constraints(
+    photo: Photo, model: FaceModel, start: ArrayLike | None = None, prior_weight: float = 1.0, prior: Prior = "regions"
+) -> tuple[Constraint, ...]:
+    """Return what lets the face take the expression of ``photo``: points and distances under the photo's camera.
+
+    Args:
+        photo: With its camera.
+        model: The face.
+        start: The pose before anything pulls, shape (r,); the neutral face if None.
+        prior_weight: As the session has it.
+        prior: As the session has it.
+
+    Raises:
+        ValueError: If the photo has no camera yet.
+    """
+    camera = constraint_camera(photo, model)
+    scale = camera.focal / photo.camera.focal if photo.camera is not None else 1.0
+    pixels = {}
+    for i in pinned(photo, model)[0]:
+        pin = photo.pins[i]
+        pixels[pin.place] = np.asarray(pin.pixel) * scale
+    spread = _FEATURE_SPREAD * _HEAD_PX
+    weight = SIGMA_PX**2 / (SIGMA_PX**2 + spread**2)
+    pupils = {pupil for pupil, _ in PUPILS}
+    places = [place for place in pixels if place not in pupils and rigidity(place, model) < 0.3]
+    points = [
+        PointConstraint(anchor, (float(pixels[place][0]), float(pixels[place][1])), camera, weight=weight)
+        for place in places
+        if (anchor := anchor_of(place, model.subject)) is not None and not isinstance(anchor, str)
+    ]
+    named = {place: at for place, at in pixels.items() if isinstance(place, str)}
+    others = [*_openings(model, camera, named), *_gaze(model, camera, named)]
+    groups = [[i for i, place in enumerate(places) if place in group] for group in GROUPS]
+    targets = np.array([point.target for point in points]).reshape(-1, 2)
+    shifted = list(points)
+    p: Array | None = None
+    group_variance = (_GROUP_SPREAD * _HEAD_PX) ** 2
+    for _ in range(_ROUNDS):
+        problem = PoseProblem(model, [*shifted, *others], start, prior_weight, prior=prior)
+        p = solve(problem, p).coefficients
+        off = [targets[i] - camera.project(model.positions_at(point.points, p))[0] for i, point in enumerate(points)]
+        for group in groups:
+            if not group:
+                continue
+            middle = np.mean([off[i] for i in group], axis=0)
+            offset = middle * group_variance / (group_variance + (SIGMA_PX**2 + spread**2) / len(group))
+            for i in group:
+                u, v = (targets[i] - offset).tolist()
+                shifted[i] = replace(points[i], target=(u, v))
+    return (*shifted, *others)
+
+
+def _gaze(model: FaceModel, camera: Camera, pixels: Mapping[str, Array]) -> list[Constraint]:
+    """Return where the eyes look, for pins at ``pixels`` of ``camera``, (2,) each, if there are any of pupils.
+
+    What counts is where a pupil lies between the corners of its eye, by the width of that eye.
+    """
+    subject = model.subject
+    vertices, wanted = [], []
+    for pupil, corners in PUPILS:
+        if not all(name in pixels and name in subject.feature_points for name in (pupil, *corners)):
+            continue
+        ours = camera.project(subject.vertices[[int(subject.feature_points[name]) for name in corners]])
+        theirs = np.array([pixels[name] for name in corners])
+        width = float(np.linalg.norm(theirs[0] - theirs[1]))
+        if width > 1e-6:
+            scale = float(np.linalg.norm(ours[0] - ours[1])) / width
+            vertices.append(int(subject.feature_points[pupil]))
+            wanted.append(ours.mean(axis=0) + scale * (pixels[pupil] - theirs.mean(axis=0)))
+    if not vertices or not any(name.startswith("eyeLook") for name in subject.shape_names):
+        return []
+    points = SurfacePoints.at_vertices(vertices)
+
+    def seen(angles: Array) -> Array:
+        pose = GazeConstraint((float(angles[0]), float(angles[1]))).moved_start(model, model.neutral())
+        return camera.project(model.positions_at(points, pose)).ravel()
+
+    most = np.array([MOST_YAW, MOST_PITCH])
+    angles: Array = np.zeros(2)
+    for _ in range(_GAZE_ROUNDS):
+        # Differences are taken towards the middle, for at its limit an eye turns no farther.
+        towards = np.where(angles > 0.0, -1.0, 1.0)
+        slopes = [(seen(angles + towards * axis) - seen(angles)) * (towards @ axis) for axis in np.eye(2)]
+        step = np.linalg.lstsq(np.stack(slopes, axis=1), np.ravel(wanted) - seen(angles), rcond=1e-6)[0]
+        angles = np.clip(angles + step, -most, most)
+    return [GazeConstraint((float(angles[0]), float(angles[1])))]
+
+
+def _openings(model: FaceModel, camera: Camera, pixels: Mapping[str, Array]) -> list[Constraint]:
+    """Return how far mouth and eyes are open, for pins at ``pixels`` of ``camera``, (2,) each, by feature point."""
+    subject = model.subject
+    found: list[Constraint] = []
+    for pair in OPENINGS:
+        if not all(name in pixels and name in subject.feature_points for name in (*pair.ends, *pair.measure)):
+            continue
+        vertices = [int(subject.feature_points[name]) for name in (*pair.ends, *pair.measure)]
+        neutral = camera.project(subject.vertices[vertices[2:]].astype(np.float64))
+        ours = float(np.hypot(*(neutral[0] - neutral[1])))
+        theirs = float(np.hypot(*(pixels[pair.measure[0]] - pixels[pair.measure[1]])))
+        apart = float(np.hypot(*(pixels[pair.ends[0]] - pixels[pair.ends[1]])))
+        weight = SIGMA_PX**2 / _OPENING_SPREAD_PX**2
+        if theirs > 1e-6:
+            anchors = (vertices[0], vertices[1])
+            found.append(DistanceConstraint(anchors, apart * ours / theirs, camera, weight=weight))
+    return found

@@ -1,0 +1,9 @@
+#version 330
+// The photo has its top row first, and is shown as it is.
+uniform sampler2D image;
+uniform float opacity;
+in vec2 uv;
+out vec4 colour;
+void main() {
+    colour = vec4(texture(image, uv).rgb, opacity);
+}
