@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from faceposer.animation.keyframes import LONGEST, Keyframes
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
@@ -39,6 +40,10 @@ class Document:
             mixture as it was learned, start or no start.
         solved: Whether the pose is what the constraints ask for, or they still wait to be solved.
         camera: The view under which the document was last seen, or None.
+        keyframes: The animation, or None without one.
+        frame: The frame of the animation that is shown, counted from 0.
+        animated: Whether the pose and the start are just what the animation has at that frame, so that there is
+            nothing to lose in going to another one.
     """
 
     subject: str
@@ -49,30 +54,46 @@ class Document:
     camera: Camera | None = None
     solved: bool = True
     prior: Prior = "regions"
+    keyframes: Keyframes | None = None
+    frame: int = 0
+    animated: bool = False
 
     def posed(self, coefficients: ArrayLike) -> "Document":
         """Return the document with the pose that was solved for it, shape (r,)."""
         pose = np.array(coefficients, dtype=np.float64)
         pose.setflags(write=False)
-        return replace(self, coefficients=pose, solved=True)
+        return replace(self, coefficients=pose, solved=True, animated=False)
+
+    def animated_at(self, frame: int, coefficients: ArrayLike) -> "Document":
+        """Return the document at ``frame`` with the pose, shape (r,), that its animation has there, and no constraint."""
+        document = replace(self, constraints=(), frame=frame).starting_from(coefficients).posed(coefficients)
+        return replace(document, animated=True)
 
     def starting_from(self, start: ArrayLike | None) -> "Document":
         """Return the document with another pose to start from, shape (r,); None for the neutral face."""
         pose = None if start is None else np.array(start, dtype=np.float64)
         if pose is not None:
             pose.setflags(write=False)
-        return replace(self, start=pose)
+        return replace(self, start=pose, animated=False)
 
     def with_constraint(self, index: int, constraint: Constraint) -> "Document":
         """Return the document with constraint ``index`` exchanged."""
         return replace(self, constraints=(*self.constraints[:index], constraint, *self.constraints[index + 1 :]))
 
     def same_input(self, other: "Document") -> bool:
-        """Whether both ask for the same face: subject, constraints and prior weight agree."""
+        """Whether both ask for the same face and the same animation, at whatever frame of it.
+
+        Subject, constraints, prior weight and keys agree, and so do the poses to start from unless both follow from
+        the keys.
+        """
         ours = (self.subject, self.constraints, self.prior_weight, self.prior)
-        return ours == (other.subject, other.constraints, other.prior_weight, other.prior) and _same(
-            self.start, other.start
-        )
+        if ours != (other.subject, other.constraints, other.prior_weight, other.prior):
+            return False
+        if self.keyframes is not other.keyframes and not (
+            self.keyframes is not None and self.keyframes.same(other.keyframes)
+        ):
+            return False
+        return (self.animated and other.animated) or _same(self.start, other.start)
 
     def to_json(self) -> dict[str, Any]:
         """Return the document as its file has it."""
@@ -91,6 +112,8 @@ class Document:
             data["start"] = self.start.tolist()
         if self.camera is not None:
             data["camera"] = codec.camera_to_json(self.camera)
+        if self.keyframes is not None:
+            data["animation"] = {"frame": self.frame, **self.keyframes.to_json()}
         return data
 
     @classmethod
@@ -108,7 +131,7 @@ class Document:
         codec.check_keys(
             data,
             {"format", "version", "subject", "constraints"},
-            {"prior_weight", "prior", "coefficients", "start", "camera"},
+            {"prior_weight", "prior", "coefficients", "start", "camera", "animation"},
             "the session",
         )
         if not isinstance(data["subject"], str) or not data["subject"]:
@@ -132,7 +155,16 @@ class Document:
             document = document.posed(_pose_from_json(data["coefficients"], "coefficients"))
             if not entries and "start" not in data:
                 document = replace(document, start=document.coefficients)
-        return document
+        return document._with_animation(data["animation"]) if "animation" in data else document
+
+    def _with_animation(self, data: Any) -> "Document":
+        if not isinstance(data, dict):
+            raise FacePoserError("animation must be an object with the keys 'keys', 'length', 'rate'.")
+        frame = codec.index_from_json(data.get("frame", 0), "animation.frame")
+        if frame >= LONGEST:
+            raise FacePoserError(f"animation.frame must be below {LONGEST}, not {frame}.")
+        keys = {name: value for name, value in data.items() if name != "frame"}
+        return replace(self, keyframes=Keyframes.from_json(keys, "animation"), frame=frame)
 
     def resolved(self, model: FaceModel) -> "Document":
         """Return the document with all that its file leaves out looked up on the face that editing starts from.
@@ -140,7 +172,10 @@ class Document:
         Raises:
             FacePoserError: If the constraints or the pose do not fit the face.
         """
-        for name, pose in (("coefficients", self.coefficients), ("start", self.start)):
+        keys = () if self.keyframes is None else self.keyframes.keys
+        poses = [("coefficients", self.coefficients), ("start", self.start)]
+        poses += [(f"animation.keys[{i}].coefficients", key.pose) for i, key in enumerate(keys)]
+        for name, pose in poses:
             if pose is not None and len(pose) != model.n_coefficients:
                 raise FacePoserError(
                     f"{name} has {len(pose)} numbers where the subject '{self.subject}' has "
