@@ -1,5 +1,6 @@
 """Poses at some frames, and the smooth motion through them."""
 
+import itertools
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -43,10 +44,10 @@ class Key:
 class Keyframes:
     """An animation as artists make it; every edit returns another one.
 
-    Between two keys the face follows a cubic of which no rig weight leaves the range between those keys (F. N. Fritsch
-    and J. Butland, "A method for constructing local monotone piecewise cubic interpolants", 1984): an eye that closes
-    and opens again does not open wider than it is keyed. It comes to rest at the first and at the last key, and is held
-    outside of them; when it loops, it runs on through the end into the begin.
+    Between two keys each rig weight follows a cubic that does not leave the range between them (F. N. Fritsch and
+    J. Butland, "A method for constructing local monotone piecewise cubic interpolants", 1984), so that an eye that
+    closes and opens again does not open wider than it is keyed. The face comes to rest at the first and at the last
+    key, and is held outside of them; when the animation loops, it runs on through the end into the begin.
 
     Attributes:
         keys: By rising frames, at most one a frame. Those at or after ``length`` are kept, and not played.
@@ -62,7 +63,7 @@ class Keyframes:
 
     def __post_init__(self) -> None:
         frames = [key.frame for key in self.keys]
-        if any(later <= earlier for earlier, later in zip(frames, frames[1:], strict=False)):
+        if any(later <= earlier for earlier, later in itertools.pairwise(frames)):
             raise ValueError("keys must come by rising frames")
         if frames and not (frames[0] >= 0 and frames[-1] < LONGEST):
             raise ValueError(f"keys must lie at frames from 0 to {LONGEST - 1}")
@@ -130,8 +131,9 @@ class Keyframes:
     def sampled(self, model: FaceModel, frames: ArrayLike) -> Array:
         """Return the poses of the face of ``model`` at ``frames``, whole or in between; shapes (n,) to (n, r).
 
-        The cubics run in the rig's weights, of which each means something, and not in the coefficients, whose axes mix
-        them.
+        The cubics run in the rig's weights, of which each means something, and not in the coefficients: what is
+        monotone there need not be so in a weight that they mix. The nearest pose of the subspace is returned, which
+        only the few directions that it leaves out can carry outside of the range.
         """
         asked = np.asarray(frames, dtype=np.float64).reshape(-1)
         keys = [key for key in self.keys if not self.loop or key.frame < self.length]
@@ -195,7 +197,7 @@ class Keyframes:
             missed = np.abs((fewer.sampled(model, frames) - poses) @ model.subspace.directions.T).max(axis=1)
             missed[kept] = 0.0
             ends = np.flatnonzero(kept)
-            worst = [a + int(np.argmax(missed[a:b])) for a, b in zip(ends, ends[1:], strict=False)]
+            worst = [a + int(np.argmax(missed[a:b])) for a, b in itertools.pairwise(ends)]
             added = [i for i in worst if missed[i] > tolerance]
             if not added:
                 return fewer
@@ -228,9 +230,11 @@ class Keyframes:
         if not isinstance(entries, list) or len(entries) > LONGEST:
             raise FacePoserError(f"{where}.keys must be a list of at most {LONGEST}.")
         keys = tuple(_key_from_json(entry, f"{where}.keys[{i}]") for i, entry in enumerate(entries))
-        for i, (earlier, later) in enumerate(zip(keys, keys[1:], strict=False)):
+        for i, (earlier, later) in enumerate(itertools.pairwise(keys)):
             if later.frame <= earlier.frame:
-                raise FacePoserError(f"{where}.keys[{i + 1}].frame must be after {earlier.frame}, that of the key before.")
+                raise FacePoserError(
+                    f"{where}.keys[{i + 1}].frame must be after {earlier.frame}, that of the key before."
+                )
         return cls(keys, rate, length, codec.flag_from_json(data.get("loop", False), f"{where}.loop"))
 
 

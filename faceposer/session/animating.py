@@ -1,7 +1,8 @@
 """The animation of a session: which frame is shown, and how poses become keys.
 
-Going to another frame is no edit: nothing is lost by it and nothing needs to be saved. It is one only where the face that
-is left would not come back by itself, since constraints pull at it or since it has no key; undo then brings it back.
+Going to another frame is no edit: nothing is lost by it and nothing needs to be saved. It is one only where the face
+that is left would not come back by itself, since constraints pull at it or since it has no key; undo then brings it
+back.
 """
 
 from dataclasses import replace

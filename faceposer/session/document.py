@@ -65,7 +65,7 @@ class Document:
         return replace(self, coefficients=pose, solved=True, animated=False)
 
     def animated_at(self, frame: int, coefficients: ArrayLike) -> "Document":
-        """Return the document at ``frame`` with the pose, shape (r,), that its animation has there, and no constraint."""
+        """Return the document at ``frame`` with the pose, shape (r,), that its animation has there, unconstrained."""
         document = replace(self, constraints=(), frame=frame).starting_from(coefficients).posed(coefficients)
         return replace(document, animated=True)
 

@@ -159,6 +159,7 @@ class Session:
         self._editing = False
         if self._document.coefficients is not before.coefficients:
             self._document = self.animation.keyed(self._document)
+            self.revision += 1
         if not self._document.same_input(before) or self._document.coefficients is not before.coefficients:
             self._history.commit(label, self._document, merges)
 
@@ -326,10 +327,10 @@ class Session:
         assert result.solution is not None
         self.solution = result.solution
         self._document = self._document.posed(result.solution.coefficients)
-        self.revision += 1
         if not self._editing:
             self._document = self.animation.keyed(self._document)
             self._history.amend_head(self._document)
+        self.revision += 1
         return True
 
     def wait(self, timeout: float = 10.0) -> None:

@@ -340,6 +340,7 @@ class App:
     def before_press(self) -> None:
         """Prepare for a press on the view: a value being typed is done, and one poses what one sees."""
         self.slider_edit.let_go()
+        self.features.before_press()
         if self.comparing:
             self.comparing = False
             self.scene.set_pose(self.session.coefficients)

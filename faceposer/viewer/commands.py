@@ -82,8 +82,9 @@ class Commands:
         self._app.toolbox.nudge(dx, dy)
 
     def delete_selected(self) -> None:
-        """Remove the selected points."""
+        """Remove the selected points, and what else is selected."""
         self._app.toolbox.delete_selected()
+        self._app.features.delete_selected()
 
     def clear_points(self) -> None:
         """Remove all constraints that are not locked."""
@@ -248,7 +249,7 @@ def build_actions(app: "App") -> Actions:
                 "Edit",
                 do.delete_selected,
                 ("Delete", "Backspace"),
-                lambda: free() and bool(app.toolbox.selection),
+                lambda: free() and (bool(app.toolbox.selection) or app.features.selects),
                 separated=True,
             ),
             Action(

@@ -68,6 +68,10 @@ _KEY_NAMES: dict[int, str] = {
     glfw.KEY_DOWN: "Down",
     glfw.KEY_LEFT_BRACKET: "[",
     glfw.KEY_RIGHT_BRACKET: "]",
+    glfw.KEY_COMMA: ",",
+    glfw.KEY_PERIOD: ".",
+    glfw.KEY_HOME: "Home",
+    glfw.KEY_END: "End",
 }
 _KEY_CODES = {name: code for code, name in reversed(_KEY_NAMES.items())}
 

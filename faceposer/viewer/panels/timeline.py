@@ -1,0 +1,135 @@
+"""The strip of the timeline: buttons and fields above, ruler and keys beneath."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from imgui_bundle import ImVec2, ImVec4, imgui
+
+from faceposer.animation.keyframes import LONGEST
+from faceposer.viewer.panels.timeline_track import track_height
+from faceposer.viewer.panels.widgets import tooltip
+from faceposer.viewer.theme import ACCENT_DARK, FAINT, INK, KEYED, WARNING, Colour, Icon, em
+
+if TYPE_CHECKING:
+    from faceposer.session.animating import Shown
+    from faceposer.viewer.timeline import Timeline
+
+_RATES = (24.0, 25.0, 30.0, 50.0, 60.0)
+_PAD = 0.45
+# What the face on the screen is: in words, in which colour, and what that means.
+_SHOWN: dict["Shown", tuple[str, Colour, str]] = {
+    "unkeyed": ("No keys yet", FAINT, "Pose the face and set a key; then go to another frame and pose it again."),
+    "key": ("Key", KEYED, "This face is a key of the animation."),
+    "between": ("In between", INK, "The animation has this face here, between its keys."),
+    "changed": (
+        "Changed, no key",
+        WARNING,
+        "This face differs from what the animation has here. Set a key to keep it; going to another frame leaves it.",
+    ),
+}
+
+
+def timeline_height() -> float:
+    """Return the height of the strip."""
+    return round(imgui.get_frame_height() + track_height() + em(3 * _PAD))
+
+
+def draw_timeline(timeline: "Timeline") -> None:
+    """Draw the strip into the current window."""
+    pad = em(_PAD)
+    imgui.set_cursor_pos(ImVec2(em(0.6), pad))
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(em(0.4), pad))
+    _draw_buttons(timeline)
+    _draw_fields(timeline)
+    _draw_state(timeline)
+    imgui.set_cursor_pos(ImVec2(0.0, round(imgui.get_frame_height() + 2 * pad)))
+    timeline.track.draw(imgui.get_window_width(), track_height())
+    imgui.pop_style_var()
+
+
+def _icon_button(timeline: "Timeline", name: str, icon: str, on: bool = False, wide: float = 1.9) -> None:
+    action = timeline.app.actions[name]
+    imgui.push_style_color(imgui.Col_.button, ImVec4(*ACCENT_DARK) if on else ImVec4(0.0, 0.0, 0.0, 0.0))
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0.0, imgui.get_style().frame_padding.y))
+    imgui.begin_disabled(not action.enabled())
+    if imgui.button(f"{icon}##{name}", ImVec2(em(wide), 0.0)):
+        action.run()
+    imgui.end_disabled()
+    imgui.pop_style_var()
+    imgui.pop_style_color()
+    timeline.app.marks.note(name)
+    tooltip(action.tooltip)
+    imgui.same_line(0.0, em(0.15))
+
+
+def _draw_buttons(timeline: "Timeline") -> None:
+    _icon_button(timeline, "first-frame", Icon.FIRST)
+    _icon_button(timeline, "previous-key", Icon.PREVIOUS)
+    playing = timeline.playing
+    _icon_button(timeline, "play", Icon.PAUSE if playing else Icon.PLAY, playing, 2.6)
+    _icon_button(timeline, "next-key", Icon.NEXT)
+    _icon_button(timeline, "last-frame", Icon.LAST)
+    _icon_button(timeline, "loop", Icon.LOOP, timeline.keyframes.loop)
+    imgui.same_line(0.0, em(0.9))
+
+
+def _draw_fields(timeline: "Timeline") -> None:
+    """Draw the frame that is shown, the length and the rate."""
+    keyframes, marks = timeline.keyframes, timeline.app.marks
+    imgui.begin_disabled(not timeline.reachable)
+    imgui.set_next_item_width(em(4.4))
+    flags = imgui.SliderFlags_.always_clamp.value
+    changed, frame = imgui.drag_int("##frame", timeline.animation.frame + 1, 0.2, 1, LONGEST, "%d", flags)
+    if changed:
+        timeline.go_to(frame - 1)
+    marks.note("frame-shown")
+    tooltip("The frame that is shown: drag, or double-click to type a number")
+    imgui.same_line()
+    imgui.align_text_to_frame_padding()
+    imgui.text_colored(FAINT, "of")
+    imgui.same_line()
+    imgui.set_next_item_width(em(4.4))
+    changed, length = imgui.drag_int("##length", keyframes.length, 0.2, 1, LONGEST, "%d", flags)
+    if changed:
+        timeline.set_settings(replace(keyframes, length=length), "Change the length")
+    marks.note("length")
+    tooltip(f"How many frames are played, {keyframes.length / keyframes.rate:.2f} s: drag, or double-click to type")
+    imgui.same_line()
+    imgui.set_next_item_width(em(5.6))
+    opened = imgui.begin_combo("##rate", f"{keyframes.rate:g} fps")
+    marks.note("rate")
+    if not opened:
+        tooltip("Frames per second; keys stay at their frames")
+    else:
+        for rate in sorted({*_RATES, keyframes.rate}):
+            pressed, _ = imgui.selectable(f"{rate:g} fps", rate == keyframes.rate)
+            marks.note(f"rate:{rate:g}")
+            if pressed:
+                timeline.set_settings(replace(keyframes, rate=rate), "Change the frame rate")
+        imgui.end_combo()
+    imgui.end_disabled()
+    imgui.same_line(0.0, em(0.9))
+
+
+def _draw_state(timeline: "Timeline") -> None:
+    """Draw the buttons that make keys, and what the face on the screen is."""
+    app = timeline.app
+    action = app.actions["set-key"]
+    shown = timeline.animation.shown
+    imgui.begin_disabled(not action.enabled())
+    imgui.push_style_color(imgui.Col_.text, ImVec4(*KEYED))
+    pressed = imgui.button(f"{Icon.KEY}##set-key")
+    imgui.pop_style_color()
+    if pressed:
+        action.run()
+    imgui.end_disabled()
+    app.marks.note("set-key")
+    tooltip(action.tooltip)
+    imgui.same_line()
+    _icon_button(timeline, "auto-key", "Auto", app.settings.auto_key, 3.0)
+    imgui.same_line(0.0, em(0.6))
+    words, colour, meaning = _SHOWN[shown]
+    imgui.align_text_to_frame_padding()
+    imgui.text_colored(colour, words)
+    app.marks.note("shown")
+    tooltip(meaning)
