@@ -146,11 +146,11 @@ class Animating:
         with self._session.edit(label, merges):
             self._session.put(changed)
 
-    def load(self, keyframes: Keyframes, label: str) -> None:
-        """Exchange the animation as one step and show its first frame, whatever was on the screen."""
+    def load(self, keyframes: Keyframes, label: str, frame: int = 0) -> None:
+        """Exchange the animation as one step and show ``frame`` of it, whatever was on the screen."""
         document = replace(self._session.document, keyframes=keyframes)
         with self._session.edit(label):
-            self._session.put(document.animated_at(0, self._pose_at(keyframes, 0)))
+            self._session.put(document.animated_at(frame, self._pose_at(keyframes, frame)))
 
     def keyed(self, document: Document) -> Document:
         """Return ``document``, whose pose has changed, as it is to be kept: with a key, if poses become keys."""

@@ -16,6 +16,7 @@ from faceposer.tools.point_tool import PointTool, shifted
 from faceposer.tools.stroke_tool import StrokeTool
 from faceposer.tools.symmetry import Mirroring
 from faceposer.tools.tool import Button, Gesture, Hover, PointerEvent, PosingTool, Tool, ToolContext, Workbench
+from faceposer.tools.trajectory_tool import TrajectoryTool
 
 
 class Toolbox:
@@ -33,6 +34,7 @@ class Toolbox:
         self.curve_tool = CurveTool(self.bench)
         self.fix_tool = FixTool(self.bench)
         self.gaze_tool = GazeTool(self.bench)
+        self.trajectory_tool = TrajectoryTool(self.bench)
         everything: tuple[PosingTool, ...] = (
             self.point_tool,
             self.distance_tool,
@@ -40,6 +42,7 @@ class Toolbox:
             self.curve_tool,
             self.fix_tool,
             self.gaze_tool,
+            self.trajectory_tool,
         )
         self.tools: dict[str, PosingTool] = {tool.name: tool for tool in everything}
         self.chosen: PosingTool = self.point_tool
@@ -235,7 +238,7 @@ class Toolbox:
     def _handle_under(self, position: tuple[float, float]) -> int | None:
         """Return the constraint whose handle a press at ``position`` would take, or None."""
         context, chosen = self._context, self.chosen
-        if chosen in (self.stroke_tool, self.fix_tool):
+        if chosen in (self.stroke_tool, self.fix_tool, self.trajectory_tool):
             return None
         if chosen in (self.point_tool, self.gaze_tool):
             press = PointerEvent("press", position, "left")

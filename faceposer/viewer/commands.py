@@ -33,6 +33,7 @@ _TOOLS = (
     ("curve", "Curve", "K", "Click a curve on the face and drag its points"),
     ("fix", "Fix", "H", "Hold vertices where they are"),
     ("gaze", "Gaze", "G", "Let both eyes follow a handle"),
+    ("trajectory", "Trajectories", "J", "Draw the ways of points over time, which the face then follows"),
 )
 
 _IMPORT = "Make a character of your own from a rig, from example meshes or from the motion of markers"
@@ -193,6 +194,11 @@ def _tool_actions(app: "App", do: Commands, free: Callable[[], bool]) -> list[Ac
     return [*tools, symmetry, *brushes, *nudges]
 
 
+def _draws_trajectories(app: "App") -> bool:
+    tool = app.toolbox.trajectory_tool
+    return app.toolbox.chosen is tool and bool(tool.drawn)
+
+
 def build_actions(app: "App") -> Actions:
     """Return the actions of ``app``, in the order of its menus."""
     do = Commands(app)
@@ -202,12 +208,13 @@ def build_actions(app: "App") -> Actions:
 
     def applies() -> bool:
         waits = app.session.mode == "apply" and bool(app.session.document.constraints)
-        return free() and (waits or bool(app.toolbox.curve_tool.points))
+        begun = bool(app.toolbox.curve_tool.points) or _draws_trajectories(app)
+        return free() and (waits or begun)
 
     def undoes() -> bool:
         toolbox = app.toolbox
         begun = toolbox.curve_tool.points or toolbox.stroke_tool.draws_target or toolbox.distance_tool.first
-        return free() and (bool(begun) or app.session.can_undo)
+        return free() and (bool(begun) or _draws_trajectories(app) or app.session.can_undo)
 
     def redo() -> None:
         app.session.redo()

@@ -30,6 +30,11 @@ class Feature:
         return math.inf
 
     @property
+    def hint(self) -> str:
+        """What the mouse will do where this feature has it, or ""."""
+        return ""
+
+    @property
     def covers(self) -> bool:
         """Whether a dialog of its own keeps the pointer from the view."""
         return False
@@ -110,6 +115,11 @@ class Features:
         return min((feature.patience for feature in self._features), default=math.inf)
 
     @property
+    def hint(self) -> str:
+        """What the mouse will do where any has it, or ""."""
+        return next((feature.hint for feature in self._features if feature.hint), "")
+
+    @property
     def covers(self) -> bool:
         """Whether any has a dialog open."""
         return any(feature.covers for feature in self._features)
@@ -184,6 +194,7 @@ class Features:
 
 def build_features(app: "App") -> Features:
     """Return the features of ``app``, in the order of their tabs."""
+    from faceposer.viewer.following import Following
     from faceposer.viewer.timeline import Timeline
 
-    return Features([Timeline(app)])
+    return Features([Timeline(app), Following(app, app.wake)])

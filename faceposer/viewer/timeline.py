@@ -81,6 +81,11 @@ class Timeline(Feature):
         return max((passed + 1) / keyframes.rate - elapsed, 0.0)
 
     @property
+    def hint(self) -> str:
+        """What the mouse will do on the track."""
+        return self.track.hint if self.shown else ""
+
+    @property
     def strip_height(self) -> float:
         """Height of the strip, or 0 while it is hidden."""
         return timeline_height() if self.shown else 0.0

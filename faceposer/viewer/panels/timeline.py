@@ -31,7 +31,7 @@ _SHOWN: dict["Shown", tuple[str, Colour, str]] = {
 
 def timeline_height() -> float:
     """Return the height of the strip."""
-    return round(imgui.get_frame_height() + track_height() + em(3 * _PAD))
+    return round(imgui.get_frame_height() + track_height() + em(2 * _PAD))
 
 
 def draw_timeline(timeline: "Timeline") -> None:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Literal
 
 from imgui_bundle import imgui
 
-from faceposer.viewer.panels.widgets import tooltip
 from faceposer.viewer.theme import ACCENT, BAR, EDGE, FAINT, INK, KEYED, em, u32
 
 if TYPE_CHECKING:
@@ -38,11 +37,16 @@ class _Press:
 
 
 class Track:
-    """Ruler and keys."""
+    """Ruler and keys.
+
+    Attributes:
+        hint: What the mouse will do here, or "" while it is elsewhere.
+    """
 
     def __init__(self, timeline: "Timeline") -> None:
         """Show ``timeline``."""
         self._timeline = timeline
+        self.hint = ""
         self._press: _Press | None = None
         self._dragged = False
         # First and last frame in sight; None for all of the animation.
@@ -189,7 +193,7 @@ class Track:
         ruler = self._top + em(_RULER)
         left, right = sorted((press.x, imgui.get_io().mouse_pos.x))
         draw.add_rect_filled((left, ruler), (right, self._top + height), u32(ACCENT, 0.18))
-        draw.add_rect((left, ruler), (right, self._top + height), u32(ACCENT, 0.9), 0.0, 0, max(round(scale), 1))
+        draw.add_rect((left, ruler), (right, self._top + height), u32(ACCENT, 0.9), 0.0, max(round(scale), 1))
 
     # The mouse
 
@@ -213,10 +217,11 @@ class Track:
     def _follow_mouse(self, scale: float) -> None:
         io, mouse = imgui.get_io(), imgui.get_io().mouse_pos
         hovered = imgui.is_item_hovered()
+        self.hint = self._explained(mouse.x, mouse.y, scale) if hovered and self._press is None else ""
+        if self._press is not None and self._press.kind == "keys":
+            self.hint = "Release: let go   ·   Ctrl: copy   ·   Esc: back to where they were"
         if hovered:
             self._follow_wheel(io.mouse_wheel, io.mouse_wheel_h, mouse.x)
-            if self._press is None:
-                self._explain(mouse.x, mouse.y, scale)
         if self._press is None:
             if imgui.is_item_activated():
                 self._begin(mouse.x, mouse.y, scale)
@@ -309,15 +314,14 @@ class Track:
         if not low <= frame <= high:
             self._show(frame, frame + high - low, 0.0)
 
-    def _explain(self, x: float, y: float, scale: float) -> None:
+    def _explained(self, x: float, y: float, scale: float) -> str:
         frame = self._key_at(x, y, scale)
         if frame is not None:
-            tooltip(
-                f"Key at frame {frame + 1}. Drag moves it, Ctrl+drag copies it, right click deletes it; "
-                "Shift+click selects more."
-            )
-        elif y < self._top + em(_RULER):
-            tooltip("Drag to go through the frames. The wheel zooms, the middle button moves along.")
+            hints = ("drag: move", "Ctrl+drag: copy", "right click: delete", "Shift+click: select more")
+            return "   ·   ".join((f"Key at frame {frame + 1}", *hints))
+        if y < self._top + em(_RULER):
+            return "Drag: go through the frames   ·   wheel: zoom   ·   middle drag: move along"
+        return "Drag: select keys   ·   click: go to a frame   ·   wheel: zoom"
 
 
 def _diamond(draw: imgui.ImDrawList, x: float, y: float, size: float, colour: int) -> None:
