@@ -157,9 +157,9 @@ class TrajectoryTool(PosingTool):
         self._change((*self.drawn[:index], *self.drawn[index + 1 :]))
         return True
 
-    def clear(self) -> None:
-        """Forget all trajectories, which undo does not bring back."""
-        self.drawn, self._steps = (), []
+    def settle(self) -> None:
+        """Take note that the face follows what is drawn: what undo takes back next is that."""
+        self._steps = []
 
     def discard(self) -> None:
         """Remove all trajectories; undo brings them back."""

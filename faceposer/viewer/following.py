@@ -315,6 +315,7 @@ class Following(Feature):
             length = max(before.length, end) if before.keys else max(end, 2)
             keyframes = replace(before, length=min(length, LONGEST)).without(replaced).with_keys(keys)
         self.app.session.animation.load(keyframes, request.label, request.first or 0)
+        self.tool.settle()
         self.timeline.shown = True
         self.timeline.select(())
         self.app.notify(f"{len(performance)} frames, kept as {counted(solved.keys)}")

@@ -32,9 +32,10 @@ class TrajectoryPainter:
         app, tool = self._app, following.tool
         scale, origin = app.viewport.ui_scale, np.asarray(app.viewport.origin)
         playing = app.features.busy
-        if not tool.drawing and not playing and tool.fits(app.viewport):
-            self._draw_candidates(draw, origin, scale)
         elapsed = app.session.document.frame - following.first
+        # Elsewhere a press goes back to the first frame, where the face looks different.
+        if not tool.drawing and not playing and elapsed == 0 and tool.fits(app.viewport):
+            self._draw_candidates(draw, origin, scale)
         for drawn in tool.drawn:
             seen = drawn.seen_in(app.viewport.camera)
             if seen is None:

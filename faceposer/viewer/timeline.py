@@ -103,7 +103,7 @@ class Timeline(Feature):
         self.shown = self._had_keys = bool(self.keyframes.keys)
 
     def before_press(self) -> None:
-        """Stop: who presses on the face wants to pose it."""
+        """Stop: a press on the view means the face that is there."""
         self.stop()
 
     def follow(self) -> None:
@@ -148,7 +148,8 @@ class Timeline(Feature):
 
     def _follow_clock(self) -> None:
         assert self._begun is not None
-        if not self.reachable or not self.keyframes.keys or self.app.covered:
+        app = self.app
+        if app.toolbox.posing or app.session.editing or not self.keyframes.keys or app.covered:
             self.stop()
             return
         begun, first = self._begun

@@ -112,6 +112,11 @@ class Window:
         self._listen()
 
     @property
+    def modifiers(self) -> Modifiers:
+        """Of "shift", "ctrl" and "alt", those that are held."""
+        return self._modifiers
+
+    @property
     def software(self) -> bool:
         """Whether the processor draws, not a graphics card."""
         renderer = self.ctx.info["GL_RENDERER"].lower()

@@ -149,7 +149,7 @@ class Track:
         timeline = self._timeline
         frames = timeline.keyframes.frames
         selected, by = timeline.selected, self._shift()
-        copying = by != 0 and imgui.get_io().key_ctrl
+        copying = by != 0 and self._held("ctrl")
         low, high = self._seen
         gaps = [b - a for a, b in itertools.pairwise(frames)]
         room = min(gaps, default=high) * self._width / (high - low)
@@ -197,6 +197,9 @@ class Track:
 
     # The mouse
 
+    def _held(self, modifier: str) -> bool:
+        return modifier in self._timeline.app.window.modifiers
+
     def _key_at(self, x: float, y: float, scale: float) -> int | None:
         """Return the frame of the key that a press at (x, y) means, or None."""
         if y < self._top + em(_RULER):
@@ -241,7 +244,7 @@ class Track:
             self._end(press, mouse.x)
 
     def _begin(self, x: float, y: float, scale: float) -> None:
-        timeline, io = self._timeline, imgui.get_io()
+        timeline = self._timeline
         self._dragged = False
         frame = self._key_at(x, y, scale)
         if imgui.is_mouse_clicked(imgui.MouseButton_.middle.value):
@@ -255,14 +258,14 @@ class Track:
             self._press = _Press("box", x, y)
         else:
             timeline.stop()
-            if io.key_shift:
+            if self._held("shift"):
                 timeline.select(timeline.selected ^ {frame})
             elif frame not in timeline.selected:
                 timeline.select({frame})
             self._press = _Press("keys", x, y, frame)
 
     def _end(self, press: _Press, x: float) -> None:
-        timeline, io = self._timeline, imgui.get_io()
+        timeline = self._timeline
         by = self._shift()
         self._press = None
         if press.kind == "box":
@@ -272,10 +275,10 @@ class Track:
                 found = {frame for frame in timeline.keyframes.frames if low <= frame <= high}
             else:
                 self._scrub(x)
-            timeline.select(timeline.selected | found if io.key_shift else found)
+            timeline.select(timeline.selected | found if self._held("shift") else found)
         elif press.kind == "keys" and by:
-            (timeline.duplicate if io.key_ctrl else timeline.move)(timeline.selected, by)
-        elif press.kind == "keys" and not self._dragged and not io.key_shift:
+            (timeline.duplicate if self._held("ctrl") else timeline.move)(timeline.selected, by)
+        elif press.kind == "keys" and not self._dragged and not self._held("shift"):
             timeline.select({press.frame})
             timeline.go_to(press.frame)
 
@@ -286,7 +289,7 @@ class Track:
 
     def _follow_wheel(self, turned: float, across: float, x: float) -> None:
         low, high = self._seen
-        if turned and imgui.get_io().key_shift:
+        if turned and self._held("shift"):
             across, turned = turned, 0.0
         if turned:
             pivot = self.frame_at(x)
