@@ -125,6 +125,8 @@ class TrajectoryTool(PosingTool):
                 if event.time > times[-1]:
                     times.append(event.time)
                     way.append(event.position)
+                elif len(way) > 1:
+                    way[-1] = event.position
         finally:
             self.drawing = []
         pixels = np.array(way) + offset
