@@ -64,8 +64,7 @@ class Trajectories:
     @property
     def seen(self) -> NDArray[np.bool_]:
         """Whether each point was seen in each frame, shape (F, P)."""
-        seen: NDArray[np.bool_] = np.isfinite(self.positions).all(axis=2)
-        return seen
+        return np.asarray(np.isfinite(self.positions).all(axis=2))
 
     def weights_at(self, frame: int) -> Array:
         """Return the factor on each point's energy in ``frame``, shape (P,)."""

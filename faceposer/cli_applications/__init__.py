@@ -1,8 +1,9 @@
 """The commands for what a pose is for, one a file: each has ``NAME``, ``add_parser`` and ``run``."""
 
 import argparse
-from collections.abc import Callable
 from typing import Any, Protocol
+
+from faceposer.cli_applications import animate
 
 Subparsers = Any
 
@@ -12,16 +13,19 @@ class _Command(Protocol):
 
     Attributes:
         NAME: What is typed.
-        add_parser: Adds its parser.
-        run: Does what the options ask for and returns the exit status.
     """
 
     NAME: str
-    add_parser: Callable[[Subparsers], None]
-    run: Callable[[argparse.Namespace], int]
+
+    def add_parser(self, commands: Subparsers, /) -> None:
+        """Add its parser."""
+
+    def run(self, options: argparse.Namespace, /) -> int:
+        """Do what the options ask for and return the exit status."""
+        ...
 
 
-_COMMANDS: tuple[_Command, ...] = ()
+_COMMANDS: tuple[_Command, ...] = (animate,)
 
 COMMANDS = tuple(command.NAME for command in _COMMANDS)
 
