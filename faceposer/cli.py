@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import NoReturn
 
 from faceposer import cli_applications, cli_evaluation, cli_training
-from faceposer.cli_training import check_output
 from faceposer.errors import FacePoserError, NoWindowError
+from faceposer.interchange.files import check_output
 
 _COMMANDS = (
     "solve",
@@ -149,8 +149,8 @@ def _solve(options: argparse.Namespace) -> int:
     check_output(options.output, ".obj")
     if options.report is not None:
         check_output(options.report, ".json")
+    from faceposer.interchange.meshes import write_posed_obj
     from faceposer.session.document import write_text
-    from faceposer.session.export import write_posed_obj
     from faceposer.session.opening import open_session
     from faceposer.session.report import solve_report
     from faceposer.session.solver_worker import run_job

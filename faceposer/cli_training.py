@@ -2,13 +2,13 @@
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from faceposer.errors import FacePoserError
+from faceposer.interchange.files import check_output
 
 COMMANDS = ("train", "subject")
 
@@ -104,22 +104,6 @@ def _regions(text: str) -> str | int:
     if not text.isdigit() or not 2 <= int(text) <= 12:
         raise argparse.ArgumentTypeError(f"'{text}' is neither 'face' nor 'whole' nor a number from 2 to 12")
     return int(text)
-
-
-def check_output(path: Path, suffix: str) -> None:
-    """Refuse an output that could not be written before any work is done for it.
-
-    Raises:
-        FacePoserError: If the file could not be written.
-    """
-    if path.suffix.lower() != suffix:
-        raise FacePoserError(f"The output '{path}' must end in '{suffix}'.")
-    if path.is_dir():
-        raise FacePoserError(f"The output '{path}' is a folder; give the name of a file.")
-    if not path.parent.is_dir():
-        raise FacePoserError(f"The folder '{path.parent}' of the output does not exist; make it first.")
-    if not os.access(path.parent, os.W_OK):
-        raise FacePoserError(f"The folder '{path.parent}' of the output cannot be written to; choose another.")
 
 
 def _train(options: argparse.Namespace) -> int:

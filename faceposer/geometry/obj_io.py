@@ -42,26 +42,54 @@ def write_obj(
     Raises:
         FacePoserError: If the file cannot be written.
     """
-    lines = [f"# {comment}"] if comment else []
-    lines += _rows("v", np.asarray(vertices), "%.9g")
-    if uv is not None:
-        lines += _rows("vt", np.asarray(uv), "%.7g")
-    if normals is not None:
-        lines += _rows("vn", np.asarray(normals), "%.5f")
-    textures = polygon_uvs if uv is not None else None
-    faces = [
-        _face(face, None if textures is None else textures[i], normals is not None) for i, face in enumerate(polygons)
-    ]
-    done = 0
-    for group in groups:
-        lines += faces[done : group.polygons[0]]
-        if group.name:
-            lines.append(f"g {group.name}")
-        if group.material:
-            lines.append(f"usemtl {group.material}")
-        lines += faces[group.polygons[0] : group.polygons[1]]
-        done = group.polygons[1]
-    lines += faces[done:]
+    writer = ObjWriter(polygons, uv, polygon_uvs, normals is not None, groups, comment)
+    writer.write(path, vertices, normals)
+
+
+class ObjWriter:
+    """Writes one surface in one place after another, with all that stays the same made into text only once."""
+
+    def __init__(
+        self,
+        polygons: NDArray[np.integer],
+        uv: ArrayLike | None = None,
+        polygon_uvs: NDArray[np.integer] | None = None,
+        with_normals: bool = False,
+        groups: Sequence[Group] = (),
+        comment: str = "",
+    ) -> None:
+        """Prepare what ``write_obj`` is told; ``with_normals`` says whether there will be normals."""
+        self._head = [f"# {comment}"] if comment else []
+        self._uv = _rows("vt", np.asarray(uv), "%.7g") if uv is not None else []
+        textures = polygon_uvs if uv is not None else None
+        faces = [
+            _face(face, None if textures is None else textures[i], with_normals) for i, face in enumerate(polygons)
+        ]
+        self._faces: list[str] = []
+        done = 0
+        for group in groups:
+            self._faces += faces[done : group.polygons[0]]
+            if group.name:
+                self._faces.append(f"g {group.name}")
+            if group.material:
+                self._faces.append(f"usemtl {group.material}")
+            self._faces += faces[group.polygons[0] : group.polygons[1]]
+            done = group.polygons[1]
+        self._faces += faces[done:]
+
+    def write(self, path: Path, vertices: ArrayLike, normals: ArrayLike | None = None) -> None:
+        """Write the surface with ``vertices`` and ``normals``, each (N, 3), to ``path``, all or nothing.
+
+        Raises:
+            FacePoserError: If the file cannot be written.
+        """
+        lines = [*self._head, *_rows("v", np.asarray(vertices), "%.9g"), *self._uv]
+        if normals is not None:
+            lines += _rows("vn", np.asarray(normals), "%.5f")
+        _write(path, [*lines, *self._faces])
+
+
+def _write(path: Path, lines: list[str]) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")

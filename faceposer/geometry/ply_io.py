@@ -1,5 +1,6 @@
-"""Reading PLY, text and binary, with the order of vertices and the corners of faces as the file has them."""
+"""Reading and writing PLY with the order of vertices and the corners of faces untouched: reads text and binary."""
 
+import os
 import re
 import warnings
 from dataclasses import dataclass, field
@@ -8,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.polygon_mesh import PolygonMesh, no_polygons, pad_polygons
@@ -40,6 +41,41 @@ class _Element:
     name: str
     count: int
     properties: list[_Property] = field(default_factory=list)
+
+
+def write_ply(
+    path: Path, vertices: ArrayLike, polygons: NDArray[np.integer], normals: ArrayLike, comment: str = ""
+) -> None:
+    """Write a binary PLY, little-endian and in single precision, all or nothing.
+
+    Args:
+        path: The file.
+        vertices: Shape (N, 3).
+        polygons: Vertex indices, shape (F, K); a face of fewer corners ends in -1.
+        normals: One per vertex, shape (N, 3).
+        comment: A line of its header.
+
+    Raises:
+        FacePoserError: If the file cannot be written.
+    """
+    points = np.hstack([np.asarray(vertices, dtype="<f4"), np.asarray(normals, dtype="<f4")])
+    header = ["ply", "format binary_little_endian 1.0", *([f"comment {comment}"] if comment else [])]
+    header += [f"element vertex {len(points)}", *(f"property float {name}" for name in ("x", "y", "z"))]
+    header += [*(f"property float {name}" for name in ("nx", "ny", "nz")), f"element face {len(polygons)}"]
+    header += ["property list uchar int vertex_indices", "end_header", ""]
+    inside = polygons >= 0
+    rows = np.empty(len(polygons), dtype=[("count", "u1"), ("corners", "<i4", (polygons.shape[1],))])
+    rows["count"] = inside.sum(axis=1)
+    rows["corners"] = polygons
+    written = np.hstack([np.ones((len(polygons), 1), dtype=bool), np.repeat(inside, 4, axis=1)])
+    faces = rows.view(np.uint8).reshape(len(polygons), -1)[written]
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_bytes("\n".join(header).encode("utf-8") + points.tobytes() + faces.tobytes())
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise FacePoserError(f"The mesh '{path}' cannot be written: {error.strerror}.") from error
 
 
 def read_ply(path: Path) -> PolygonMesh:

@@ -194,7 +194,11 @@ class Features:
 
 def build_features(app: "App") -> Features:
     """Return the features of ``app``, in the order of their tabs."""
+    from faceposer.viewer.animation_files import AnimationFiles
+    from faceposer.viewer.exchange import Exchange
     from faceposer.viewer.following import Following
     from faceposer.viewer.timeline import Timeline
 
-    return Features([Timeline(app), Following(app, app.wake)])
+    exchange = Exchange(app)
+    exchange.performance = lambda: app.session.animation.performance
+    return Features([Timeline(app), Following(app, app.wake), AnimationFiles(app), exchange])

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from faceposer.errors import FacePoserError
-from faceposer.session.export import write_posed_obj
+from faceposer.interchange.meshes import write_posed_obj
 from faceposer.session.opening import open_session
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker

@@ -316,8 +316,7 @@ class Following(Feature):
             keyframes = replace(before, length=min(length, LONGEST)).without(replaced).with_keys(keys)
         self.app.session.animation.load(keyframes, request.label, request.first or 0)
         self.tool.settle()
-        self.timeline.shown = True
-        self.timeline.select(())
+        self.timeline.present()
         self.app.notify(f"{len(performance)} frames, kept as {counted(solved.keys)}")
 
     def stop(self) -> None:

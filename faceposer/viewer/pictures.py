@@ -11,7 +11,7 @@ from PIL import Image
 
 from faceposer.errors import FacePoserError
 
-# Of the animation's shared palette: more would cost bytes without showing.
+# Of an animation's shared palette: more would cost bytes without showing where most of it is a window.
 _COLOURS = 160
 
 
@@ -30,13 +30,33 @@ def write_animation(path: Path, pictures: Sequence[Image.Image], milliseconds: S
     Raises:
         FacePoserError: If the file cannot be written.
     """
-    # One palette for all, from three pictures of the whole: palettes of their own would make still parts flicker.
-    samples = [pictures[i] for i in (0, len(pictures) // 2, -1)]
+    palette = shared_palette([pictures[i] for i in (0, len(pictures) // 2, -1)])
+    write_reduced(path, [reduced(picture, palette) for picture in pictures], milliseconds)
+
+
+def shared_palette(samples: Sequence[Image.Image], colours: int = _COLOURS) -> Image.Image:
+    """Return a picture with the palette for an animation that has ``samples``, of one size, at its most different.
+
+    Palettes of their own would make still parts flicker.
+    """
     strip = Image.new("RGB", (samples[0].width, sum(sample.height for sample in samples)))
     for i, sample in enumerate(samples):
         strip.paste(sample, (0, i * samples[0].height))
-    palette = strip.quantize(_COLOURS, Image.Quantize.MEDIANCUT)
-    first, *others = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+    return strip.quantize(colours, Image.Quantize.MEDIANCUT)
+
+
+def reduced(picture: Image.Image, palette: Image.Image) -> Image.Image:
+    """Return ``picture`` in the colours of ``palette``, a third of its bytes."""
+    return picture.quantize(palette=palette, dither=Image.Dither.NONE)
+
+
+def write_reduced(path: Path, pictures: Sequence[Image.Image], milliseconds: Sequence[int]) -> None:
+    """Write ``pictures`` of one palette, at least one, as ``write_animation`` does.
+
+    Raises:
+        FacePoserError: If the file cannot be written.
+    """
+    first, *others = pictures
     _write(
         path,
         lambda temporary: first.save(

@@ -7,21 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.geometry.camera import Camera
+from faceposer.model.materials import BASE_COLOURS
 from faceposer.model.subject import Subject
 from faceposer.resources import shader_text
 from faceposer.viewer.mesh_buffers import MeshBuffers
 
 Shading = Literal["full", "clay"]
-# Linear colours of materials that come without a texture.
-_BASE = {
-    "clay": (0.42, 0.42, 0.43),
-    "skin": (0.58, 0.34, 0.26),
-    "eye": (0.75, 0.72, 0.70),
-    "teeth": (0.80, 0.74, 0.62),
-    "gums": (0.42, 0.13, 0.12),
-    "tongue": (0.46, 0.16, 0.15),
-    "lashes": (0.02, 0.015, 0.012),
-}
+_BASE = {"clay": (0.42, 0.42, 0.43), **BASE_COLOURS}
 _MATERIALS = ("clay", "skin", "eye", "teeth", "gums", "tongue", "lashes")
 # Share of the mesh's height over which the cut of the neck fades away.
 _NECK_FADE = 0.07

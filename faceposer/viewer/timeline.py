@@ -227,16 +227,16 @@ class Timeline(Feature):
     def delete(self, frames: Collection[int]) -> None:
         """Remove the keys at ``frames``."""
         if frames:
-            self._change(self.keyframes.without(frames), f"Delete {counted(frames)}")
+            self.change(self.keyframes.without(frames), f"Delete {counted(frames)}")
 
     def move(self, frames: Collection[int], by: int) -> None:
         """Move the keys at ``frames`` by frames, and keep them selected."""
-        self._change(self.keyframes.moved(frames, by), f"Move {counted(frames)}")
+        self.change(self.keyframes.moved(frames, by), f"Move {counted(frames)}")
         self.select({frame + by for frame in frames})
 
     def duplicate(self, frames: Collection[int], by: int) -> None:
         """Copy the keys at ``frames`` to later frames, and select the copies."""
-        self._change(self.keyframes.copied(frames, by), f"Copy {counted(frames)}")
+        self.change(self.keyframes.copied(frames, by), f"Copy {counted(frames)}")
         self.select({frame + by for frame in frames})
 
     @property
@@ -254,29 +254,34 @@ class Timeline(Feature):
         """Add the keys that were copied, the first of them at the frame that is shown."""
         by = self.animation.frame - self._copied[0].frame
         keys = [Key(key.frame + by, key.pose) for key in self._copied if key.frame + by < LONGEST]
-        self._change(self.keyframes.with_keys(keys), f"Paste {counted(keys)}")
+        self.change(self.keyframes.with_keys(keys), f"Paste {counted(keys)}")
         self.select({key.frame for key in keys})
 
     def select_all(self) -> None:
         """Select all keys."""
         self.select(self.keyframes.frames)
 
-    def _change(self, keyframes: Keyframes, label: str, merges: bool = False) -> None:
+    def change(self, keyframes: Keyframes, label: str, merges: bool = False) -> None:
+        """Exchange the animation as one step, unless something is being dragged; see ``Animating.change``."""
         self.stop()
         self.app.slider_edit.let_go()
         if self.reachable:
             self.animation.change(keyframes, label, merges)
             self.app.redraw()
 
-    # Settings
-
-    def set_settings(self, keyframes: Keyframes, label: str) -> None:
-        """Take over length, rate or loop of ``keyframes``; changes in a row are one step."""
-        self._change(keyframes, label, merges=True)
+    # The strip
 
     def toggle_auto_key(self) -> None:
         """Let changed poses become keys by themselves, or not."""
         self.app.settings.auto_key = not self.app.settings.auto_key
+        self.app.redraw()
+
+    def present(self) -> None:
+        """Show another animation: the strip, all of its frames, and nothing selected."""
+        self.stop()
+        self.shown = True
+        self._selected = frozenset()
+        self.track.reset()
         self.app.redraw()
 
     def toggle(self) -> None:

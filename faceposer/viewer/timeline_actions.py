@@ -23,7 +23,7 @@ def build_timeline_actions(timeline: "Timeline") -> list[Action]:
 
     def loop() -> None:
         keyframes = timeline.keyframes
-        timeline.set_settings(replace(keyframes, loop=not keyframes.loop), "Loop")
+        timeline.change(replace(keyframes, loop=not keyframes.loop), "Loop", merges=True)
 
     return [
         Action(

@@ -16,7 +16,7 @@ from faceposer.geometry.polygon_mesh import PolygonMesh
 from faceposer.model.face_model import build_face_model
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import load_subject, save_subject
-from faceposer.session.export import write_posed_obj
+from faceposer.interchange.meshes import write_posed_obj
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem

@@ -13,7 +13,7 @@ from faceposer.geometry.obj_io import write_obj
 from faceposer.geometry.polygon_mesh import Group, MorphMesh, PolygonMesh
 from faceposer.model.face_model import build_face_model
 from faceposer.model.subject_file import load_subject, save_subject
-from faceposer.session.export import write_posed_obj
+from faceposer.interchange.meshes import write_posed_obj
 from faceposer.solve.problem import PoseProblem
 from faceposer.training.progress import Progress, TrainingCancelled
 from faceposer.training.rigs import RigOptions, subject_from_morphs, subject_from_rig

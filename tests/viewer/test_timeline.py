@@ -186,7 +186,7 @@ def test_frames_by_keys(robot: Robot) -> None:
 def test_playing_keeps_time_loops_and_stops_on_a_press(robot: Robot) -> None:
     app = robot.app
     animate(robot)
-    timeline(robot).set_settings(replace(timeline(robot).keyframes, length=20, rate=20.0), "Change the length")
+    timeline(robot).change(replace(timeline(robot).keyframes, length=20, rate=20.0), "Change the length", merges=True)
     robot.key("Shift+Space")
     begun = robot.time()
     assert timeline(robot).playing

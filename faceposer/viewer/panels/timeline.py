@@ -91,7 +91,7 @@ def _draw_fields(timeline: "Timeline") -> None:
     imgui.set_next_item_width(em(4.4))
     changed, length = imgui.drag_int("##length", keyframes.length, 0.2, 1, LONGEST, "%d", flags)
     if changed:
-        timeline.set_settings(replace(keyframes, length=length), "Change the length")
+        timeline.change(replace(keyframes, length=length), "Change the length", merges=True)
     marks.note("length")
     tooltip(f"How many frames are played, {keyframes.length / keyframes.rate:.2f} s: drag, or double-click to type")
     imgui.same_line()
@@ -105,7 +105,7 @@ def _draw_fields(timeline: "Timeline") -> None:
             pressed, _ = imgui.selectable(f"{rate:g} fps", rate == keyframes.rate)
             marks.note(f"rate:{rate:g}")
             if pressed:
-                timeline.set_settings(replace(keyframes, rate=rate), "Change the frame rate")
+                timeline.change(replace(keyframes, rate=rate), "Change the frame rate", merges=True)
         imgui.end_combo()
     imgui.end_disabled()
     imgui.same_line(0.0, em(0.9))

@@ -1,0 +1,203 @@
+"""The face as binary glTF 2.0: its parts with textures, its shapes as morph targets, and a performance of them.
+
+Metres, y up, the face looks along +z, as the standard wants it. The weights of the targets are those of the rig that
+add up to the pose exactly; they may leave 0 to 1, which the standard allows.
+"""
+
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.geometry.mesh import VertexNormals
+from faceposer.interchange.files import replacing
+from faceposer.interchange.gltf_builder import INDICES, VERTICES, GltfBuilder
+from faceposer.interchange.progress import Progress, no_progress
+from faceposer.model.face_model import FaceModel
+from faceposer.model.materials import BASE_COLOURS
+from faceposer.model.performance import Performance
+from faceposer.model.subject import Part, Subject
+
+METRES_PER_UNIT = 0.01
+_SMALL_INDEX = 65_535
+_ROUGHNESS = {"eye": 0.12, "teeth": 0.3, "gums": 0.35, "tongue": 0.45}
+_SKIN_ROUGHNESS = 0.55
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class _Surface:
+    """The corners of a part as glTF wants them: one vertex for each pair of position and texture coordinate.
+
+    Attributes:
+        source: The subject's vertex of each, shape (V,).
+        uv: Their texture coordinates, v down, shape (V, 2); None where the part has no layout.
+        indices: Of the corners of triangles, shape (3 T,).
+    """
+
+    source: NDArray[np.intp]
+    uv: Floats | None
+    indices: NDArray[np.intp]
+
+
+def write_glb(
+    path: Path,
+    model: FaceModel,
+    motion: NDArray[np.float64] | Performance,
+    progress: Progress = no_progress,
+) -> None:
+    """Write the face of ``model`` as GLB, all or nothing.
+
+    Args:
+        path: The file.
+        model: Whose subject's parts, textures and shapes are written.
+        motion: A pose, shape (r,), which becomes the default weights; or a performance, which becomes an animation of
+            the weights, linear between its frames, with its first frame as the default.
+        progress: Is told how far it is.
+
+    Raises:
+        FacePoserError: If the file cannot be written, or would be too large.
+    """
+    subject = model.subject
+    builder = GltfBuilder(_asset(subject))
+    frames = motion.weights(model) if isinstance(motion, Performance) else model.weights_of(motion)[None]
+    normals = VertexNormals(subject.triangles, len(subject.vertices))
+    at_rest = normals(subject.vertices)
+    turned = _normal_offsets(subject, normals, at_rest, progress)
+    materials = _Materials(builder, subject)
+    nodes, moving = [], []
+    for part in subject.parts:
+        surface = _surface(subject, part)
+        moves = bool(np.any(subject.shapes[:, part.vertices[0] : part.vertices[1]]))
+        primitive = _primitive(builder, subject, surface, at_rest)
+        primitive["material"] = materials.of(part)
+        mesh: dict[str, Any] = {"name": part.name, "primitives": [primitive]}
+        if moves:
+            primitive["targets"] = _targets(builder, subject, surface, turned)
+            mesh |= {"weights": frames[0].tolist(), "extras": {"targetNames": list(subject.shape_names)}}
+        nodes.append(builder.add("nodes", {"name": part.name, "mesh": builder.add("meshes", mesh)}))
+        moving += [nodes[-1]] if moves else []
+    head = builder.add("nodes", {"name": subject.title or subject.name, "children": nodes})
+    builder.root["scene"] = builder.add("scenes", {"nodes": [head]})
+    if isinstance(motion, Performance) and moving:
+        _animate(builder, moving, frames, motion.rate)
+    with replacing(path, "model") as temporary:
+        temporary.write_bytes(builder.to_bytes())
+
+
+def _asset(subject: Subject) -> dict[str, str]:
+    try:
+        version = metadata.version("faceposer")
+    except metadata.PackageNotFoundError:
+        version = ""
+    asset = {"generator": f"Face Poser {version}".strip()}
+    return asset | {"copyright": " ".join(subject.credits.split())} if subject.credits.strip() else asset
+
+
+def _normal_offsets(subject: Subject, normals: VertexNormals, at_rest: Floats, progress: Progress) -> list[Floats]:
+    """Return how far each shape turns the normals, (N, 3) each."""
+    offsets = []
+    for number, shape in enumerate(subject.shapes):
+        progress(number / len(subject.shapes))
+        offsets.append(normals(subject.vertices + shape) - at_rest)
+    return offsets
+
+
+def _surface(subject: Subject, part: Part) -> _Surface:
+    """Return the corners of ``part``; vertices at the seams of its texture are doubled."""
+    run = slice(*subject.part_triangles(part))
+    vertices, uvs = subject.triangles[run].ravel(), subject.triangle_uvs[run].ravel()
+    pairs, indices = np.unique(vertices * np.int64(len(subject.uv)) + uvs, return_inverse=True)
+    source, uv_ids = np.divmod(pairs, len(subject.uv))
+    uv = subject.uv[uv_ids].astype(np.float32)
+    uv[:, 1] = 1.0 - uv[:, 1]
+    return _Surface(source.astype(np.intp), uv if np.ptp(uv_ids) else None, indices.ravel())
+
+
+def _primitive(builder: GltfBuilder, subject: Subject, surface: _Surface, at_rest: Floats) -> dict[str, Any]:
+    positions = METRES_PER_UNIT * subject.vertices[surface.source]
+    directions = at_rest[surface.source]
+    # Where all triangles about a vertex have no area, any direction will do, but the standard wants one.
+    directions[np.linalg.norm(directions, axis=1) < 0.5] = (0.0, 0.0, 1.0)
+    attributes = {
+        "POSITION": builder.accessor(positions, "<f4", VERTICES, bounds=True),
+        "NORMAL": builder.accessor(directions, "<f4", VERTICES),
+    }
+    if surface.uv is not None:
+        attributes["TEXCOORD_0"] = builder.accessor(surface.uv, "<f4", VERTICES)
+    kind = "<u2" if len(surface.source) <= _SMALL_INDEX else "<u4"
+    return {"attributes": attributes, "indices": builder.accessor(surface.indices, kind, INDICES)}
+
+
+def _targets(builder: GltfBuilder, subject: Subject, surface: _Surface, turned: list[Floats]) -> list[dict[str, int]]:
+    """Return a morph target for each shape; those that move nothing of this part share their zeros."""
+    still: int | None = None
+    targets = []
+    for shape, turn in zip(subject.shapes, turned, strict=True):
+        offsets = METRES_PER_UNIT * shape[surface.source]
+        if not offsets.any():
+            if still is None:
+                still = builder.accessor(offsets, "<f4", VERTICES, bounds=True)
+            targets.append({"POSITION": still, "NORMAL": still})
+            continue
+        targets.append(
+            {
+                "POSITION": builder.accessor(offsets, "<f4", VERTICES, bounds=True),
+                "NORMAL": builder.accessor(turn[surface.source], "<f4", VERTICES),
+            }
+        )
+    return targets
+
+
+class _Materials:
+    """The materials of a subject, each written when the first part asks for it."""
+
+    def __init__(self, builder: GltfBuilder, subject: Subject) -> None:
+        self._builder = builder
+        self._subject = subject
+        self._written: dict[str, int] = {}
+
+    def of(self, part: Part) -> int:
+        """Return the number of the material of ``part``."""
+        name = part.name if part.name in self._subject.textures else part.material
+        if name not in self._written:
+            self._written[name] = self._write(name, part.material)
+        return self._written[name]
+
+    def _write(self, name: str, material: str) -> int:
+        builder = self._builder
+        surface: dict[str, Any] = {
+            "metallicFactor": 0.0,
+            "roughnessFactor": _ROUGHNESS.get(material, _SKIN_ROUGHNESS),
+        }
+        entry: dict[str, Any] = {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True}
+        picture = self._subject.textures.get(name)
+        if picture is None:
+            surface["baseColorFactor"] = [*BASE_COLOURS[material], 1.0]
+            return builder.add("materials", entry)
+        is_png = picture.startswith(b"\x89PNG")
+        kind = "image/png" if is_png else "image/jpeg"
+        image = builder.add("images", {"name": name, "mimeType": kind, "bufferView": builder.view(picture)})
+        if "samplers" not in builder.root:
+            linear, linear_mipmaps, repeat = 9729, 9987, 10497
+            sampler = {"magFilter": linear, "minFilter": linear_mipmaps, "wrapS": repeat, "wrapT": repeat}
+            builder.add("samplers", sampler)
+        surface["baseColorTexture"] = {"index": builder.add("textures", {"sampler": 0, "source": image})}
+        if material == "lashes" and is_png:
+            entry["alphaMode"] = "BLEND"
+        return builder.add("materials", entry)
+
+
+def _animate(builder: GltfBuilder, nodes: list[int], frames: NDArray[np.float64], rate: float) -> None:
+    """Add the animation of the weights, (F, S), to all ``nodes``."""
+    sampler = {
+        "input": builder.accessor(np.arange(len(frames)) / rate, "<f4", bounds=True),
+        "output": builder.accessor(frames.ravel(), "<f4"),
+        "interpolation": "LINEAR",
+    }
+    channels = [{"sampler": 0, "target": {"node": node, "path": "weights"}} for node in nodes]
+    builder.add("animations", {"name": "performance", "samplers": [sampler], "channels": channels})

@@ -1,0 +1,146 @@
+"""Weights over time as the CSV file of Epic's app Live Link Face, and the rate of such files."""
+
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.interchange.files import replacing
+from faceposer.model.face_model import FaceModel
+from faceposer.model.performance import Performance
+from faceposer.model.shape_names import SPLIT_SHAPES
+from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.solve.weight_fit import fit_weights_of_frames
+
+Array = NDArray[np.float64]
+
+#: Timecodes count so many frames a second, whatever the rate of the take.
+TIMECODE_BASE = 60
+_DEFAULT_RATE = 30.0
+#: Radians that an eye turns at the full weight of a shape, pitch downwards and yaw towards the character's right,
+#: found by least squares in recordings of the app.
+_UP, _DOWN, _IN, _OUT = 0.45, 0.61, 0.55, 0.65
+
+
+def _app_order() -> tuple[str, ...]:
+    """Return ARKit's shapes in the order of the app's columns, which has the right side first in two places."""
+    names = list(ARKIT_SHAPES)
+    for left in ("jawLeft", "mouthLeft"):
+        i = names.index(left)
+        names[i : i + 2] = names[i + 1], left
+    return tuple(names)
+
+
+_CHANNELS = _app_order()
+_TURNS = ("HeadYaw", "HeadPitch", "HeadRoll") + tuple(
+    f"{side}Eye{turn}" for side in ("Left", "Right") for turn in ("Yaw", "Pitch", "Roll")
+)
+#: The columns of the app's files, in order.
+HEADER: tuple[str, ...] = (
+    *("Timecode", "BlendShapeCount"),
+    *(name[0].upper() + name[1:] for name in _CHANNELS),
+    *_TURNS,
+)
+
+
+def arkit_weights(model: FaceModel, coefficients: Array) -> Array:
+    """Return the weights of the 52 ``ARKIT_SHAPES`` nearest to the poses ``coefficients``, (F, r), within their limits.
+
+    Shape (F, 52). Shapes that the subject lacks are 0; of a shape that it has in halves, the mean is taken.
+
+    Raises:
+        FacePoserError: If the subject has none of ARKit's shapes.
+    """
+    names = model.subject.shape_names
+    fitted = np.clip(fit_weights_of_frames(model, coefficients), 0.0, 1.0)
+    weights = np.zeros((len(fitted), len(ARKIT_SHAPES)))
+    found = False
+    for column, name in enumerate(ARKIT_SHAPES):
+        halves = [half for half in SPLIT_SHAPES if half in (f"{name}Left", f"{name}Right")]
+        own = [names.index(other) for other in ((name,) if name in names else halves) if other in names]
+        if own:
+            weights[:, column] = fitted[:, own].mean(axis=1)
+            found = True
+    if not found:
+        raise FacePoserError(
+            f"{model.subject.title} has none of ARKit's 52 shapes, which a CSV of Live Link Face is about; write its "
+            "own weights as .json, or its shapes as .glb."
+        )
+    return weights
+
+
+def write_live_link(path: Path, model: FaceModel, performance: Performance) -> None:
+    """Write the ARKit weights of ``performance`` as Live Link Face does, all or nothing.
+
+    The head does not turn. The eyes turn as the weights of their gaze say.
+
+    Raises:
+        FacePoserError: If the subject has none of ARKit's shapes, or the file cannot be written.
+    """
+    weights = arkit_weights(model, performance.coefficients)
+    order = [ARKIT_SHAPES.index(name) for name in _CHANNELS]
+    values = np.hstack([weights[:, order], np.zeros((len(weights), 3)), _eye_turns(weights)])
+    with (
+        replacing(path, "capture") as temporary,
+        temporary.open("w", newline="", encoding="utf-8") as file,
+    ):
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(HEADER)
+        for frame, row in enumerate(values.tolist()):
+            time = timecode(frame / performance.rate)
+            writer.writerow([time, len(row), *(f"{value:.10f}" for value in row)])
+
+
+def _eye_turns(weights: Array) -> Array:
+    """Return yaw, pitch and roll of the left and the right eye in radians, (F, 6), by ARKit's ``weights``, (F, 52)."""
+    turns = np.zeros((len(weights), 6))
+    for side, (name, inwards) in enumerate((("Left", 1.0), ("Right", -1.0))):
+        up, down, towards, away = (
+            weights[:, ARKIT_SHAPES.index(f"eyeLook{look}{name}")] for look in ("Up", "Down", "In", "Out")
+        )
+        turns[:, 3 * side] = inwards * (_IN * towards - _OUT * away)
+        turns[:, 3 * side + 1] = _DOWN * down - _UP * up
+    return turns
+
+
+def timecode(seconds: float) -> str:
+    """Return ``seconds`` from midnight as hours, minutes, seconds and frames with their thousandths."""
+    ticks = round(seconds * TIMECODE_BASE * 1000)
+    whole, thousandths = divmod(ticks, 1000)
+    rest, frames = divmod(whole, TIMECODE_BASE)
+    minutes, second = divmod(rest, 60)
+    return f"{minutes // 60 % 24:02}:{minutes % 60:02}:{second:02}:{frames:02}.{thousandths:03}"
+
+
+def rate_of_capture(path: Path) -> float:
+    """Return the frames per second of a take of Live Link Face or Face Cap, 30 where its times do not tell.
+
+    Raises:
+        OSError: If the file cannot be read.
+    """
+    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
+        times = [time for cells in csv.reader(file) if (time := _seconds(cells)) is not None]
+    steps = np.diff(times)
+    steps = steps[steps > 0]
+    if not len(steps):
+        return _DEFAULT_RATE
+    # Frames that the app left out make some steps long; of the usual ones the mean, as each is rounded.
+    usual = steps[np.abs(steps - np.median(steps)) <= 0.5 * np.median(steps)]
+    rate = round(1.0 / float(usual.mean()), 2)
+    return rate if 1.0 <= rate <= 1000.0 else _DEFAULT_RATE
+
+
+def _seconds(cells: list[str]) -> float | None:
+    """Return when the frame in a line was, or None if the line is none."""
+    if len(cells) < 2:
+        return None
+    if cells[0].strip().lower() == "k":
+        return float(cells[1]) / 1000.0 if re.fullmatch(r"\s*\d{1,12}(\.\d*)?\s*", cells[1]) else None
+    found = re.fullmatch(r"\s*(\d\d?):(\d\d?):(\d\d?):(\d{1,3}(?:\.\d*)?)\s*", cells[0])
+    if found is None:
+        return None
+    hours, minutes, seconds, frames = (float(word) for word in found.groups())
+    return 3600.0 * hours + 60.0 * minutes + seconds + frames / TIMECODE_BASE

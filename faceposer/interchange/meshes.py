@@ -1,0 +1,120 @@
+"""The posed face as meshes that other programs read: OBJ and PLY, one file or a folder of numbered ones.
+
+A character from a file of its own goes back in the unit, the axes and the order of that file.
+"""
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.mesh import VertexNormals
+from faceposer.geometry.obj_io import ObjWriter
+from faceposer.geometry.ply_io import write_ply
+from faceposer.geometry.polygon_mesh import Group
+from faceposer.interchange.progress import Progress, no_progress
+from faceposer.model.face_model import FaceModel
+from faceposer.model.performance import Performance
+
+SequenceKind = Literal["obj", "ply"]
+
+_WriteFrame = Callable[[Path, NDArray[np.floating]], None]
+
+
+def write_posed_obj(path: Path, model: FaceModel, coefficients: ArrayLike) -> None:
+    """Write the face with ``coefficients``, shape (r,), as OBJ, with the faces, UVs and groups that the character has.
+
+    Raises:
+        FacePoserError: If the file cannot be written.
+    """
+    _obj_frames(model)(path, model.instance(coefficients))
+
+
+def write_posed_ply(path: Path, model: FaceModel, coefficients: ArrayLike) -> None:
+    """Write the face with ``coefficients``, shape (r,), as binary PLY with normals and the faces of the character.
+
+    Raises:
+        FacePoserError: If the file cannot be written.
+    """
+    _ply_frames(model)(path, model.instance(coefficients))
+
+
+def write_sequence(
+    folder: Path,
+    model: FaceModel,
+    performance: Performance,
+    kind: SequenceKind = "obj",
+    progress: Progress = no_progress,
+) -> list[Path]:
+    """Write every frame of ``performance`` as a mesh of its own into ``folder``, which must be new or empty.
+
+    The files are called by the folder and the number of the frame, from 1, such as smile.0001.obj. The folder appears
+    when all of them are written, or not at all.
+
+    Returns:
+        The files.
+
+    Raises:
+        FacePoserError: If the folder holds something or cannot be written.
+    """
+    write = {"obj": _obj_frames, "ply": _ply_frames}[kind](model)
+    digits = max(4, len(str(len(performance))))
+    names = [f"{folder.name}.{number:0{digits}}.{kind}" for number in range(1, len(performance) + 1)]
+    temporary = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
+    try:
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise FacePoserError(f"'{folder}' is there and not an empty folder; give the name of a new one.")
+        temporary.mkdir()
+        for frame, name in enumerate(names):
+            progress(frame / len(names))
+            write(temporary / name, model.instance(performance.coefficients[frame]))
+        if folder.exists():
+            folder.rmdir()
+        temporary.replace(folder)
+    except OSError as error:
+        raise FacePoserError(f"The folder '{folder}' cannot be written: {error.strerror}.") from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    return [folder / name for name in names]
+
+
+def _obj_frames(model: FaceModel) -> _WriteFrame:
+    """Return what writes the subject's vertices, (N, 3), as OBJ."""
+    subject = model.subject
+    origin = subject.origin
+    normals = VertexNormals(subject.triangles, len(subject.vertices))
+    if origin is None:
+        groups = [Group(part.name, part.polygons, part.material) for part in subject.parts]
+        whole = ObjWriter(subject.polygons, subject.uv, subject.polygon_uvs, True, groups, _comment(model))
+        return lambda path, vertices: whole.write(path, vertices, normals(vertices))
+    has_uvs = len(origin.polygon_uvs) > 0
+    uv, polygon_uvs = (origin.uv, origin.polygon_uvs) if has_uvs else (None, None)
+    writer = ObjWriter(origin.polygons, uv, polygon_uvs, True, origin.groups, _comment(model))
+    return lambda path, vertices: writer.write(
+        path, origin.vertices_of(vertices - subject.vertices), origin.normals_of(normals(vertices))
+    )
+
+
+def _ply_frames(model: FaceModel) -> _WriteFrame:
+    """Return what writes the subject's vertices, (N, 3), as PLY."""
+    subject, comment = model.subject, _comment(model)
+    origin = subject.origin
+    normals = VertexNormals(subject.triangles, len(subject.vertices))
+    if origin is None:
+        return lambda path, vertices: write_ply(path, vertices, subject.polygons, normals(vertices), comment)
+    return lambda path, vertices: write_ply(
+        path,
+        origin.vertices_of(vertices - subject.vertices),
+        origin.polygons,
+        origin.normals_of(normals(vertices)),
+        comment,
+    )
+
+
+def _comment(model: FaceModel) -> str:
+    return " ".join(f"Face Poser: {model.subject.title}. {model.subject.credits}".split())
