@@ -1,8 +1,10 @@
 """Poses at some frames, and the smooth motion through them."""
 
 import itertools
+from bisect import bisect_left, bisect_right
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -72,22 +74,25 @@ class Keyframes:
 
     # What is there
 
-    @property
+    @cached_property
     def frames(self) -> tuple[int, ...]:
         """The frames of all keys, rising."""
         return tuple(key.frame for key in self.keys)
 
     def at(self, frame: int) -> Key | None:
         """Return the key at ``frame``, or None."""
-        return next((key for key in self.keys if key.frame == frame), None)
+        i = bisect_left(self.frames, frame)
+        return self.keys[i] if i < len(self.keys) and self.keys[i].frame == frame else None
 
     def next_frame(self, frame: int) -> int | None:
         """Return the frame of the first key after ``frame``, or None."""
-        return next((key.frame for key in self.keys if key.frame > frame), None)
+        i = bisect_right(self.frames, frame)
+        return self.frames[i] if i < len(self.frames) else None
 
     def previous_frame(self, frame: int) -> int | None:
         """Return the frame of the last key before ``frame``, or None."""
-        return next((key.frame for key in reversed(self.keys) if key.frame < frame), None)
+        i = bisect_left(self.frames, frame)
+        return self.frames[i - 1] if i > 0 else None
 
     def same(self, other: "Keyframes | None") -> bool:
         """Whether ``other`` is the same animation."""

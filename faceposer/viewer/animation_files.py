@@ -3,19 +3,15 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
-
 from faceposer.animation.keyframes import Keyframes
 from faceposer.errors import FacePoserError
 from faceposer.viewer.actions import Action, Submenu
 from faceposer.viewer.features import Feature
 from faceposer.viewer.file_dialogs import FileRequest
-from faceposer.viewer.following import Following
+from faceposer.viewer.following import TOLERANCE, Following
+from faceposer.viewer.panels.dialogs import Choice, Question
 from faceposer.viewer.settings import last_folder
 from faceposer.viewer.timeline import Timeline, counted
-
-if TYPE_CHECKING:
-    from faceposer.model.performance import Performance
 
 _MENU = "Animate"
 _TRAJECTORIES = (".csv", ".json", ".c3d")
@@ -92,26 +88,42 @@ class AnimationFiles(Feature):
         self.app.notify(f"{counted(after.keys)} of {len(before.keys)} are left")
 
     def open_animation(self, path: Path) -> None:
-        """Make the weights in ``path`` the animation, every frame of it a key, as one step."""
+        """Make the weights in ``path`` the animation, with as many keys as the user wants."""
         from faceposer.interchange.reading import read_performance
 
         app = self.app
         try:
             read = read_performance(path, app.session.model)
-            self.load(read.performance, "Open an animation")
+            dense = Keyframes.of_performance(read.performance)
         except FacePoserError as error:
             app.dialogs.report("The animation is not opened", str(error))
             return
         app.settings.folder = str(path.parent.resolve())
-        app.notify(f"Opened {path.name}, {len(read.performance)} frames. {read.note}".strip())
+        few = dense.reduced(app.session.model, TOLERANCE)
 
-    def load(self, performance: "Performance", label: str) -> None:
-        """Make ``performance`` the animation, every frame of it a key, as the step ``label``.
+        def load(keyframes: Keyframes) -> None:
+            self.load(keyframes, "Open an animation")
+            app.notify(f"Opened {path.name}. {read.note}".strip())
 
-        Raises:
-            FacePoserError: If it is longer than an animation may be.
-        """
-        keyframes = Keyframes.of_performance(performance)
+        if len(few.keys) == len(dense.keys):
+            load(dense)
+            return
+        app.dialogs.ask(
+            Question(
+                f"How many keys for {path.name}?",
+                f"It has {len(dense.keys)} frames. With {len(few.keys)} keys it can be edited by hand, and no shape is "
+                f"off by more than {TOLERANCE:g} in between. A key at every frame keeps it as it is.",
+                (
+                    Choice(f"{len(few.keys)} keys", lambda: load(few)),
+                    Choice("Every frame", lambda: load(dense)),
+                    Choice("Cancel"),
+                ),
+            )
+        )
+
+    def load(self, keyframes: Keyframes, label: str) -> None:
+        """Make ``keyframes`` the animation, as the step ``label``."""
+        self.timeline.stop()
         self.app.toolbox.cancel()
         self.app.session.animation.load(keyframes, label)
         self.timeline.present()

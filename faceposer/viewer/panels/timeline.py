@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 _RATES = (24.0, 25.0, 30.0, 50.0, 60.0)
 _PAD = 0.45
+# Widths of the strip below which what is least needed is left out.
+_NO_RATE, _NO_LENGTH, _NO_ENDS = 37.0, 30.0, 24.0
 # What the face on the screen is: in words, in which colour, and what that means.
 _SHOWN: dict["Shown", tuple[str, Colour, str]] = {
     "unkeyed": ("No keys yet", FAINT, "Pose the face and set a key; then go to another frame and pose it again."),
@@ -27,6 +29,11 @@ _SHOWN: dict["Shown", tuple[str, Colour, str]] = {
         "This face differs from what the animation has here. Set a key to keep it; going to another frame leaves it.",
     ),
 }
+
+
+def _room() -> float:
+    """Return the width of the strip in units of the font's size."""
+    return imgui.get_window_width() / em()
 
 
 def timeline_height() -> float:
@@ -63,21 +70,24 @@ def _icon_button(timeline: "Timeline", name: str, icon: str, on: bool = False, w
 
 
 def _draw_buttons(timeline: "Timeline") -> None:
-    _icon_button(timeline, "first-frame", Icon.FIRST)
+    wide = _room() > _NO_ENDS
+    if wide:
+        _icon_button(timeline, "first-frame", Icon.FIRST)
     _icon_button(timeline, "previous-key", Icon.PREVIOUS)
     playing = timeline.playing
     _icon_button(timeline, "play", Icon.PAUSE if playing else Icon.PLAY, playing, 2.6)
     _icon_button(timeline, "next-key", Icon.NEXT)
-    _icon_button(timeline, "last-frame", Icon.LAST)
+    if wide:
+        _icon_button(timeline, "last-frame", Icon.LAST)
     _icon_button(timeline, "loop", Icon.LOOP, timeline.keyframes.loop)
     imgui.same_line(0.0, em(0.9))
 
 
 def _draw_fields(timeline: "Timeline") -> None:
-    """Draw the frame that is shown, the length and the rate."""
-    keyframes, marks = timeline.keyframes, timeline.app.marks
+    """Draw the frame that is shown, the length and the rate, as far as there is room."""
+    marks = timeline.app.marks
     imgui.begin_disabled(not timeline.reachable)
-    imgui.set_next_item_width(em(4.4))
+    imgui.set_next_item_width(em(3.9))
     flags = imgui.SliderFlags_.always_clamp.value
     changed, frame = imgui.drag_int("##frame", timeline.animation.frame + 1, 0.2, 1, LONGEST, "%d", flags)
     if changed:
@@ -85,16 +95,31 @@ def _draw_fields(timeline: "Timeline") -> None:
     marks.note("frame-shown")
     tooltip("The frame that is shown: drag, or double-click to type a number")
     imgui.same_line()
+    if _room() > _NO_LENGTH:
+        _draw_length(timeline)
+    if _room() > _NO_RATE:
+        _draw_rate(timeline)
+    imgui.end_disabled()
+    imgui.same_line(0.0, em(0.9))
+
+
+def _draw_length(timeline: "Timeline") -> None:
+    keyframes, marks = timeline.keyframes, timeline.app.marks
     imgui.align_text_to_frame_padding()
     imgui.text_colored(FAINT, "of")
     imgui.same_line()
-    imgui.set_next_item_width(em(4.4))
+    imgui.set_next_item_width(em(3.9))
+    flags = imgui.SliderFlags_.always_clamp.value
     changed, length = imgui.drag_int("##length", keyframes.length, 0.2, 1, LONGEST, "%d", flags)
     if changed:
         timeline.change(replace(keyframes, length=length), "Change the length", merges=True)
     marks.note("length")
     tooltip(f"How many frames are played, {keyframes.length / keyframes.rate:.2f} s: drag, or double-click to type")
     imgui.same_line()
+
+
+def _draw_rate(timeline: "Timeline") -> None:
+    keyframes, marks = timeline.keyframes, timeline.app.marks
     imgui.set_next_item_width(em(5.6))
     opened = imgui.begin_combo("##rate", f"{keyframes.rate:g} fps")
     marks.note("rate")
@@ -107,8 +132,6 @@ def _draw_fields(timeline: "Timeline") -> None:
             if pressed:
                 timeline.change(replace(keyframes, rate=rate), "Change the frame rate", merges=True)
         imgui.end_combo()
-    imgui.end_disabled()
-    imgui.same_line(0.0, em(0.9))
 
 
 def _draw_state(timeline: "Timeline") -> None:
@@ -117,18 +140,21 @@ def _draw_state(timeline: "Timeline") -> None:
     action = app.actions["set-key"]
     shown = timeline.animation.shown
     imgui.begin_disabled(not action.enabled())
-    imgui.push_style_color(imgui.Col_.text, ImVec4(*KEYED))
+    words, colour, meaning = _SHOWN[shown]
+    # The mark tells what the words do, where there is no room for them.
+    imgui.push_style_color(imgui.Col_.text, ImVec4(*colour))
     pressed = imgui.button(f"{Icon.KEY}##set-key")
     imgui.pop_style_color()
     if pressed:
         action.run()
     imgui.end_disabled()
     app.marks.note("set-key")
-    tooltip(action.tooltip)
+    tooltip(f"{action.tooltip}\n{meaning}")
     imgui.same_line()
     _icon_button(timeline, "auto-key", "Auto", app.settings.auto_key, 3.0)
     imgui.same_line(0.0, em(0.6))
-    words, colour, meaning = _SHOWN[shown]
+    if imgui.calc_text_size(words).x > imgui.get_content_region_avail().x:
+        return
     imgui.align_text_to_frame_padding()
     imgui.text_colored(colour, words)
     app.marks.note("shown")

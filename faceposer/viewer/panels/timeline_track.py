@@ -17,6 +17,8 @@ _RULER, _KEYS = 1.5, 1.9
 # Pixels at normal density: from where a press is a drag, how far from a key it still means it, a diamond's half width.
 _DRAG, _REACH, _SIZE = 3.0, 7.0, 6.0
 _FEWEST_FRAMES = 8.0
+# Whether a key is selected, and whether it is played.
+_FLAGS = ((False, False), (False, True), (True, False), (True, True))
 _ZOOM = 1.2
 
 
@@ -127,6 +129,7 @@ class Track:
         step = next((step for step in _STEPS if step * spacing >= em(3.2)), _STEPS[-1])
         fine = next((small for small in _STEPS if small * spacing >= em(0.5) and step % small == 0), step)
         line = max(round(scale), 1)
+        playhead = self.x_of(self._timeline.animation.frame)
         # The frame that users call 1 is 0 here.
         frame = math.floor((low + 1) / fine) * fine
         while frame <= high + 1 + step:
@@ -138,40 +141,42 @@ class Track:
                 draw.add_rect_filled((x, ruler - tall), (x + line, ruler), u32(FAINT, 0.9 if inside else 0.35))
                 if labelled:
                     draw.add_rect_filled((x, ruler), (x + line, self._top + height), u32(INK, 0.05))
-                if labelled and not (frame == step and spacing * (step - 1) < em(1.6) and step > 1):
-                    text = str(frame)
-                    half = imgui.calc_text_size(text).x / 2.0
+                text = str(frame)
+                half = imgui.calc_text_size(text).x / 2.0
+                # The first two may be too near to each other, and the playhead brings its own number.
+                crowded = frame == step and spacing * (step - 1) < em(1.6) and step > 1
+                hidden = abs(x - playhead) < half + _tag_width(self._timeline.animation.frame)
+                if labelled and not (crowded or hidden):
                     draw.add_text((round(x - half), self._top), u32(FAINT, 1.0 if inside else 0.5), text)
             frame = 1 if frame == 0 and fine > 1 else fine if frame == 1 and fine > 1 else frame + fine
         draw.add_rect_filled((left, ruler), (right, ruler + line), u32(EDGE))
 
     def _draw_keys(self, draw: imgui.ImDrawList, scale: float) -> None:
         timeline = self._timeline
-        frames = timeline.keyframes.frames
         selected, by = timeline.selected, self._shift()
-        copying = by != 0 and self._held("ctrl")
         low, high = self._seen
-        gaps = [b - a for a, b in itertools.pairwise(frames)]
-        room = min(gaps, default=high) * self._width / (high - low)
-        size = min(max(room / 2.0 - scale, 2.0 * scale), _SIZE * scale)
-        for frame in frames:
-            moving = frame in selected and by != 0
-            if not moving or copying:
-                self._draw_key(draw, frame, size, scale, frame in selected and not moving, 1.0)
-        for frame in frames:
-            if frame in selected and by != 0:
-                self._draw_key(draw, frame + by, size, scale, True, 1.0)
+        spacing = self._width / (high - low)
+        reach = _SIZE / spacing
+        frames = [frame for frame in timeline.keyframes.frames if low - reach <= frame <= high + reach]
+        gap = min((b - a for a, b in itertools.pairwise(frames)), default=high)
+        size = min(max(gap * spacing / 2.0 - scale, 2.0 * scale), _SIZE * scale)
+        resting = [frame for frame in frames if frame not in selected or by == 0 or self._held("ctrl")]
+        marks = [(frame, frame in selected and by == 0) for frame in resting]
+        marks += [(frame + by, True) for frame in frames if frame in selected and by != 0]
+        self._draw_diamonds(draw, marks, size, scale)
 
-    def _draw_key(
-        self, draw: imgui.ImDrawList, frame: int, size: float, scale: float, selected: bool, alpha: float
-    ) -> None:
-        x, y = (round(value) + 0.5 for value in self.place(frame))
-        inside = frame < self._timeline.keyframes.length
-        colour = u32(KEYED if selected else INK, alpha * (1.0 if inside else 0.4))
-        if selected:
-            _diamond(draw, x, y, size + 3.0 * scale, u32(KEYED, 0.35))
-        _diamond(draw, x, y, size + 1.5 * scale, u32(EDGE))
-        _diamond(draw, x, y, size, colour)
+    def _draw_diamonds(self, draw: imgui.ImDrawList, marks: list[tuple[int, bool]], size: float, scale: float) -> None:
+        """Draw the keys ``marks``, frames and whether they are selected; of those on one pixel, one."""
+        length, y = self._timeline.keyframes.length, round(self.place(0)[1]) + 0.5
+        colours = {flags: u32(KEYED if flags[0] else INK, 1.0 if flags[1] else 0.4) for flags in _FLAGS}
+        places = {(round(self.x_of(frame)) + 0.5, (lit, frame < length)): None for frame, lit in marks}
+        # The edges of all come first: keys at each frame would hide one another.
+        for x, (lit, _) in places:
+            if lit:
+                _diamond(draw, x, y, size + 3.0 * scale, u32(KEYED, 0.35))
+            _diamond(draw, x, y, size + 1.5 * scale, u32(EDGE))
+        for x, flags in places:
+            _diamond(draw, x, y, size, colours[flags])
 
     def _draw_playhead(self, draw: imgui.ImDrawList, height: float, scale: float) -> None:
         frame = self._timeline.animation.frame
@@ -181,7 +186,7 @@ class Track:
         draw.add_rect_filled((x - half, ruler - em(0.2)), (x + half, self._top + height), u32(ACCENT))
         text = str(frame + 1)
         size = imgui.calc_text_size(text)
-        wide = max(size.x / 2.0 + em(0.35), em(0.9))
+        wide = _tag_width(frame)
         top = self._top + round(em(0.08))
         draw.add_rect_filled((x - wide, top), (x + wide, top + size.y + em(0.12)), u32(ACCENT), 3.0 * scale)
         draw.add_text((round(x - size.x / 2.0), top), u32(EDGE), text)
@@ -204,8 +209,9 @@ class Track:
         """Return the frame of the key that a press at (x, y) means, or None."""
         if y < self._top + em(_RULER):
             return None
-        frames = self._timeline.keyframes.frames
-        nearest = min(frames, key=lambda frame: abs(self.x_of(frame) - x), default=None)
+        keyframes, place = self._timeline.keyframes, self.frame_at(x)
+        beside = (keyframes.previous_frame(math.floor(place) + 1), keyframes.next_frame(math.floor(place)))
+        nearest = min((f for f in beside if f is not None), key=lambda frame: abs(frame - place), default=None)
         return nearest if nearest is not None and abs(self.x_of(nearest) - x) <= _REACH * scale else None
 
     def _shift(self) -> int:
@@ -325,6 +331,11 @@ class Track:
         if y < self._top + em(_RULER):
             return "Drag: go through the frames   ·   wheel: zoom   ·   middle drag: move along"
         return "Drag: select keys   ·   click: go to a frame   ·   wheel: zoom"
+
+
+def _tag_width(frame: int) -> float:
+    """Return half the width of the playhead's number."""
+    return max(imgui.calc_text_size(str(frame + 1)).x / 2.0 + em(0.35), em(0.9))
 
 
 def _diamond(draw: imgui.ImDrawList, x: float, y: float, size: float, colour: int) -> None:
