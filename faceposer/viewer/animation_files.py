@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+
 from faceposer.animation.keyframes import Keyframes
 from faceposer.errors import FacePoserError
 from faceposer.viewer.actions import Action, Submenu

@@ -68,7 +68,7 @@ def build_timeline_actions(timeline: "Timeline") -> list[Action]:
         ),
         Action(
             "auto-key",
-            "Key changes by themselves",
+            "Auto key",
             _MENU,
             timeline.toggle_auto_key,
             checked=lambda: timeline.app.settings.auto_key,
