@@ -19,8 +19,8 @@ from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.priors import Prior
 from faceposer.viewer.actions import Action, Submenu
 from faceposer.viewer.features import Feature
-from faceposer.viewer.overlay import draw_badge
 from faceposer.viewer.overlay_trajectories import TrajectoryPainter
+from faceposer.viewer.panels.following_dialog import draw_following
 from faceposer.viewer.timeline import Timeline, counted
 
 if TYPE_CHECKING:
@@ -32,6 +32,8 @@ Timing = Literal["pen", "even"]
 
 # Seconds between two wakings of the frame loop: a short animation has hundreds of frames a second.
 _WAKE_EVERY = 0.07
+# Seconds after which a dialog tells how far it is.
+_DIALOG_AFTER = 0.3
 #: Of few keys, how far any rig weight may be off in between.
 TOLERANCE = 0.02
 
@@ -100,6 +102,7 @@ class FollowingJob:
 
     def __post_init__(self) -> None:
         self._woken = 0.0
+        self._begun = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="following")
         self._thread.start()
 
@@ -107,6 +110,11 @@ class FollowingJob:
     def done(self) -> bool:
         """Whether it has ended, in whatever way."""
         return not self._thread.is_alive()
+
+    @property
+    def seconds(self) -> float:
+        """How long it has gone on."""
+        return time.monotonic() - self._begun
 
     @property
     def stopping(self) -> bool:
@@ -179,6 +187,11 @@ class Following(Feature):
         return self.app.toolbox.trajectory_tool
 
     @property
+    def covers(self) -> bool:
+        """Whether a solve has gone on for long enough to be worth a dialog."""
+        return self.job is not None and self.job.seconds > _DIALOG_AFTER
+
+    @property
     def chosen(self) -> bool:
         """Whether trajectories are what one draws now."""
         return self.app.toolbox.chosen is self.tool
@@ -199,14 +212,6 @@ class Following(Feature):
                 enabled=lambda: bool(self.tool.drawn) and self.job is None and not self.app.busy,
                 separated=True,
                 help="Let the face follow the trajectories that are drawn; the result becomes keys",
-            ),
-            Action(
-                "stop-following",
-                "Stop following",
-                "Animate",
-                self.stop,
-                enabled=lambda: self.job is not None and not self.job.stopping,
-                help="Give up the solve under way; nothing changes",
             ),
         ]
 
@@ -341,8 +346,11 @@ class Following(Feature):
         """Draw the trajectories, the points that can be taken, and how far the solve is."""
         if self.chosen and not self.app.comparing:
             self._painter.paint(draw, self)
-        if self.job is not None:
-            draw_badge(draw, self.app.viewport, self.progress, 0.0)
+
+    def draw_dialog(self) -> None:
+        """Draw how far the solve is, unless another dialog is above."""
+        if not self.app.dialogs.open:
+            draw_following(self)
 
     @property
     def progress(self) -> str:
@@ -354,5 +362,5 @@ class Following(Feature):
             return "Stopping..."
         total = len(job.request.trajectories)
         if job.done_frames >= total:
-            return "Smoothing over all frames..."
-        return f"The face follows: frame {job.done_frames + 1} of {total}"
+            return "Making all frames smooth together..."
+        return f"Frame {job.done_frames + 1} of {total}"

@@ -82,7 +82,9 @@ class Timeline(Feature):
 
     @property
     def hint(self) -> str:
-        """What the mouse will do on the track."""
+        """What the mouse will do on the track, or while the animation plays."""
+        if self.playing:
+            return "Press on the view: stop   ·   middle drag: turn the view"
         return self.track.hint if self.shown else ""
 
     @property

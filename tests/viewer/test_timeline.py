@@ -1,5 +1,6 @@
 """The timeline and trajectories in the window, driven by pointer and keys alone."""
 
+import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -7,7 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faceposer.animation.keyframes import Keyframes
+from faceposer.interchange.weights_json import write_weights
 from faceposer.session.document import read_document
+from faceposer.viewer.animation_files import AnimationFiles
 from faceposer.viewer.app import App
 from faceposer.viewer.following import Following
 from faceposer.viewer.robot import Position, Robot
@@ -324,3 +328,62 @@ def test_following_can_be_stopped_and_tells_what_went_wrong(robot: Robot, monkey
     robot.frames(2)
     assert app.dialogs.open
     assert frames(robot) == ()
+
+
+def test_an_animation_is_opened_with_as_many_keys_as_one_wants(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    model = app.session.model
+    few = Keyframes(length=40).with_key(0, model.neutral()).with_key(39, model.coefficients_of({"jawOpen": 0.6}))
+    path = tmp_path / "take.json"
+    write_weights(path, model, few.performance(model))
+    app.features[AnimationFiles].open_animation(path)
+    robot.frames(2)
+    assert app.dialogs.open
+    assert frames(robot) == (), "nothing happens before one has chosen"
+    robot.click_widget("choice:1")
+    robot.frames(2)
+    assert frames(robot) == tuple(range(40))
+    assert timeline(robot).shown
+    scrub(robot, 39)
+    names = model.subject.shape_names
+    assert model.weights_of(app.session.coefficients)[names.index("jawOpen")] == pytest.approx(0.6, abs=0.02)
+    app.features[AnimationFiles].reduce(0.02)
+    assert len(frames(robot)) < 8
+    assert app.session.undo_label == "Reduce keys"
+    robot.key("Ctrl+Z")
+    robot.key("Ctrl+Z")
+    assert frames(robot) == ()
+    app.features[AnimationFiles].open_animation(path)
+    robot.frames(2)
+    robot.click_widget("choice:0")
+    robot.frames(2)
+    assert len(frames(robot)) < 8
+    path.write_text("{}")
+    app.features[AnimationFiles].open_animation(path)
+    assert app.dialogs.open
+    assert len(frames(robot)) < 8
+
+
+def test_trajectories_of_a_file_become_the_animation(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    model = app.session.model
+    animate(robot)
+    vertex = int(model.subject.feature_points[CORNER])
+    path = tmp_path / "corner.json"
+    x, y, z = model.subject.vertices[vertex].tolist()
+    points = [{"name": CORNER, "positions": [[x + 0.05 * t, y + 0.05 * t, z] for t in range(10)]}]
+    path.write_text(json.dumps({"format": "faceposer.trajectories", "version": 1, "rate": 25, "points": points}))
+    app.features[AnimationFiles].open_trajectories(path)
+    settle(robot)
+    assert timeline(robot).keyframes.length == 10
+    assert timeline(robot).keyframes.rate == 25.0
+    assert app.session.undo_label == "Follow corner.json"
+    robot.key("End")
+    now = model.instance(app.session.coefficients)[vertex]
+    assert np.linalg.norm(now - (x + 0.45, y + 0.45, z)) < 0.25
+    robot.key("Ctrl+Z")
+    assert frames(robot) == (0, 14, 29)
+    path.write_text("{}")
+    app.features[AnimationFiles].open_trajectories(path)
+    assert app.dialogs.open
+    assert app.features[Following].job is None

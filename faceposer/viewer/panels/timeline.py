@@ -65,7 +65,9 @@ def _icon_button(timeline: "Timeline", name: str, icon: str, on: bool = False, w
     imgui.pop_style_var()
     imgui.pop_style_color()
     timeline.app.marks.note(name)
-    tooltip(action.tooltip)
+    # While it plays, one watches.
+    if not timeline.playing:
+        tooltip(action.tooltip)
     imgui.same_line(0.0, em(0.15))
 
 

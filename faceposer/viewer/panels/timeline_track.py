@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import statistics
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -158,8 +159,9 @@ class Track:
         spacing = self._width / (high - low)
         reach = _SIZE / spacing
         frames = [frame for frame in timeline.keyframes.frames if low - reach <= frame <= high + reach]
-        gap = min((b - a for a, b in itertools.pairwise(frames)), default=high)
-        size = min(max(gap * spacing / 2.0 - scale, 2.0 * scale), _SIZE * scale)
+        gaps = [b - a for a, b in itertools.pairwise(frames)]
+        gap = statistics.median(gaps) if gaps else high
+        size = min(max(gap * spacing / 2.0, 2.5 * scale), _SIZE * scale)
         resting = [frame for frame in frames if frame not in selected or by == 0 or self._held("ctrl")]
         marks = [(frame, frame in selected and by == 0) for frame in resting]
         marks += [(frame + by, True) for frame in frames if frame in selected and by != 0]

@@ -6,7 +6,7 @@ from imgui_bundle import imgui
 
 from faceposer.viewer.following import TOLERANCE, Following
 from faceposer.viewer.panels.widgets import action_button, button_width, caption, choice, tooltip
-from faceposer.viewer.theme import ACCENT_DARK, em
+from faceposer.viewer.theme import em
 
 if TYPE_CHECKING:
     from faceposer.viewer.app import App
@@ -19,9 +19,6 @@ _MOST_FRAMES = 10_000
 def draw_trajectory_options(app: "App") -> None:
     """Draw the options, and how far the solve is."""
     following = app.features[Following]
-    if following.job is not None:
-        _draw_progress(app, following)
-        return
     options, tool = following.options, following.tool
     rate = following.timeline.keyframes.rate
     tips = (
@@ -69,14 +66,3 @@ def _label(text: str) -> None:
     imgui.text(text)
     imgui.same_line(em(_LABEL))
     imgui.set_next_item_width(-1.0)
-
-
-def _draw_progress(app: "App", following: Following) -> None:
-    job = following.job
-    assert job is not None
-    imgui.push_style_color(imgui.Col_.plot_histogram, ACCENT_DARK)
-    imgui.progress_bar(job.share, (-1.0, em(1.5)), f"{100.0 * job.share:.0f} %")
-    imgui.pop_style_color()
-    app.marks.note("following")
-    caption(following.progress)
-    action_button(app.marks, app.actions["stop-following"], -1.0, "Cancel")
