@@ -113,8 +113,8 @@ class TrajectoryTool(PosingTool):
         anchor = self._taken(event.position, context)
         if anchor is None:
             return
-        session = context.session
-        begin = context.camera.project(session.model.positions_at(SurfacePoints.of([anchor]), session.coefficients))[0]
+        session, camera = context.session, context.camera
+        begin = camera.project(session.model.positions_at(SurfacePoints.of([anchor]), session.coefficients))[0]
         offset = begin - event.position
         times, way = [event.time], [event.position]
         try:
@@ -122,6 +122,9 @@ class TrajectoryTool(PosingTool):
                 self.drawing = [(u + offset[0], v + offset[1]) for u, v in way]
                 event = yield
                 # on move, and on release
+                if context.camera.transferred(event.position, camera) is None:
+                    # The wheel has turned meanwhile: the hand is not where it was in this view.
+                    continue
                 if event.time > times[-1]:
                     times.append(event.time)
                     way.append(event.position)
@@ -132,7 +135,7 @@ class TrajectoryTool(PosingTool):
         pixels = np.array(way) + offset
         if float(np.hypot(*np.diff(pixels, axis=0).T).sum()) < _SHORTEST * context.ui_scale:
             return
-        drawn = DrawnTrajectory(anchor, np.array(times) - times[0], pixels, context.camera)
+        drawn = DrawnTrajectory(anchor, np.array(times) - times[0], pixels, camera)
         self._change((*(other for other in self.drawn if other.anchor != anchor), drawn))
 
     def _change(self, drawn: tuple[DrawnTrajectory, ...]) -> None:

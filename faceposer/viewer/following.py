@@ -269,8 +269,9 @@ class Following(Feature):
         camera = drawn[0].camera
         ways = []
         for one in drawn:
-            seen = one.seen_in(camera) if one.camera is not camera else one.pixels
-            assert seen is not None, "all trajectories are of one view"
+            seen = one.seen_in(camera)
+            if seen is None:
+                raise ValueError("trajectories of different views")
             ways.append(self.positions(replace(one, pixels=seen)))
         n_frames = min(max(len(way) for way in ways), LONGEST - self.first)
         held = [np.concatenate([way, np.repeat(way[-1:], max(n_frames - len(way), 0), axis=0)]) for way in ways]

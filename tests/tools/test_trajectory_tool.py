@@ -109,3 +109,14 @@ def test_taken_back_removed_and_accepted(context: HeadlessContext) -> None:
     assert len(tool.drawn) == 1, "another tool leaves them"
     tool.settle()
     assert not tool.step_back()
+
+
+def test_what_the_hand_does_while_the_wheel_turns_is_left_out(context: HeadlessContext) -> None:
+    corner, toolbox = context.feature(LEFT), context.toolbox
+    toolbox.dispatch(PointerEvent("press", corner, "left", time=1.0))
+    toolbox.dispatch(PointerEvent("move", shifted(corner, 10.0, 0.0), "left", time=1.5))
+    toolbox.dispatch(PointerEvent("wheel", corner, time=1.6, wheel=2.0))
+    toolbox.dispatch(PointerEvent("release", shifted(corner, 20.0, 0.0), "left", time=2.0))
+    (drawn,) = tool_of(context).drawn
+    np.testing.assert_allclose(ends(drawn.pixels), [corner, shifted(corner, 10.0, 0.0)], atol=1e-6)
+    assert not tool_of(context).fits(context)
