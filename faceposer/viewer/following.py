@@ -221,7 +221,9 @@ class Following(Feature):
 
     def before_press(self) -> None:
         """Go to where all trajectories begin, when another one is about to be drawn."""
-        if self.chosen and self.tool.drawn and self.app.session.document.frame != self.first:
+        hover = self.app.toolbox.hover
+        draws = self.chosen and hover is not None and hover.surface
+        if draws and self.tool.drawn and self.app.session.document.frame != self.first:
             self.timeline.go_to(self.first)
             self.app.scene.set_pose(self.app.session.coefficients)
 

@@ -86,8 +86,8 @@ class Monkey:
         name = names[int(rng.integers(len(names)))]
         left, top, right, bottom = app.marks[name]
         # What is scrolled away lies under other things, which may be left alone for good reasons.
-        foot = app.marks["save"] if "save" in app.marks else None
-        if foot is not None and right > foot[0] and bottom > foot[1] - 4:
+        in_panel = "save" in app.marks and right > app.marks["save"][0]
+        if in_panel and bottom > app.marks["save"][1] - 4:
             return self.place()
         return (float(rng.uniform(left, right)), float(rng.uniform(top, bottom)))
 
