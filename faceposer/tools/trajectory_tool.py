@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
+from faceposer.tools.symmetry import mirror_of
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, Workbench
 
 Array = NDArray[np.float64]
@@ -15,6 +16,8 @@ Pixel = tuple[float, float]
 # Pixels at normal density: how near to a feature point a press means it, how near to a trajectory a click means that,
 # and how long a trajectory is at least.
 _SNAP, _REACH, _SHORTEST = 12.0, 9.0, 6.0
+# Share of the head's height: a point that is nearer to its mirror image has no other side.
+_MIDDLE = 0.04
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +139,30 @@ class TrajectoryTool(PosingTool):
         if float(np.hypot(*np.diff(pixels, axis=0).T).sum()) < _SHORTEST * context.ui_scale:
             return
         drawn = DrawnTrajectory(anchor, np.array(times) - times[0], pixels, camera)
-        self._change((*(other for other in self.drawn if other.anchor != anchor), drawn))
+        image = self._mirrored(drawn, context) if self._bench.symmetry.on else None
+        new = (drawn,) if image is None else (drawn, image)
+        anchors = {one.anchor for one in new}
+        self._change((*(other for other in self.drawn if other.anchor not in anchors), *new))
+
+    def _mirrored(self, drawn: DrawnTrajectory, context: ToolContext) -> DrawnTrajectory | None:
+        """Return the trajectory of the point across, or None for a point in the middle.
+
+        A way in the picture is taken for one in space, at the distance at which its point is.
+        """
+        model, pose, camera = context.session.model, context.session.coefficients, drawn.camera
+        own = SurfacePoints.of([drawn.anchor])
+        across = mirror_of(model).points(own)
+        if across is None:
+            return None
+        rest = own.joined(across).positions(model.subject.vertices, model.triangles)
+        if np.linalg.norm(rest[1] - rest[0]) < _MIDDLE * model.subject.height:
+            return None
+        place, other = model.positions_at(own.joined(across), pose)
+        scale = camera.to_camera(place[None])[0, 2] / camera.focal
+        moves = np.zeros((len(drawn.pixels), 3))
+        moves[:, :2] = (drawn.pixels - drawn.pixels[0]) * scale
+        moves = moves @ camera.rotation * (-1.0, 1.0, 1.0)
+        return DrawnTrajectory(across[0], drawn.times, camera.project(other + moves), camera)
 
     def _change(self, drawn: tuple[DrawnTrajectory, ...]) -> None:
         self._steps.append(self.drawn)

@@ -54,7 +54,7 @@ def build_timeline_actions(timeline: "Timeline") -> list[Action]:
             (),
             free,
             lambda: timeline.keyframes.loop,
-            help="Go on from the begin at the end; the face moves smoothly from the last key to the first",
+            help="Begin again when the end is reached; the face moves smoothly from the last key to the first",
         ),
         Action(
             "set-key",

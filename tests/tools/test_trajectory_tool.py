@@ -120,3 +120,22 @@ def test_what_the_hand_does_while_the_wheel_turns_is_left_out(context: HeadlessC
     (drawn,) = tool_of(context).drawn
     np.testing.assert_allclose(ends(drawn.pixels), [corner, shifted(corner, 10.0, 0.0)], atol=1e-6)
     assert not tool_of(context).fits(context)
+
+
+def test_symmetry_draws_on_the_other_side_too(context: HeadlessContext) -> None:
+    features, tool = context.session.model.subject.feature_points, tool_of(context)
+    context.toolbox.bench.symmetry.on = True
+    corner = context.feature(LEFT)
+    way = [shifted(corner, 2.0 * i, -i) for i in range(10)]
+    for i, position in enumerate(way):
+        kind = "press" if i == 0 else "release" if i == 9 else "move"
+        context.toolbox.dispatch(PointerEvent(kind, position, "left", time=0.1 * i))  # type: ignore[arg-type]
+    assert [one.anchor for one in tool.drawn] == [features[LEFT], features[RIGHT]]
+    moved = tool.drawn[1].pixels[-1] - context.feature(RIGHT)
+    np.testing.assert_allclose(moved, (-18.0, -9.0), atol=0.5)
+    draw(context, context.feature("2.1"), 10.0)
+    assert len(tool.drawn) == 3, "what lies in the middle has no other side"
+    draw(context, context.feature(RIGHT), 10.0)
+    assert len(tool.drawn) == 3, "each has its place taken"
+    context.undo()
+    assert tool.drawn[0].pixels[-1, 1] < corner[1], "both come back together"

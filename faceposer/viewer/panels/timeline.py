@@ -8,7 +8,7 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from faceposer.animation.keyframes import LONGEST
 from faceposer.viewer.panels.timeline_track import track_height
 from faceposer.viewer.panels.widgets import tooltip
-from faceposer.viewer.theme import ACCENT_DARK, FAINT, INK, KEYED, WARNING, Colour, Icon, em
+from faceposer.viewer.theme import ACCENT_DARK, ACCENT_MID, FAINT, INK, KEYED, RAISED_MORE, WARNING, Colour, Icon, em
 
 if TYPE_CHECKING:
     from faceposer.session.animating import Shown
@@ -57,13 +57,14 @@ def draw_timeline(timeline: "Timeline") -> None:
 def _icon_button(timeline: "Timeline", name: str, icon: str, on: bool = False, wide: float = 1.9) -> None:
     action = timeline.app.actions[name]
     imgui.push_style_color(imgui.Col_.button, ImVec4(*ACCENT_DARK) if on else ImVec4(0.0, 0.0, 0.0, 0.0))
+    imgui.push_style_color(imgui.Col_.button_hovered, ImVec4(*(ACCENT_MID if on else RAISED_MORE)))
     imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0.0, imgui.get_style().frame_padding.y))
     imgui.begin_disabled(not action.enabled())
     if imgui.button(f"{icon}##{name}", ImVec2(em(wide), 0.0)):
         action.run()
     imgui.end_disabled()
     imgui.pop_style_var()
-    imgui.pop_style_color()
+    imgui.pop_style_color(2)
     timeline.app.marks.note(name)
     # While it plays, one watches.
     if not timeline.playing:
