@@ -13,13 +13,16 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import solve
-from faceposer.solve.priors import Prior
+from faceposer.solve.priors import MixturePrior, Prior
 from faceposer.solve.problem import PoseProblem
 from faceposer.solve.term import Array
 
 # So many frames are made smooth together, of which the last ones, that later frames still have a say in, are done again
 # with those: what is farther away has no influence to speak of.
 _TOGETHER, _AGAIN = 600, 60
+# Weight of the prior as it is seen from the start, relative to that seen from the frame before: how a face came to a
+# pose would else leave its trace, for good, in all that no point tells.
+_HOMEWARD = 0.1
 
 
 def follow(
@@ -37,10 +40,10 @@ def follow(
 ) -> Performance:
     """Return the performance in which the points of the face follow ``trajectories``.
 
-    Each frame is the maximum a posteriori pose (paper, eq. (20)) with the prior seen from the pose of the frame before,
-    where it also starts. Then the sum of all frames' energies and of the cost of changes of velocity (section 7) is
-    minimised over all poses at once, so that a frame knows what comes after it, too. Where no point is seen at all, the
-    face goes on from the pose before to the pose after.
+    Each frame is the maximum a posteriori pose (paper, eq. (20)), found from that of the frame before, from which it
+    also sees most of the prior: how faces go on from there, not from their start. Then the sum of all frames' energies
+    and of the cost of changes of velocity (section 7) is minimised over all poses at once, so that a frame knows what
+    comes after it, too. Where no point is seen at all, the face goes on from the pose before to the pose after.
 
     Args:
         model: The face.
@@ -48,7 +51,8 @@ def follow(
         smoothness: Weight of the changes of velocity, at least 0; ``smoothness_metric`` has its unit.
         prior_weight: Weight of the prior, at least 0.
         prior: How the prior judges; see ``PoseProblem``.
-        start: The pose before the first frame, shape (r,); the neutral face if None.
+        start: The pose before the first frame, which the face comes back to where nothing tells otherwise, shape (r,);
+            the neutral face if None.
         constraints: What holds in all frames besides.
         look_ahead: Whether frames know what comes after them. Without, each is final as soon as it is found, with its
             change of velocity since the two frames before, as in the paper.
@@ -60,22 +64,18 @@ def follow(
         FollowingStopped: If ``should_stop`` said yes.
         ValueError: If a point does not lie on the face.
     """
-    make = _Frames(model, trajectories, prior_weight, prior, tuple(constraints))
     metric = smoothness_metric(model, smoothness, trajectories.rate)
     pose = np.array(model.neutral() if start is None else start, dtype=np.float64)
+    make = _Frames(model, trajectories, prior_weight, prior, tuple(constraints), pose)
     poses = np.tile(pose, (len(trajectories), 1))
     sighted = np.asarray(trajectories.seen.any(axis=1))
     first = 0
     problems: list[PoseProblem] = []
     for frame in range(len(poses)):
         problem = make.problem(frame, pose)
-        smooth = SmoothnessTerm(metric, poses[frame - 2], pose) if frame > 1 and smoothness > 0 else None
-        if look_ahead or smooth is None:
-            pose = solve(problem, pose).coefficients
-        else:
-            problem.terms.append(smooth)
-            pose = solve(problem, pose).coefficients
-        poses[frame] = pose
+        if not look_ahead and smoothness > 0 and frame > 1:
+            problem.terms.append(SmoothnessTerm(metric, poses[frame - 2], pose))
+        poses[frame] = pose = solve(problem, pose).coefficients
         if on_frame is not None:
             on_frame(frame, pose)
         if should_stop is not None and should_stop():
@@ -104,6 +104,7 @@ class _Frames:
     prior_weight: float
     prior: Prior
     constraints: tuple[Constraint, ...]
+    start: Array
 
     def problem(self, frame: int, seen_from: Array) -> PoseProblem:
         """Return the problem of a ``frame`` with the prior seen from a pose, shape (r,)."""
@@ -118,9 +119,14 @@ class _Frames:
             trajectories.camera,
         )
         evidence = [track] if seen.any() else []
-        return PoseProblem(
-            self.model, self.constraints, seen_from, self.prior_weight, prior=self.prior, evidence=evidence
+        problem, at_home = (
+            PoseProblem(self.model, self.constraints, pose, self.prior_weight, prior=self.prior, evidence=evidence)
+            for pose in (seen_from, self.start)
         )
+        # As it was learned, the prior looks the same from everywhere.
+        if self.prior_weight > 0 and self.prior != "plain":
+            problem.terms.append(MixturePrior(at_home.mixture, _HOMEWARD * self.prior_weight))
+        return problem
 
 
 def _bridged(poses: Array, sighted: NDArray[np.bool_]) -> list[tuple[int, Array]]:

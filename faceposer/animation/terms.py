@@ -10,7 +10,7 @@ from faceposer.solve.term import Array, PoseState, ResidualTerm
 
 #: How far a face changes its velocity from one frame to the next at 30 frames per second, as a share of how far
 #: expressions are from their mean: the standard deviation of the change where smoothness is 1.
-CHANGE = 0.06
+CHANGE = 0.045
 _USUAL_RATE = 30.0
 
 

@@ -236,15 +236,27 @@ def test_stopping_while_all_are_made_smooth(model: FaceModel) -> None:
         follow(model, tracks, should_stop=late)
 
 
-def test_other_evidence_is_seen_by_the_prior(model: FaceModel) -> None:
+def test_other_evidence_pulls_and_is_seen_by_the_prior(model: FaceModel) -> None:
     tracks = tracked(model, performed(model, 16))
     rows, neutral = model.rows_at(tracks.points)
     term = TrackTerm(rows, neutral, tracks.positions[15], np.ones(len(SEVEN)), tracks.camera)
-    as_evidence, as_other = PoseProblem(model, [], evidence=[term]), PoseProblem(model, [], others=[term])
-    assert not np.allclose(as_evidence.mixture.covariances, as_other.mixture.covariances)
-    for problem in (as_evidence, as_other):
-        assert not problem.at_rest
-        assert np.abs(term.residual(problem.state(solve(problem).coefficients))).max() < 8.0
+    with_it, without = PoseProblem(model, [], evidence=[term]), PoseProblem(model, [])
+    assert not np.allclose(with_it.mixture.covariances, without.mixture.covariances)
+    assert not with_it.at_rest
+    off = np.abs(term.residual(with_it.state(solve(with_it).coefficients)))
+    assert off.max() < 0.3 * np.abs(term.residual(with_it.state(model.neutral()))).max()
+
+
+def test_how_a_face_came_to_a_pose_leaves_little_trace(model: FaceModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    truth = np.concatenate([performed(model, 40), np.zeros((30, model.n_coefficients))])
+    tracks = tracked(model, truth)
+
+    def trace() -> float:
+        return error(model, follow(model, tracks).coefficients[-5:], truth[-5:])
+
+    little = trace()
+    monkeypatch.setattr(following, "_HOMEWARD", 0.0)
+    assert little < 0.5 * trace()
 
 
 def test_jumps_are_left_out_and_movements_stay(model: FaceModel) -> None:
