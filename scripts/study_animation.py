@@ -10,7 +10,7 @@ all other such runs. Seven points (Lau et al. 2009, figure 8a: ends of the brows
 taken from the true faces, in a picture of 800 x 800 pixels or in space, exactly or with noise.
 
   error  mean distance to the true face in millimetres, over frames and the vertices of the face's regions
-  jerk   root mean square of the third difference from frame to frame, mm, of the same vertices
+  jerk   root mean square of the third difference from frame to frame, mm, of the same vertices; and of the brows'
   worst  largest step from one frame to the next, root mean square over these vertices, mm
 
 With --tune, weights and variants are compared on both folds of take 3 instead.
@@ -41,14 +41,17 @@ if str(ROOT) not in sys.path:
 
 from faceposer.animation import following
 from faceposer.animation.following import follow
+from faceposer.animation.terms import CHANGE
 from faceposer.animation.trajectories import Trajectories
 from faceposer.evaluation.setting import Setting
 from faceposer.evaluation.takes import FOLDS
 from faceposer.geometry.picking import SurfacePoints
+from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
 from faceposer.solve.constraints.fixed import PX_PER_CM
+from faceposer.solve.problem import PoseProblem
 from faceposer.training.capture import read_capture
 
 TRAIN, TEST = "alex_rom_3.csv", "alex_rom_4.csv"
@@ -75,6 +78,11 @@ class Study:
     def _face(self) -> Array:
         regions = self.model.subject.regions
         return np.unique(np.concatenate([regions[name] for name in regions if name not in STILL]))
+
+    @cached_property
+    def _brows(self) -> Array:
+        regions = self.model.subject.regions
+        return np.isin(self._face, np.concatenate([regions["brow_left"], regions["brow_right"]]))
 
     @cached_property
     def _true_shapes(self) -> Array:
@@ -108,6 +116,10 @@ class Study:
             "error": float(np.linalg.norm(ours - true, axis=2).mean()),
             "of neutral": float(np.linalg.norm(true, axis=2).mean()),
             **{f"jerk{of}": _rms(np.diff(x, 3, axis=0)) for of, x in (("", ours), (" of truth", true))},
+            **{
+                f"brow jerk{of}": _rms(np.diff(x[:, self._brows], 3, axis=0))
+                for of, x in (("", ours), (" of truth", true))
+            },
             **{f"worst{of}": _worst(x) for of, x in (("", ours), (" of truth", true))},
         }
 
@@ -228,21 +240,32 @@ def cases() -> list[Case]:
 
 
 @contextmanager
-def seen_from_neutral() -> Iterator[None]:
-    """Have the prior seen from the neutral face in all frames, as where a single pose is made."""
-    kept = following._Frames.problem
-    neutral = lambda self, frame, _: kept(self, frame, self.model.neutral())  # noqa: E731
-    following._Frames.problem = neutral  # type: ignore[method-assign]
+def changed(owner: Any, name: str, value: Any) -> Iterator[None]:
+    """Have something of the engine otherwise for a while."""
+    kept = getattr(owner, name)
+    setattr(owner, name, value)
     try:
         yield
     finally:
-        following._Frames.problem = kept  # type: ignore[method-assign]
+        setattr(owner, name, kept)
+
+
+_problem = following._Frames.problem
+
+
+def _seen_from_neutral(frames: following._Frames, frame: int, _seen_from: Array) -> PoseProblem:
+    return _problem(frames, frame, frames.start)
+
+
+def _plain_metric(model: FaceModel, smoothness: float, rate: float) -> Array:
+    plain = model.subspace.directions.T @ model.gram @ model.subspace.directions
+    return smoothness * (rate / RATE) ** 3 / CHANGE**2 / float(np.diag(plain) @ model.subspace.variances) * plain
 
 
 def shown(name: str, found: dict[str, float]) -> str:
     """Return a line of the table."""
     cells = [f"{found['error']:.2f}", f"{found['error'] / found['of neutral']:.2f}"]
-    cells += [f"{found['jerk']:.2f}", f"{found['worst']:.2f}"]
+    cells += [f"{found[key]:.2f}" for key in ("jerk", "brow jerk", "worst")]
     return f"| {name} | " + " | ".join(cells) + " |"
 
 
@@ -256,10 +279,11 @@ def study(folder: Path) -> dict[str, Any]:
     for title, chosen in ((f"frames {first} to {first + N_FRAMES - 1}", [lively]), (f"all {len(runs)} runs", runs)):
         truth = cases()[0].run(studied, chosen)
         print(f"\nTake 4, {title}; the neutral face is {truth['of neutral']:.2f} mm off, the truth has")
-        print(f"jerk {truth['jerk of truth']:.2f} and worst {truth['worst of truth']:.2f}\n")
-        print("| | error | of neutral's | jerk | worst |\n| --- | --- | --- | --- | --- |")
+        print(f"jerk {truth['jerk of truth']:.2f}, brow jerk {truth['brow jerk of truth']:.2f}", end=" ")
+        print(f"and worst {truth['worst of truth']:.2f}\n")
+        print("| | error | of neutral's | jerk | brow jerk | worst |\n| --- | --- | --- | --- | --- | --- |")
         result[title] = {}
-        for case in cases():
+        for case in cases() if len(chosen) == 1 else cases()[:6]:
             result[title][case.name] = found = case.run(studied, chosen)
             print(shown(case.name, found), flush=True)
     take = jump_free_runs(replace(setting, recipe=replace(setting.recipe, jump=1e9)), folder / TEST, N_LONG)
@@ -283,15 +307,12 @@ def tune(folder: Path) -> dict[str, Any]:
     result: dict[str, Any] = {}
 
     def row(name: str, **options: Any) -> None:
-        cells = []
-        for noise in (NOISE_PX, 0.0):
-            found = [Case(name, options, noise).run(studied, runs) for studied, runs in folds]
-            result[f"{name}, noise {noise:g}"] = found
-            cells += [f"{fold['error']:.3f}" for fold in found]
-            cells.append(f"{np.sqrt(np.mean([fold['jerk'] ** 2 for fold in found])):.2f}")
+        result[name] = found = [Case(name, options).run(studied, runs) for studied, runs in folds]
+        cells = [f"{fold['error']:.3f}" for fold in found]
+        cells += [f"{np.sqrt(np.mean([fold[key] ** 2 for fold in found])):.2f}" for key in ("jerk", "brow jerk")]
         print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
 
-    print("| | noise: fold 1 | fold 2 | jerk | exact: fold 1 | fold 2 | jerk |\n" + "| --- " * 7 + "|")
+    print("| | error: fold 1 | fold 2 | jerk | brow jerk |\n| --- | --- | --- | --- | --- |")
     for smoothness in (0.0, 0.1, 0.3, 1.0, 3.0):
         row(f"smoothness {smoothness:g}", smoothness=smoothness)
     for smoothness in (0.03, 0.1, 0.3):
@@ -300,9 +321,12 @@ def tune(folder: Path) -> dict[str, Any]:
         row(f"prior weight {weight:g}", prior_weight=weight)
     row("prior whole", prior="whole")
     row("prior plain", prior="plain")
-    with seen_from_neutral():
+    with changed(following, "_HOMEWARD", 0.0):
+        row("prior seen from the frame before alone")
+    with changed(following._Frames, "problem", _seen_from_neutral):
         row("prior seen from the neutral face")
-        row("the same, whole", prior="whole")
+    with changed(following, "smoothness_metric", _plain_metric):
+        row("smoothness of vertices alone")
     return result
 
 
