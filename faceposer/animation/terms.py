@@ -10,7 +10,7 @@ from faceposer.solve.term import Array, PoseState, ResidualTerm
 
 #: How far a face changes its velocity from one frame to the next at 30 frames per second, as a share of how far
 #: expressions are from their mean: the standard deviation of the change where smoothness is 1.
-CHANGE = 0.06
+CHANGE = 0.045
 _USUAL_RATE = 30.0
 
 
@@ -76,12 +76,17 @@ class SmoothnessTerm:
 def smoothness_metric(model: FaceModel, smoothness: float, rate: float) -> Array:
     """Return M, (r, r), for which d^T M d is the cost of a change d of velocity from one frame to the next.
 
-    d^T M d = smoothness (rate / 30)^3 mean_i |dx_i|^2 / (CHANGE^2 mean_i E|x_i - E x_i|^2), with the means over all
-    vertices i. It costs the same for any mesh. Taken relative to the size of the face's expressions it is the same for
-    large and small faces, and for heads with much or little that never moves; the power of the rate is that of an
-    acceleration that is white noise, so that the smoothness in time does not depend on the rate.
+    d^T M d = smoothness (rate / 30)^3 / CHANGE^2 * (mean_i |dx_i|^2 / mean_i E|x_i - E x_i|^2 + the same weighted) / 2,
+    with means over all vertices i, the second ones weighted as in the PCA: by area, relative to how far a place moves
+    at all. The plain mean, the paper's, is of the jaw and the lips alone, and leaves jitter to brows and lids.
+
+    Relative to the size of the face's expressions the cost is the same for large and small faces, for heads with much
+    or little that never moves, and for any mesh. The power of the rate is that of an acceleration that is white noise,
+    so that the smoothness in time does not depend on the rate.
     """
-    gram = model.subspace.directions.T @ model.gram @ model.subspace.directions
-    size = float(np.diag(gram) @ model.subspace.variances)
-    metric: Array = smoothness * (rate / _USUAL_RATE) ** 3 / (CHANGE**2 * size) * gram
+    plain = model.subspace.directions.T @ model.gram @ model.subspace.directions
+    variances = model.subspace.variances
+    # In the metric of the PCA the basis is orthonormal.
+    relative = plain / float(np.diag(plain) @ variances) + np.eye(len(plain)) / float(variances.sum())
+    metric: Array = 0.5 * smoothness * (rate / _USUAL_RATE) ** 3 / CHANGE**2 * relative
     return metric

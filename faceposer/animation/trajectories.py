@@ -1,5 +1,6 @@
 """Where a few points of a face were, frame by frame: what a face is to follow (Lau et al. 2009, section 7)."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -8,8 +9,14 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoints
+from faceposer.solve.constraints.fixed import PX_PER_CM
 
 Array = NDArray[np.float64]
+
+# A position is held against those of so many frames, and jumps if it is that many times as far off as they usually are.
+_AROUND, _JUMP = 7, 4.0
+# No less than this is a jump, in pixels.
+_LEAST_JUMP_PX = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +78,26 @@ class Trajectories:
         if self.weights is None:
             return np.ones(len(self.points))
         return self.weights if self.weights.ndim == 1 else self.weights[frame]
+
+    def without_jumps(self) -> tuple["Trajectories", int]:
+        """Return the trajectories without positions that jump away for a frame or two, and how many were left out.
+
+        A position goes where it is farther from the median of its point over the frames around it than these usually
+        are (Hampel 1974), and farther than noise and fast movements of a face take it.
+        """
+        half = _AROUND // 2
+        padded = np.pad(self.positions, ((half, half), (0, 0), (0, 0)), constant_values=np.nan)
+        around = np.lib.stride_tricks.sliding_window_view(padded, _AROUND, axis=0)
+        with warnings.catch_warnings():
+            # A point that is not seen for so long has no median, and no position to leave out.
+            warnings.simplefilter("ignore", RuntimeWarning)
+            medians = np.nanmedian(around, axis=3)
+            spread = np.nanmedian(np.linalg.norm(around - medians[..., None], axis=2), axis=2)
+        off = np.linalg.norm(self.positions - medians, axis=2)
+        least = _LEAST_JUMP_PX / (PX_PER_CM if self.camera is None else 1.0)
+        jumps = off > np.maximum(_JUMP * spread, least)
+        positions = np.where(jumps[:, :, None], np.nan, self.positions)
+        return replace(self, positions=positions), int(jumps.sum())
 
     def subset(self, names: Sequence[str]) -> "Trajectories":
         """Return the trajectories of the points ``names``, in this order.

@@ -34,6 +34,9 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--camera", type=Path, metavar="JSON", help="camera of trajectories in a picture")
     parser.add_argument("--markers", type=Path, metavar="JSON", help="marker map: where on the face each point is")
     parser.add_argument("--points", type=_names, metavar="A,B", help="points to follow (default: all)")
+    parser.add_argument(
+        "--keep-jumps", action="store_true", help="also follow positions that jump away for a frame or two"
+    )
     parser.add_argument("--rate", type=_positive, metavar="FPS", help="frames per second (default: as the file says)")
     parser.add_argument(
         "--smoothness", type=_weight, metavar="W", default=1.0, help="weight of changes of velocity (default: 1)"
@@ -66,6 +69,9 @@ def run(options: argparse.Namespace) -> int:
         points=options.points,
         rate=options.rate,
     )
+    jumps = 0
+    if not options.keep_jumps:
+        trajectories, jumps = trajectories.without_jumps()
     n_frames = len(trajectories)
     line = _ProgressLine()
     try:
@@ -81,8 +87,9 @@ def run(options: argparse.Namespace) -> int:
         line.clear()
     _write(options.output, model, performance)
     blind = int((~trajectories.seen.any(axis=1)).sum())
-    gaps = f", {blind} of them without any point" if blind else ""
-    print(f"{options.output} written: {n_frames} frames at {performance.rate:g} per second{gaps}")
+    remarks = f", {blind} of them without any point" if blind else ""
+    remarks += f"; jumps left out: {jumps}" if jumps else ""
+    print(f"{options.output} written: {n_frames} frames at {performance.rate:g} per second{remarks}")
     return 0
 
 

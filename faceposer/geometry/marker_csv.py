@@ -182,7 +182,8 @@ def _table(layout: _Layout, lines: Iterator[tuple[int, list[str]]], path: Path) 
         raise FacePoserError(f"The table '{path}' has no frame below its header; export it again.")
     steps = np.diff(np.array(times)[np.isfinite(times)])
     step = float(np.median(steps)) if len(steps) else 0.0
-    rate = 1.0 / step if step > 0.0 else layout.rate
+    # Times are rounded, so that one step tells less than all; a longer one has left out frames.
+    rate = float(np.rint(steps / step).sum() / steps.sum()) if step > 0.0 and steps.min() > 0.0 else layout.rate
     n_axes = len(layout.columns[names[0]]) if names else len(_AXES)
     return MarkerTable(names, np.array(frames).reshape(len(frames), len(names), n_axes), rate, unit.strip("\0"))
 

@@ -51,7 +51,6 @@ class PoseProblem:
         mixture: GaussianMixture | None = None,
         prior: Prior = "regions",
         evidence: Sequence[ResidualTerm] = (),
-        others: Sequence[Term] = (),
     ) -> None:
         """Gather the problem.
 
@@ -65,7 +64,6 @@ class PoseProblem:
             prior: Whether the model's own density judges region by region, the face as a whole, or, without regard to
                 the start and the bounds, as it was learned ("plain", the paper's).
             evidence: Terms that tell of the face as constraints do, but are none, such as points tracked in a film.
-            others: Terms that do not, such as that faces change smoothly.
 
         Raises:
             ValueError: If a constraint names a place that the face does not have.
@@ -89,7 +87,7 @@ class PoseProblem:
                 self.terms += terms
                 # Where the eyes look tells nothing of the face.
                 pulls += terms if kind is not GazeConstraint else []
-        self.terms += [*evidence, *others]
+        self.terms += evidence
         if mixture is None and prior == "plain":
             mixture = model.mixture
         # Nothing pulls: seen from the start, the start is the least of all energies.
