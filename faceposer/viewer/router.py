@@ -54,7 +54,9 @@ class Router:
         if app.toolbox.active:
             self._hovered = None
             return
-        inside = pointer is not None and pointer.kind != "leave" and self._owner is None and self._in_view(pointer)
+        # What lies under the pointer is not asked for while it changes by itself with every frame.
+        rests = self._owner is None and not app.features.busy
+        inside = pointer is not None and rests and pointer.kind != "leave" and self._in_view(pointer)
         state = (pointer, inside, app.session, app.session.revision, app.viewport.view, app.viewport.size)
         if state == self._hovered:
             return

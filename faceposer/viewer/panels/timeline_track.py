@@ -1,25 +1,26 @@
 """Ruler and keys of the timeline: where each frame is, and what the mouse does there."""
 
-import itertools
 import math
-import statistics
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
 from imgui_bundle import imgui
+from numpy.typing import NDArray
 
 from faceposer.viewer.theme import ACCENT, BAR, EDGE, FAINT, INK, KEYED, em, u32
 
 if TYPE_CHECKING:
     from faceposer.viewer.timeline import Timeline
 
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
 _STEPS = (1, 2, 5, 10, 20, 25, 50, 100, 200, 250, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000)
 _RULER, _KEYS = 1.5, 1.9
 # Pixels at normal density: from where a press is a drag, how far from a key it still means it, a diamond's half width.
 _DRAG, _REACH, _SIZE = 3.0, 7.0, 6.0
 _FEWEST_FRAMES = 8.0
-# Whether a key is selected, and whether it is played.
-_FLAGS = ((False, False), (False, True), (True, False), (True, True))
 _ZOOM = 1.2
 
 
@@ -154,31 +155,39 @@ class Track:
 
     def _draw_keys(self, draw: imgui.ImDrawList, scale: float) -> None:
         timeline = self._timeline
-        selected, by = timeline.selected, self._shift()
         low, high = self._seen
         spacing = self._width / (high - low)
-        reach = _SIZE / spacing
-        frames = [frame for frame in timeline.keyframes.frames if low - reach <= frame <= high + reach]
-        gaps = [b - a for a, b in itertools.pairwise(frames)]
-        gap = statistics.median(gaps) if gaps else high
+        reach = _SIZE * scale / spacing
+        frames = np.array(timeline.keyframes.frames, dtype=np.float64)
+        frames = frames[(frames >= low - reach) & (frames <= high + reach)]
+        chosen, by = np.isin(frames, list(timeline.selected)), self._shift()
+        gap = float(np.median(np.diff(frames))) if len(frames) > 1 else high
         size = min(max(gap * spacing / 2.0, 2.5 * scale), _SIZE * scale)
-        resting = [frame for frame in frames if frame not in selected or by == 0 or self._held("ctrl")]
-        marks = [(frame, frame in selected and by == 0) for frame in resting]
-        marks += [(frame + by, True) for frame in frames if frame in selected and by != 0]
-        self._draw_diamonds(draw, marks, size, scale)
+        if by == 0:
+            self._draw_diamonds(draw, frames, chosen, size, scale)
+            return
+        resting = frames if self._held("ctrl") else frames[~chosen]
+        shown = np.concatenate([resting, frames[chosen] + by])
+        self._draw_diamonds(draw, shown, np.arange(len(shown)) >= len(resting), size, scale)
 
-    def _draw_diamonds(self, draw: imgui.ImDrawList, marks: list[tuple[int, bool]], size: float, scale: float) -> None:
-        """Draw the keys ``marks``, frames and whether they are selected; of those on one pixel, one."""
-        length, y = self._timeline.keyframes.length, round(self.place(0)[1]) + 0.5
-        colours = {flags: u32(KEYED if flags[0] else INK, 1.0 if flags[1] else 0.4) for flags in _FLAGS}
-        places = {(round(self.x_of(frame)) + 0.5, (lit, frame < length)): None for frame, lit in marks}
+    def _draw_diamonds(self, draw: imgui.ImDrawList, frames: Array, lit: Bools, size: float, scale: float) -> None:
+        """Draw keys at ``frames``, those that are ``lit`` as selected; of many that fall together, few."""
+        y = round(self.place(0)[1]) + 0.5
+        low, high = self._seen
+        spacing = self._width / (high - low)
+        # Where keys overlap, one each so many pixels looks the same.
+        step = max(round(size), 1) if spacing < size else 1
+        places = np.round((self._left + (frames - low) * spacing) / step).astype(np.int64)
+        inside = frames < self._timeline.keyframes.length
+        codes = np.unique(places * 4 + lit * 2 + inside).tolist()
+        marks = [(code // 4 * step + 0.5, bool(code & 2), bool(code & 1)) for code in codes]
         # The edges of all come first: keys at each frame would hide one another.
-        for x, (lit, _) in places:
-            if lit:
+        for x, selected, _ in marks:
+            if selected:
                 _diamond(draw, x, y, size + 3.0 * scale, u32(KEYED, 0.35))
             _diamond(draw, x, y, size + 1.5 * scale, u32(EDGE))
-        for x, flags in places:
-            _diamond(draw, x, y, size, colours[flags])
+        for x, selected, played in marks:
+            _diamond(draw, x, y, size, u32(KEYED if selected else INK, 1.0 if played else 0.4))
 
     def _draw_playhead(self, draw: imgui.ImDrawList, height: float, scale: float) -> None:
         frame = self._timeline.animation.frame
