@@ -81,19 +81,20 @@ class Document:
         return replace(self, constraints=(*self.constraints[:index], constraint, *self.constraints[index + 1 :]))
 
     def same_input(self, other: "Document") -> bool:
-        """Whether both ask for the same face and the same animation, at whatever frame of it.
-
-        Subject, constraints, prior weight and keys agree, and so do the poses to start from unless both follow from
-        the keys.
-        """
-        ours = (self.subject, self.constraints, self.prior_weight, self.prior)
-        if ours != (other.subject, other.constraints, other.prior_weight, other.prior):
-            return False
-        if self.keyframes is not other.keyframes and not (
+        """Whether both hold the same work: the same animation, at whatever frame of it, and the same face otherwise."""
+        keys = self.keyframes is other.keyframes or (
             self.keyframes is not None and self.keyframes.same(other.keyframes)
-        ):
-            return False
-        return (self.animated and other.animated) or _same(self.start, other.start)
+        )
+        # What the animation has at two frames differs, and is no work.
+        mine = replace(self, start=other.start) if self.animated and other.animated else self
+        return keys and mine.same_face(other)
+
+    def same_face(self, other: "Document") -> bool:
+        """Whether both ask for the same face: subject, constraints and prior weight agree."""
+        ours = (self.subject, self.constraints, self.prior_weight, self.prior)
+        return ours == (other.subject, other.constraints, other.prior_weight, other.prior) and _same(
+            self.start, other.start
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Return the document as its file has it."""

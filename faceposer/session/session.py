@@ -171,7 +171,7 @@ class Session:
         """
         if not self._editing:
             raise RuntimeError("documents are replaced inside an edit")
-        solved = self._document.solved and document.same_input(self._document)
+        solved = self._document.solved and document.same_face(self._document)
         self._document = replace(document, solved=solved)
         self.revision += 1
         self._follow()
