@@ -1,7 +1,8 @@
 """The timeline and trajectories in the window, driven by pointer and keys alone."""
 
 import json
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,9 @@ import numpy as np
 import pytest
 
 from faceposer.animation.keyframes import Keyframes
+from faceposer.animation.smoothing import FollowingStopped
 from faceposer.interchange.weights_json import write_weights
+from faceposer.model.face_model import FaceModel
 from faceposer.session.document import read_document
 from faceposer.viewer.animation_files import AnimationFiles
 from faceposer.viewer.app import App
@@ -387,3 +390,40 @@ def test_trajectories_of_a_file_become_the_animation(robot: Robot, tmp_path: Pat
     app.features[AnimationFiles].open_trajectories(path)
     assert app.dialogs.open
     assert app.features[Following].job is None
+
+
+def test_a_long_solve_shows_how_far_it_is_and_can_be_cancelled(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    app = robot.app
+    following = app.features[Following]
+    animate(robot)
+    robot.key("J")
+    draw(robot, CORNER, 10, -10, 20)
+
+    def slow(
+        model: FaceModel,
+        _trajectories: object,
+        *,
+        on_frame: Callable[[int, object], None],
+        should_stop: Callable[[], bool],
+        **_options: object,
+    ) -> None:
+        on_frame(4, model.neutral())
+        while not should_stop():
+            time.sleep(0.005)
+        raise FollowingStopped
+
+    monkeypatch.setattr("faceposer.animation.following.follow", slow)
+    robot.click_widget("follow")
+    while "following:cancel" not in app.marks:
+        robot.frames()
+    assert app.covered
+    assert following.progress.startswith("Frame 6 of")
+    label = app.session.undo_label
+    robot.key("R")
+    assert app.session.undo_label == label, "nothing else is done meanwhile"
+    robot.click_widget("following:cancel")
+    settle(robot)
+    robot.frames(3)
+    assert not app.covered
+    assert not app.dialogs.open
+    assert frames(robot) == (0, 14, 29)
