@@ -28,7 +28,7 @@ class MarkerTable:
 
     Attributes:
         names: The markers' names, M of them.
-        positions: NaN where blank, shape (F, M, 3).
+        positions: NaN where blank, shape (F, M, 3), or (F, M, 2) of a table of pixels.
         rate: Frames per second, or None.
         unit: The name of the unit, or "".
     """
@@ -41,7 +41,7 @@ class MarkerTable:
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """Where the table has what: three columns for each name, and how long its lines are."""
+    """Where the table has what: a column for each axis of each name, and how long its lines are."""
 
     columns: dict[str, list[int]]
     width: int
@@ -51,8 +51,12 @@ class _Layout:
     time: int | None = None
 
 
-def parse_marker_csv(path: Path) -> MarkerTable:
+def parse_marker_csv(path: Path, pixels: bool = False) -> MarkerTable:
     """Return the table in the file ``path``.
+
+    Args:
+        path: The file.
+        pixels: Whether it may be a plain table of pixels, with x and y alone.
 
     Raises:
         OSError: If the file cannot be opened.
@@ -66,7 +70,7 @@ def parse_marker_csv(path: Path) -> MarkerTable:
             preamble: list[list[str]] = []
             for number, cells in lines:
                 stripped = [cell.strip() for cell in cells]
-                layout = _layout(stripped, preamble, path, number)
+                layout = _layout(stripped, preamble, path, number, pixels)
                 if layout is not None:
                     return _table(layout, lines, path)
                 preamble.append(stripped)
@@ -79,7 +83,7 @@ def parse_marker_csv(path: Path) -> MarkerTable:
     )
 
 
-def _layout(cells: list[str], preamble: list[list[str]], path: Path, number: int) -> _Layout | None:
+def _layout(cells: list[str], preamble: list[list[str]], path: Path, number: int, pixels: bool) -> _Layout | None:
     """Return how the table is laid out if ``cells`` are the last line of its header."""
     lower = [cell.lower() for cell in cells]
     if lower[:1] == ["frame"] and lower.count("x") > 0:
@@ -95,12 +99,13 @@ def _layout(cells: list[str], preamble: list[list[str]], path: Path, number: int
             if places[axis] >= 0:
                 raise FacePoserError(f"Line {number} of '{path}' names the column {cell} twice; keep one.")
             places[axis] = column
+    if pixels and all(places[2] < 0 for places in columns.values()):
+        columns = {name: places[:2] for name, places in columns.items()}
     for name, places in columns.items():
         if -1 in places:
             lacking = _AXES[places.index(-1)]
-            raise FacePoserError(
-                f"Line {number} of '{path}' has no column {name}.{lacking}; a marker needs x, y and z."
-            )
+            wanted = "x, y and z" if len(places) == 3 else "x and y"
+            raise FacePoserError(f"Line {number} of '{path}' has no column {name}.{lacking}; a marker needs {wanted}.")
     if not columns:
         return None
     return _Layout(columns, len(cells), cells, time=lower.index("time") if "time" in lower else None)
@@ -177,8 +182,10 @@ def _table(layout: _Layout, lines: Iterator[tuple[int, list[str]]], path: Path) 
         raise FacePoserError(f"The table '{path}' has no frame below its header; export it again.")
     steps = np.diff(np.array(times)[np.isfinite(times)])
     step = float(np.median(steps)) if len(steps) else 0.0
-    rate = 1.0 / step if step > 0.0 else layout.rate
-    return MarkerTable(names, np.array(frames).reshape(len(frames), len(names), 3), rate, unit.strip("\0"))
+    # Times are rounded, so that one step tells less than all; a longer one has left out frames.
+    rate = float(np.rint(steps / step).sum() / steps.sum()) if step > 0.0 and steps.min() > 0.0 else layout.rate
+    n_axes = len(layout.columns[names[0]]) if names else len(_AXES)
+    return MarkerTable(names, np.array(frames).reshape(len(frames), len(names), n_axes), rate, unit.strip("\0"))
 
 
 def _coordinate(cell: str, name: str, path: Path, number: int) -> float:

@@ -1,8 +1,8 @@
 """Which marker sits where on a mesh: a JSON file written by hand."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,10 @@ class MarkerMap:
     fixed: tuple[str, ...] = ()
     neutral_frame: int | None = None
     source: Path = Path("marker map")
+
+    def subset(self, names: Sequence[str]) -> "MarkerMap":
+        """Return the map of the markers ``names`` alone, in this order."""
+        return replace(self, places={name: self.places[name] for name in names})
 
     def surface_points(
         self, vertices: Floats, triangles: Ints, feature_points: Mapping[str, int] | None = None

@@ -102,28 +102,52 @@ def meshes_from_markers(
         FacePoserError: If the map does not fit the motion or the mesh.
     """
     source = marker_map.source
-    for name in (*marker_map.places, *marker_map.fixed):
-        if name not in motion.names:
-            known = ", ".join(motion.names[:5]) + (", ..." if len(motion.names) > 5 else "")
-            raise FacePoserError(f"The marker map '{source}' has {name}, which is no marker of the motion ({known}).")
+    check_names(motion, marker_map)
     points = marker_map.surface_points(vertices, triangles, feature_points)
     try:
         deformer = MarkerDeformer(vertices, triangles, points)
     except ValueError as error:
         raise FacePoserError(f"The marker map '{source}' cannot be used: {error}; move one.") from None
 
+    still, report = displacements_of_markers(motion, marker_map, deformer.places)
+    return MarkerMeshes(deformer, still[np.array(report.used, dtype=np.intp)], report)
+
+
+def displacements_of_markers(
+    motion: MarkerMotion, marker_map: MarkerMap, places: Array, find_held: bool = True
+) -> tuple[Array, MarkerReport]:
+    """Return how the mapped markers move on a mesh from the neutral frame on, with the head at rest.
+
+    Args:
+        motion: The markers, in any units and orientation.
+        marker_map: Which of them lie where.
+        places: Where that is on the mesh at rest, shape (H, 3).
+        find_held: Whether the least moving markers stand for bone if the map names none; else the head is taken to
+            be at rest then.
+
+    Returns:
+        Displacements in all frames, shape (F, H, 3), NaN where unknown; and what became of the motion.
+
+    Raises:
+        FacePoserError: If the map does not fit the motion or the places.
+    """
+    source = marker_map.source
+    check_names(motion, marker_map)
     motion, gaps_filled = fill_gaps(motion)
     mapped = np.array([motion.names.index(name) for name in marker_map.places])
     fixed = np.array([motion.names.index(name) for name in marker_map.fixed], dtype=np.intp)
     neutral = _neutral_frame(motion, marker_map, np.concatenate([mapped, fixed]))
     reference = motion.positions[neutral]
-    candidates = np.flatnonzero(motion.seen[neutral])
-    held = fixed if len(fixed) else _least_moving(motion.positions[:, candidates], reference[candidates], candidates)
-    if not determines_rotation(reference[held]):
-        raise FacePoserError(f"The markers that hold the head in '{source}' are on a line; name others as fixed.")
-    still, can_hold = _at_rest(motion.positions, reference, held)
+    held = fixed
+    if not len(fixed) and find_held:
+        candidates = np.flatnonzero(motion.seen[neutral])
+        held = _least_moving(motion.positions[:, candidates], reference[candidates], candidates)
+    still, can_hold = motion.positions, np.ones(len(motion.positions), dtype=bool)
+    if len(held):
+        if not determines_rotation(reference[held]):
+            raise FacePoserError(f"The markers that hold the head in '{source}' are on a line; name others as fixed.")
+        still, can_hold = _at_rest(motion.positions, reference, held)
 
-    places = deformer.places
     if not (determines_rotation(reference[mapped]) and determines_rotation(places)):
         raise FacePoserError(f"The markers in '{source}' are fewer than three, or all on a line; map more of them.")
     fit = rigid_alignment(reference[mapped], places, scale=True)
@@ -135,7 +159,6 @@ def meshes_from_markers(
         )
     seen = np.asarray(np.isfinite(still[:, mapped]).all(axis=2))
     used = np.flatnonzero(can_hold & (seen.mean(axis=1) >= 1.0 - MOST_MISSING))
-    displacements = fit.apply_to_directions(still[used][:, mapped] - reference[mapped])
     report = MarkerReport(
         n_frames=len(motion.positions),
         used=tuple(int(frame) for frame in used),
@@ -147,7 +170,17 @@ def meshes_from_markers(
         scale=float(fit.scale),
         misfit=misfit,
     )
-    return MarkerMeshes(deformer, displacements, report)
+    return fit.apply_to_directions(still[:, mapped] - reference[mapped]), report
+
+
+def check_names(motion: MarkerMotion, marker_map: MarkerMap) -> None:
+    """Raise ``FacePoserError`` unless all markers of the map are some of the motion."""
+    for name in (*marker_map.places, *marker_map.fixed):
+        if name not in motion.names:
+            known = ", ".join(motion.names[:5]) + (", ..." if len(motion.names) > 5 else "")
+            raise FacePoserError(
+                f"The marker map '{marker_map.source}' has {name}, which is no marker of the motion ({known})."
+            )
 
 
 def _neutral_frame(motion: MarkerMotion, marker_map: MarkerMap, needed: NDArray[np.intp]) -> int:

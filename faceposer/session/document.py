@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from faceposer.animation.keyframes import LONGEST, Keyframes
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
@@ -42,6 +43,10 @@ class Document:
         solved: Whether the pose is what the constraints ask for, or they still wait to be solved.
         camera: The view under which the document was last seen, or None.
         photos: That the face is posed after; their paths are like that of the subject.
+        keyframes: The animation, or None without one.
+        frame: The frame of the animation that is shown, counted from 0.
+        animated: Whether the pose and the start are just what the animation has at that frame, so that there is
+            nothing to lose in going to another one.
     """
 
     subject: str
@@ -53,27 +58,40 @@ class Document:
     solved: bool = True
     prior: Prior = "regions"
     photos: tuple[Photo, ...] = ()
+    keyframes: Keyframes | None = None
+    frame: int = 0
+    animated: bool = False
 
     def posed(self, coefficients: ArrayLike) -> "Document":
         """Return the document with the pose that was solved for it, shape (r,)."""
         pose = np.array(coefficients, dtype=np.float64)
         pose.setflags(write=False)
-        return replace(self, coefficients=pose, solved=True)
+        return replace(self, coefficients=pose, solved=True, animated=False)
+
+    def animated_at(self, frame: int, coefficients: ArrayLike) -> "Document":
+        """Return the document at ``frame`` with the pose, shape (r,), that its animation has there, unconstrained."""
+        document = replace(self, constraints=(), frame=frame).starting_from(coefficients).posed(coefficients)
+        return replace(document, animated=True)
 
     def starting_from(self, start: ArrayLike | None) -> "Document":
         """Return the document with another pose to start from, shape (r,); None for the neutral face."""
         pose = None if start is None else np.array(start, dtype=np.float64)
         if pose is not None:
             pose.setflags(write=False)
-        return replace(self, start=pose)
+        return replace(self, start=pose, animated=False)
 
     def with_constraint(self, index: int, constraint: Constraint) -> "Document":
         """Return the document with constraint ``index`` exchanged."""
         return replace(self, constraints=(*self.constraints[:index], constraint, *self.constraints[index + 1 :]))
 
     def same_input(self, other: "Document") -> bool:
-        """Whether both hold the same work: they ask for the same face and have the same photos."""
-        return self.photos == other.photos and self.same_face(other)
+        """Whether both hold the same work: photos, the animation at whatever frame, and else the same face."""
+        keys = self.keyframes is other.keyframes or (
+            self.keyframes is not None and self.keyframes.same(other.keyframes)
+        )
+        # What the animation has at two frames differs, and is no work.
+        mine = replace(self, start=other.start) if self.animated and other.animated else self
+        return keys and self.photos == other.photos and mine.same_face(other)
 
     def same_face(self, other: "Document") -> bool:
         """Whether both ask for the same face: subject, constraints and prior weight agree."""
@@ -101,6 +119,8 @@ class Document:
             data["camera"] = codec.camera_to_json(self.camera)
         if self.photos:
             data["photos"] = [photo.to_json() for photo in self.photos]
+        if self.keyframes is not None:
+            data["animation"] = {"frame": self.frame, **self.keyframes.to_json()}
         return data
 
     @classmethod
@@ -118,7 +138,7 @@ class Document:
         codec.check_keys(
             data,
             {"format", "version", "subject", "constraints"},
-            {"prior_weight", "prior", "coefficients", "start", "camera", "photos"},
+            {"prior_weight", "prior", "coefficients", "start", "camera", "photos", "animation"},
             "the session",
         )
         if not isinstance(data["subject"], str) or not data["subject"]:
@@ -143,7 +163,16 @@ class Document:
             document = document.posed(_pose_from_json(data["coefficients"], "coefficients"))
             if not entries and "start" not in data:
                 document = replace(document, start=document.coefficients)
-        return document
+        return document._with_animation(data["animation"]) if "animation" in data else document
+
+    def _with_animation(self, data: Any) -> "Document":
+        if not isinstance(data, dict):
+            raise FacePoserError("animation must be an object with the keys 'keys', 'length', 'rate'.")
+        frame = codec.index_from_json(data.get("frame", 0), "animation.frame")
+        if frame >= LONGEST:
+            raise FacePoserError(f"animation.frame must be below {LONGEST}, not {frame}.")
+        keys = {name: value for name, value in data.items() if name != "frame"}
+        return replace(self, keyframes=Keyframes.from_json(keys, "animation"), frame=frame)
 
     def resolved(self, model: FaceModel) -> "Document":
         """Return the document with all that its file leaves out looked up on the face that editing starts from.
@@ -151,7 +180,10 @@ class Document:
         Raises:
             FacePoserError: If the constraints or the pose do not fit the face.
         """
-        for name, pose in (("coefficients", self.coefficients), ("start", self.start)):
+        keys = () if self.keyframes is None else self.keyframes.keys
+        poses = [("coefficients", self.coefficients), ("start", self.start)]
+        poses += [(f"animation.keys[{i}].coefficients", key.pose) for i, key in enumerate(keys)]
+        for name, pose in poses:
             if pose is not None and len(pose) != model.n_coefficients:
                 raise FacePoserError(
                     f"{name} has {len(pose)} numbers where the subject '{self.subject}' has "

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
+from faceposer.session.animating import Animating
 from faceposer.session.document import Document, path_from, subject_from, write_document
 from faceposer.session.history import History
 from faceposer.session.solver_worker import InlineWorker, Job, Worker
@@ -31,6 +32,9 @@ class Session:
 
     In the mode "live" every change is solved as it happens (the paper's dragging mode); in "apply" the user asks for
     the solve (its "click done" mode).
+
+    Attributes:
+        animation: What is done with the keys of the document.
     """
 
     def __init__(
@@ -61,6 +65,10 @@ class Session:
         self._editing = False
         self._before_edit = document
         self._residuals: tuple[int, tuple[float, ...]] | None = None
+        self.animation = Animating(self)
+        if document.keyframes is not None and document.solved and document.coefficients is not None:
+            self._document = self._saved = self.animation.keyed(document)
+            self._history.amend_head(self._document)
         if document.constraints and document.coefficients is None:
             self._document = replace(document, solved=False)
             self._submit(from_here=False)
@@ -138,6 +146,9 @@ class Session:
         if self._editing:
             raise RuntimeError("an edit is open already")
         before = self._before_edit = self._document
+        if before is not self._history.head and before.same_input(self._history.head):
+            # Another frame is shown than when the last step was done; undo comes back to this one.
+            self._history.amend_head(before)
         self._editing = True
         try:
             yield
@@ -146,6 +157,9 @@ class Session:
             self._show(before)
             raise
         self._editing = False
+        if self._document.coefficients is not before.coefficients:
+            self._document = self.animation.keyed(self._document)
+            self.revision += 1
         if not self._document.same_input(before) or self._document.coefficients is not before.coefficients:
             self._history.commit(label, self._document, merges)
 
@@ -161,6 +175,12 @@ class Session:
         self._document = replace(document, solved=solved)
         self.revision += 1
         self._follow()
+
+    def put(self, document: Document) -> None:
+        """Show ``document``, whose pose is what it asks for or what the present one has, as it is; keep no step."""
+        self.epoch += document.coefficients is not self._document.coefficients
+        self._document = document
+        self.revision += 1
 
     def restore(self) -> None:
         """Return to the document from before the open edit, which then leaves no trace in the history.
@@ -310,9 +330,10 @@ class Session:
         assert result.solution is not None
         self.solution = result.solution
         self._document = self._document.posed(result.solution.coefficients)
-        self.revision += 1
         if not self._editing:
+            self._document = self.animation.keyed(self._document)
             self._history.amend_head(self._document)
+        self.revision += 1
         return True
 
     def wait(self, timeout: float = 10.0) -> None:

@@ -50,6 +50,7 @@ class PoseProblem:
         prior_weight: float = 1.0,
         mixture: GaussianMixture | None = None,
         prior: Prior = "regions",
+        evidence: Sequence[ResidualTerm] = (),
     ) -> None:
         """Gather the problem.
 
@@ -62,6 +63,7 @@ class PoseProblem:
                 density seen from the start, with bounds on the rig's weights.
             prior: Whether the model's own density judges region by region, the face as a whole, or, without regard to
                 the start and the bounds, as it was learned ("plain", the paper's).
+            evidence: Terms that tell of the face as constraints do, but are none, such as points tracked in a film.
 
         Raises:
             ValueError: If a constraint names a place that the face does not have.
@@ -76,7 +78,7 @@ class PoseProblem:
                 self.start = constraint.moved_start(model, self.start)
         self._anchored, slots = gather(model, self.constraints)
         self.terms: list[Term] = [Ridge(self.start, _RIDGE / model.subspace.variances.clip(1e-9))]
-        pulls: list[Term] = []
+        pulls: list[Term] = list(evidence)
         for kind in CONSTRAINTS.values():
             chosen = [i for i, c in enumerate(self.constraints) if isinstance(c, kind) and c.enabled and c.weight > 0]
             if chosen:
@@ -85,6 +87,7 @@ class PoseProblem:
                 self.terms += terms
                 # Where the eyes look tells nothing of the face.
                 pulls += terms if kind is not GazeConstraint else []
+        self.terms += evidence
         if mixture is None and prior == "plain":
             mixture = model.mixture
         # Nothing pulls: seen from the start, the start is the least of all energies.

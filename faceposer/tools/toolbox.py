@@ -18,6 +18,7 @@ from faceposer.tools.point_tool import PointTool, shifted
 from faceposer.tools.stroke_tool import StrokeTool
 from faceposer.tools.symmetry import Mirroring
 from faceposer.tools.tool import Button, Gesture, Hover, PointerEvent, PosingTool, Tool, ToolContext, Workbench
+from faceposer.tools.trajectory_tool import TrajectoryTool
 
 
 class Toolbox:
@@ -35,6 +36,7 @@ class Toolbox:
         self.curve_tool = CurveTool(self.bench)
         self.fix_tool = FixTool(self.bench)
         self.gaze_tool = GazeTool(self.bench)
+        self.trajectory_tool = TrajectoryTool(self.bench)
         everything: tuple[PosingTool, ...] = (
             self.point_tool,
             self.distance_tool,
@@ -42,6 +44,7 @@ class Toolbox:
             self.curve_tool,
             self.fix_tool,
             self.gaze_tool,
+            self.trajectory_tool,
         )
         self.tools: dict[str, PosingTool] = {tool.name: tool for tool in everything}
         # It sets pins on photos, not constraints: only with a photo it is of use.
@@ -241,7 +244,7 @@ class Toolbox:
     def _handle_under(self, position: tuple[float, float]) -> int | None:
         """Return the constraint whose handle a press at ``position`` would take, or None."""
         context, chosen = self._context, self.chosen
-        if chosen is self.photo_tool or chosen in (self.stroke_tool, self.fix_tool):
+        if chosen in (self.stroke_tool, self.fix_tool, self.trajectory_tool) or chosen is self.photo_tool:
             return None
         if chosen in (self.point_tool, self.gaze_tool):
             press = PointerEvent("press", position, "left")

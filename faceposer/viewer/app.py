@@ -102,7 +102,7 @@ class App:
         self.dialogs = Dialogs(self.gui.fonts, self.marks)
         self.file_dialogs = FileDialogs(self.gui.fonts, self.marks, use_native=False if hidden else None)
         self.files = Files(self)
-        self.importing, self.import_dialog = Importing(self, self._wake), ImportDialog()
+        self.importing, self.import_dialog = Importing(self, self.wake), ImportDialog()
         self.recovery = Recovery(self, self.remembers if journal is None else journal)
         self.toolbox = Toolbox(self.viewport)
         self.palette, self.guide = Palette(), GuideCard(self.settings)
@@ -271,9 +271,10 @@ class App:
 
     def new_worker(self) -> Worker:
         """Return what solves for a session."""
-        return SolverWorker(on_result=self._wake) if self._threaded else InlineWorker()
+        return SolverWorker(on_result=self.wake) if self._threaded else InlineWorker()
 
-    def _wake(self) -> None:
+    def wake(self) -> None:
+        """End the sleep of the loop; may be called from any thread."""
         if self._window is not None:
             self._window.wake()
 
@@ -340,6 +341,7 @@ class App:
     def before_press(self) -> None:
         """Prepare for a press on the view: a value being typed is done, and one poses what one sees."""
         self.slider_edit.let_go()
+        self.features.before_press()
         if self.comparing:
             self.comparing = False
             self.scene.set_pose(self.session.coefficients)

@@ -33,6 +33,7 @@ _TOOLS = (
     ("curve", "Curve", "K", "Click a curve on the face and drag its points"),
     ("fix", "Fix", "H", "Hold vertices where they are"),
     ("gaze", "Gaze", "G", "Let both eyes follow a handle"),
+    ("trajectory", "Trajectories", "J", "Draw the ways of points over time, which the face then follows"),
 )
 
 _IMPORT = "Make a character of your own from a rig, from example meshes or from the motion of markers"
@@ -82,12 +83,13 @@ class Commands:
         self._app.toolbox.nudge(dx, dy)
 
     def delete_selected(self) -> None:
-        """Remove the selected points."""
+        """Remove the selected pin of a photo, or the selected points and what else is selected."""
         if self.pin_selected:
             photo_tool = self._app.toolbox.photo_tool
             photo_tool.remove(photo_tool.selected or 0, self._app.viewport)
         else:
             self._app.toolbox.delete_selected()
+            self._app.features.delete_selected()
 
     @property
     def pin_selected(self) -> bool:
@@ -202,6 +204,11 @@ def _tool_actions(app: "App", do: Commands, free: Callable[[], bool]) -> list[Ac
     return [*tools, symmetry, *brushes, *nudges]
 
 
+def _draws_trajectories(app: "App") -> bool:
+    tool = app.toolbox.trajectory_tool
+    return app.toolbox.chosen is tool and bool(tool.drawn)
+
+
 def build_actions(app: "App") -> Actions:
     """Return the actions of ``app``, in the order of its menus."""
     do = Commands(app)
@@ -211,12 +218,13 @@ def build_actions(app: "App") -> Actions:
 
     def applies() -> bool:
         waits = app.session.mode == "apply" and bool(app.session.document.constraints)
-        return free() and (waits or bool(app.toolbox.curve_tool.points))
+        begun = bool(app.toolbox.curve_tool.points) or _draws_trajectories(app)
+        return free() and (waits or begun)
 
     def undoes() -> bool:
         toolbox = app.toolbox
         begun = toolbox.curve_tool.points or toolbox.stroke_tool.draws_target or toolbox.distance_tool.first
-        return free() and (bool(begun) or app.session.can_undo)
+        return free() and (bool(begun) or _draws_trajectories(app) or app.session.can_undo)
 
     def redo() -> None:
         app.session.redo()
@@ -258,7 +266,7 @@ def build_actions(app: "App") -> Actions:
                 "Edit",
                 do.delete_selected,
                 ("Delete", "Backspace"),
-                lambda: free() and (do.pin_selected or bool(app.toolbox.selection)),
+                lambda: free() and (do.pin_selected or bool(app.toolbox.selection) or app.features.selects),
                 separated=True,
             ),
             Action(

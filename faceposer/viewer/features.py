@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from imgui_bundle import imgui
 
@@ -30,6 +30,11 @@ class Feature:
         return math.inf
 
     @property
+    def hint(self) -> str:
+        """What the mouse will do where this feature has it, or ""."""
+        return ""
+
+    @property
     def covers(self) -> bool:
         """Whether a dialog of its own keeps the pointer from the view."""
         return False
@@ -47,6 +52,17 @@ class Feature:
     def actions(self) -> Sequence[Action | Submenu]:
         """Return its menu entries, in order; those of the menu "File" come before "Quit"."""
         return ()
+
+    @property
+    def selects(self) -> bool:
+        """Whether something of it is selected that "Delete" is to remove."""
+        return False
+
+    def delete_selected(self) -> None:
+        """Remove what is selected."""
+
+    def before_press(self) -> None:
+        """Prepare for a press on the view."""
 
     def session_changed(self) -> None:
         """Take note that another session is edited from now on."""
@@ -77,16 +93,35 @@ class Feature:
         """End what runs and free what it holds; the program ends."""
 
 
+F = TypeVar("F", bound=Feature)
+
+
 class Features:
     """All features of the window, asked as one."""
 
     def __init__(self, features: Sequence[Feature]) -> None:
         self._features = tuple(features)
 
+    def __getitem__(self, kind: type[F]) -> F:
+        """Return the feature of class ``kind``.
+
+        Raises:
+            KeyError: If there is none.
+        """
+        for feature in self._features:
+            if isinstance(feature, kind):
+                return feature
+        raise KeyError(kind)
+
     @property
     def patience(self) -> float:
         """Seconds for which the loop may sleep."""
         return min((feature.patience for feature in self._features), default=math.inf)
+
+    @property
+    def hint(self) -> str:
+        """What the mouse will do where any has it, or ""."""
+        return next((feature.hint for feature in self._features if feature.hint), "")
 
     @property
     def covers(self) -> bool:
@@ -113,6 +148,22 @@ class Features:
         """Return the entries for the menu "File", or all others."""
         entries = (action for feature in self._features for action in feature.actions())
         return [entry for entry in entries if (entry.menu == "File") == file_menu]
+
+    @property
+    def selects(self) -> bool:
+        """Whether something is selected in any."""
+        return any(feature.selects for feature in self._features)
+
+    def delete_selected(self) -> None:
+        """Remove what is selected in them."""
+        for feature in self._features:
+            if feature.selects:
+                feature.delete_selected()
+
+    def before_press(self) -> None:
+        """Prepare all for a press on the view."""
+        for feature in self._features:
+            feature.before_press()
 
     def session_changed(self) -> None:
         """Tell all that another session is edited."""
@@ -151,8 +202,15 @@ class Features:
 
 def build_features(app: "App") -> Features:
     """Return the features of ``app``, in the order of their tabs."""
+    from faceposer.viewer.animation_files import AnimationFiles
     from faceposer.viewer.exchange import Exchange
+    from faceposer.viewer.following import Following
     from faceposer.viewer.photos import Photos
     from faceposer.viewer.poses import PosesFeature
+    from faceposer.viewer.timeline import Timeline
 
-    return Features([PosesFeature(app), Photos(app), Exchange(app)])
+    exchange = Exchange(app)
+    exchange.performance = lambda: app.session.animation.performance
+    return Features(
+        [PosesFeature(app), Photos(app), Timeline(app), Following(app, app.wake), AnimationFiles(app), exchange]
+    )

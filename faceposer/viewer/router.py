@@ -54,7 +54,9 @@ class Router:
         if app.toolbox.active:
             self._hovered = None
             return
-        inside = pointer is not None and pointer.kind != "leave" and self._owner is None and self._in_view(pointer)
+        # What lies under the pointer is not asked for while it changes by itself with every frame.
+        rests = self._owner is None and not app.features.busy
+        inside = pointer is not None and rests and pointer.kind != "leave" and self._in_view(pointer)
         state = (pointer, inside, app.session, app.session.revision, app.viewport.view, app.viewport.size)
         if state == self._hovered:
             return
@@ -82,8 +84,7 @@ class Router:
                 self._owner = "view" if self._in_view(pointer) else "widget"
             self._held.append(pointer.button)
             if self._owner == "view":
-                app.before_press()
-                app.toolbox.dispatch(self._as_tool_event("press", pointer, pointer.button))
+                self._press_view(self._as_tool_event("press", pointer, pointer.button))
         elif pointer.kind == "release" and pointer.button in self._held:
             if self._owner == "view":
                 app.toolbox.dispatch(self._as_tool_event("release", pointer, pointer.button))
@@ -94,6 +95,17 @@ class Router:
             app.toolbox.dispatch(self._as_tool_event("move", pointer, self._held[0]))
         elif pointer.kind == "wheel" and self._owner != "widget" and self._in_view(pointer):
             app.toolbox.dispatch(self._as_tool_event("wheel", pointer, None))
+
+    def _press_view(self, event: PointerEvent) -> None:
+        app = self._app
+        if not app.features.busy:
+            app.before_press()
+        elif not app.toolbox.camera_tool.begins(event, app.viewport):
+            # Who stops what plays does not mean to pose what happens to be there.
+            app.before_press()
+            self._owner = "widget"
+            return
+        app.toolbox.dispatch(event)
 
     def _on_key(self, key: Key) -> None:
         app = self._app

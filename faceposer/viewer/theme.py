@@ -27,6 +27,7 @@ ACCENT_MID: Colour = (0.176, 0.514, 0.773, 1.0)
 WARNING: Colour = (0.992, 0.714, 0.345, 1.0)
 BAD: Colour = (0.953, 0.435, 0.408, 1.0)
 TARGET: Colour = (0.376, 0.851, 0.459, 1.0)
+KEYED: Colour = (0.965, 0.784, 0.329, 1.0)
 HELD: Colour = (0.937, 0.267, 0.267, 1.0)
 
 
@@ -62,6 +63,15 @@ class Icon:
     SYMMETRY = "\uf07e"
     PHOTO = "\uf03e"
     FIGHT = "\uf0e7"
+    PLAY = "\uf04b"
+    PAUSE = "\uf04c"
+    FIRST = "\uf048"
+    LAST = "\uf051"
+    PREVIOUS = "\uf04a"
+    NEXT = "\uf04e"
+    LOOP = "\uf363"
+    KEY = "\uf219"
+    PATH = "\uf4d7"
 
 
 def u32(colour: Colour, alpha: float = 1.0) -> int:

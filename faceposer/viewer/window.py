@@ -69,6 +69,10 @@ _KEY_NAMES: dict[int, str] = {
     glfw.KEY_DOWN: "Down",
     glfw.KEY_LEFT_BRACKET: "[",
     glfw.KEY_RIGHT_BRACKET: "]",
+    glfw.KEY_COMMA: ",",
+    glfw.KEY_PERIOD: ".",
+    glfw.KEY_HOME: "Home",
+    glfw.KEY_END: "End",
 }
 _KEY_CODES = {name: code for code, name in reversed(_KEY_NAMES.items())}
 
@@ -107,6 +111,11 @@ class Window:
         if not hidden:
             glfw.set_window_size_limits(self._handle, *SMALLEST, glfw.DONT_CARE, glfw.DONT_CARE)
         self._listen()
+
+    @property
+    def modifiers(self) -> Modifiers:
+        """Of "shift", "ctrl" and "alt", those that are held."""
+        return self._modifiers
 
     @property
     def software(self) -> bool:

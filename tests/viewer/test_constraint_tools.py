@@ -15,7 +15,7 @@ from faceposer.viewer.robot import Position, Robot
 from faceposer.viewer.settings import Settings
 
 LEFT, RIGHT, NOSE = "8.3", "8.4", "9.3"
-KEYS = {"point": "Q", "distance": "D", "stroke": "S", "curve": "K", "fix": "H", "gaze": "G"}
+KEYS = {"point": "Q", "distance": "D", "stroke": "S", "curve": "K", "fix": "H", "gaze": "G", "trajectory": "J"}
 
 
 @pytest.fixture

@@ -242,7 +242,7 @@ def test_the_photo_lies_behind_or_before_the_face(robot: Robot, photo: Path) -> 
     robot.click_widget("photo-layer:1")
     assert app.session.document.photos[0].front
     assert colour(robot, beside).max() < 130, "nothing is seen of the photo"
-    robot.key("Shift+I")
+    robot.key("Shift+O")
     assert app.scene.photo is None
     robot.key("Ctrl+Z")
     assert app.scene.photo is not None

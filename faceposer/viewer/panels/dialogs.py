@@ -180,9 +180,9 @@ class Dialogs:
             menus = actions.menus
             imgui.table_next_column()
             _section(self.fonts, "Mouse", (*_MOUSE, *_NAVIGATION[navigation]))
-            for menu in (menus[0], *menus[4:]):
+            for menu in (menus[0], menus[-1]):
                 _section(self.fonts, menu, _rows(actions, menu))
-            for column in (menus[1:3], menus[3:4]):
+            for column in (menus[1:3], menus[3:-1]):
                 imgui.table_next_column()
                 for menu in column:
                     _section(self.fonts, menu, _rows(actions, menu))

@@ -24,7 +24,7 @@ def draw_status_bar(app: "App") -> None:
     left = imgui.get_cursor_screen_pos()
     end = imgui.get_window_pos().x + edge - width - em(1.5)
     imgui.push_clip_rect((left.x, left.y - em(1)), (max(end, left.x), left.y + em(2)), True)
-    imgui.text_unformatted(app.hint())
+    imgui.text_unformatted(app.features.hint or app.hint())
     imgui.pop_clip_rect()
     if edge - width > em(8):
         imgui.same_line(edge - width)

@@ -10,6 +10,7 @@ from faceposer.solve.constraints.stroke import STROKE_ENERGIES
 from faceposer.tools.distance_tool import add_distance
 from faceposer.tools.fix_tool import region_held, toggle_region
 from faceposer.tools.gaze_tool import eyes_of
+from faceposer.viewer.panels.trajectories import draw_trajectory_options
 from faceposer.viewer.panels.widgets import button_width, caption, choice, heading, tooltip
 from faceposer.viewer.point_names import MEASURES
 from faceposer.viewer.theme import ACCENT_DARK, HELD, Icon, em
@@ -25,6 +26,7 @@ TOOL_ICONS = {
     "curve": Icon.CURVE,
     "fix": Icon.FIX,
     "gaze": Icon.GAZE,
+    "trajectory": Icon.PATH,
 }
 #: Regions that one holds with a click, by what people call them; those with spaces are of characters from examples.
 HELD_REGIONS: dict[str, tuple[str, ...]] = {
@@ -42,6 +44,7 @@ _TITLES = {
     "curve": "Curve",
     "fix": "Fixed vertices",
     "gaze": "Gaze",
+    "trajectory": "Trajectories",
 }
 
 
@@ -73,7 +76,13 @@ def _strip_button(app: "App", action: str, icon: str, side: float, on: bool) -> 
 def draw_tool_options(app: "App") -> None:
     """Draw the options of the chosen tool; points and gaze have none."""
     name = app.toolbox.chosen.name
-    draw = {"distance": _distance, "stroke": _stroke, "curve": _curve, "fix": _fix}.get(name)
+    draw = {
+        "distance": _distance,
+        "stroke": _stroke,
+        "curve": _curve,
+        "fix": _fix,
+        "trajectory": draw_trajectory_options,
+    }.get(name)
     if draw is not None:
         heading(app.gui.fonts, _TITLES[name])
         draw(app)

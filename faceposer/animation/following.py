@@ -1,0 +1,144 @@
+"""A face follows trajectories: the most likely pose of every frame, and smooth from frame to frame."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from faceposer.animation.smoothing import FollowingStopped, smooth_poses
+from faceposer.animation.terms import SmoothnessTerm, TrackTerm, smoothness_metric
+from faceposer.animation.trajectories import Trajectories
+from faceposer.model.face_model import FaceModel
+from faceposer.model.performance import Performance
+from faceposer.solve.constraints.registry import Constraint
+from faceposer.solve.map_solver import solve
+from faceposer.solve.priors import MixturePrior, Prior
+from faceposer.solve.problem import PoseProblem
+from faceposer.solve.term import Array
+
+# So many frames are made smooth together, of which the last ones, that later frames still have a say in, are done again
+# with those: what is farther away has no influence to speak of.
+_TOGETHER, _AGAIN = 600, 60
+# Weight of the prior as it is seen from the start, relative to that seen from the frame before: how a face came to a
+# pose would else leave its trace, for good, in all that no point tells.
+_HOMEWARD = 0.1
+
+
+def follow(
+    model: FaceModel,
+    trajectories: Trajectories,
+    *,
+    smoothness: float = 1.0,
+    prior_weight: float = 1.0,
+    prior: Prior = "regions",
+    start: ArrayLike | None = None,
+    constraints: Sequence[Constraint] = (),
+    look_ahead: bool = True,
+    on_frame: Callable[[int, Array], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> Performance:
+    """Return the performance in which the points of the face follow ``trajectories``.
+
+    Each frame is the maximum a posteriori pose (paper, eq. (20)), found from that of the frame before, from which it
+    also sees most of the prior: how faces go on from there, not from their start. Then the sum of all frames' energies
+    and of the cost of changes of velocity (section 7) is minimised over all poses at once, so that a frame knows what
+    comes after it, too. Where no point is seen at all, the face goes on from the pose before to the pose after.
+
+    Args:
+        model: The face.
+        trajectories: Where points of it should be.
+        smoothness: Weight of the changes of velocity, at least 0; ``smoothness_metric`` has its unit.
+        prior_weight: Weight of the prior, at least 0.
+        prior: How the prior judges; see ``PoseProblem``.
+        start: The pose before the first frame, which the face comes back to where nothing tells otherwise, shape (r,);
+            the neutral face if None.
+        constraints: What holds in all frames besides.
+        look_ahead: Whether frames know what comes after them. Without, each is final as soon as it is found, with its
+            change of velocity since the two frames before, as in the paper.
+        on_frame: Called with the number of each frame and its pose, shape (r,), in order, when it is found; looking
+            ahead still changes it a little afterwards.
+        should_stop: Asked after each frame, and after each step of the last part.
+
+    Raises:
+        FollowingStopped: If ``should_stop`` said yes.
+        ValueError: If a point does not lie on the face.
+    """
+    metric = smoothness_metric(model, smoothness, trajectories.rate)
+    pose = np.array(model.neutral() if start is None else start, dtype=np.float64)
+    make = _Frames(model, trajectories, prior_weight, prior, tuple(constraints), pose)
+    poses = np.tile(pose, (len(trajectories), 1))
+    sighted = np.asarray(trajectories.seen.any(axis=1))
+    first = 0
+    problems: list[PoseProblem] = []
+    for frame in range(len(poses)):
+        problem = make.problem(frame, pose)
+        if not look_ahead and smoothness > 0 and frame > 1:
+            problem.terms.append(SmoothnessTerm(metric, poses[frame - 2], pose))
+        poses[frame] = pose = solve(problem, pose).coefficients
+        if on_frame is not None:
+            on_frame(frame, pose)
+        if should_stop is not None and should_stop():
+            raise FollowingStopped
+        if not look_ahead or smoothness <= 0:
+            continue
+        problems.append(problem)
+        if len(problems) == _TOGETHER or frame == len(poses) - 1:
+            window = slice(first, frame + 1)
+            for at, between in _bridged(poses[window], sighted[window]):
+                poses[first + at] = between
+                problems[at] = make.problem(first + at, between)
+            poses[window] = smooth_poses(problems, metric, poses[window], poses[max(first - 2, 0) : first], should_stop)
+            del problems[:-_AGAIN]
+            first = frame + 1 - len(problems)
+            pose = poses[frame]
+    return Performance(poses, trajectories.rate)
+
+
+@dataclass(frozen=True)
+class _Frames:
+    """Makes the problems of single frames."""
+
+    model: FaceModel
+    trajectories: Trajectories
+    prior_weight: float
+    prior: Prior
+    constraints: tuple[Constraint, ...]
+    start: Array
+
+    def problem(self, frame: int, seen_from: Array) -> PoseProblem:
+        """Return the problem of a ``frame`` with the prior seen from a pose, shape (r,)."""
+        trajectories = self.trajectories
+        seen = trajectories.seen[frame]
+        rows, neutral = self.model.rows_at(trajectories.points)
+        track = TrackTerm(
+            rows[seen],
+            neutral[seen],
+            trajectories.positions[frame, seen],
+            trajectories.weights_at(frame)[seen],
+            trajectories.camera,
+        )
+        evidence = [track] if seen.any() else []
+        problem, at_home = (
+            PoseProblem(self.model, self.constraints, pose, self.prior_weight, prior=self.prior, evidence=evidence)
+            for pose in (seen_from, self.start)
+        )
+        # As it was learned, the prior looks the same from everywhere.
+        if self.prior_weight > 0 and self.prior != "plain":
+            problem.terms.append(MixturePrior(at_home.mixture, _HOMEWARD * self.prior_weight))
+        return problem
+
+
+def _bridged(poses: Array, sighted: NDArray[np.bool_]) -> list[tuple[int, Array]]:
+    """Return the frames that are not ``sighted``, (F,), with poses between those of the nearest frames that are."""
+    known = np.flatnonzero(sighted)
+    blind = np.flatnonzero(~sighted)
+    if not len(known):
+        return []
+    after = np.searchsorted(known, blind).clip(max=len(known) - 1)
+    before = (np.searchsorted(known, blind) - 1).clip(min=0)
+    bridged = []
+    for frame, a, b in zip(blind.tolist(), known[before].tolist(), known[after].tolist(), strict=True):
+        share = min(max((frame - a) / (b - a), 0.0), 1.0) if b > a else 0.0
+        bridged.append((frame, (1.0 - share) * poses[a] + share * poses[b]))
+    return bridged

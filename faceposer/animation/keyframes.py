@@ -1,0 +1,262 @@
+"""Poses at some frames, and the smooth motion through them."""
+
+import itertools
+from bisect import bisect_left, bisect_right
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.model.face_model import FaceModel
+from faceposer.model.performance import Performance
+from faceposer.solve.constraints import codec
+
+Array = NDArray[np.float64]
+
+LONGEST = 100_000
+FASTEST = 1000.0
+_MOST_COEFFICIENTS = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Key:
+    """One pose that the motion passes through.
+
+    Attributes:
+        frame: Counted from 0.
+        pose: Coefficients, shape (r,), read-only.
+    """
+
+    frame: int
+    pose: Array
+
+    @classmethod
+    def of(cls, frame: int, pose: ArrayLike) -> "Key":
+        """Return a key with a copy of ``pose``, shape (r,)."""
+        own = np.array(pose, dtype=np.float64)
+        own.setflags(write=False)
+        return cls(frame, own)
+
+
+@dataclass(frozen=True, eq=False)
+class Keyframes:
+    """An animation as artists make it; every edit returns another one.
+
+    Between two keys each rig weight follows a cubic that does not leave the range between them (F. N. Fritsch and
+    J. Butland, "A method for constructing local monotone piecewise cubic interpolants", 1984), so that an eye that
+    closes and opens again does not open wider than it is keyed. The face comes to rest at the first and at the last
+    key, and is held outside of them; when the animation loops, it runs on through the end into the begin.
+
+    Attributes:
+        keys: By rising frames, at most one a frame. Those at or after ``length`` are kept, and not played.
+        rate: Frames per second.
+        length: Number of frames that are played, from 1 to ``LONGEST``.
+        loop: Whether frame ``length`` is frame 0 again.
+    """
+
+    keys: tuple[Key, ...] = ()
+    rate: float = 30.0
+    length: int = 60
+    loop: bool = False
+
+    def __post_init__(self) -> None:
+        frames = [key.frame for key in self.keys]
+        if any(later <= earlier for earlier, later in itertools.pairwise(frames)):
+            raise ValueError("keys must come by rising frames")
+        if frames and not (frames[0] >= 0 and frames[-1] < LONGEST):
+            raise ValueError(f"keys must lie at frames from 0 to {LONGEST - 1}")
+        if not (1 <= self.length <= LONGEST and 0.0 < self.rate <= FASTEST):
+            raise ValueError(f"{self.length} frames at {self.rate} a second")
+
+    # What is there
+
+    @cached_property
+    def frames(self) -> tuple[int, ...]:
+        """The frames of all keys, rising."""
+        return tuple(key.frame for key in self.keys)
+
+    def at(self, frame: int) -> Key | None:
+        """Return the key at ``frame``, or None."""
+        i = bisect_left(self.frames, frame)
+        return self.keys[i] if i < len(self.keys) and self.keys[i].frame == frame else None
+
+    def next_frame(self, frame: int) -> int | None:
+        """Return the frame of the first key after ``frame``, or None."""
+        i = bisect_right(self.frames, frame)
+        return self.frames[i] if i < len(self.frames) else None
+
+    def previous_frame(self, frame: int) -> int | None:
+        """Return the frame of the last key before ``frame``, or None."""
+        i = bisect_left(self.frames, frame)
+        return self.frames[i - 1] if i > 0 else None
+
+    def same(self, other: "Keyframes | None") -> bool:
+        """Whether ``other`` is the same animation."""
+        if other is None or other is self:
+            return other is self
+        return (
+            (self.frames, self.rate, self.length, self.loop) == (other.frames, other.rate, other.length, other.loop)
+            # An edit keeps the keys that it does not touch.
+            and all(
+                mine is yours or np.array_equal(mine.pose, yours.pose)
+                for mine, yours in zip(self.keys, other.keys, strict=True)
+            )
+        )
+
+    # Edits
+
+    def with_keys(self, keys: Iterable[Key]) -> "Keyframes":
+        """Return the animation with ``keys`` added; they take the place of those at the same frames."""
+        merged = {key.frame: key for key in (*self.keys, *keys)}
+        return replace(self, keys=tuple(merged[frame] for frame in sorted(merged)))
+
+    def with_key(self, frame: int, pose: ArrayLike) -> "Keyframes":
+        """Return the animation with ``pose``, shape (r,), as the key at ``frame``."""
+        return self.with_keys([Key.of(frame, pose)])
+
+    def without(self, frames: Collection[int]) -> "Keyframes":
+        """Return the animation without the keys at ``frames``."""
+        return replace(self, keys=tuple(key for key in self.keys if key.frame not in frames))
+
+    def moved(self, frames: Collection[int], by: int) -> "Keyframes":
+        """Return the animation with the keys at ``frames`` moved ``by`` frames over those that lie there."""
+        chosen = [key for key in self.keys if key.frame in frames]
+        return self.without(frames).with_keys(_shifted(chosen, by))
+
+    def copied(self, frames: Collection[int], by: int) -> "Keyframes":
+        """Return the animation with copies of the keys at ``frames``, ``by`` frames later."""
+        return self.with_keys(_shifted([key for key in self.keys if key.frame in frames], by))
+
+    # The motion
+
+    def sampled(self, model: FaceModel, frames: ArrayLike) -> Array:
+        """Return the poses of the face of ``model`` at ``frames``, whole or in between; shapes (n,) to (n, r).
+
+        The cubics run in the rig's weights, of which each means something, and not in the coefficients: what is
+        monotone there need not be so in a weight that they mix. The nearest pose of the subspace is returned, which
+        only the few directions that it leaves out can carry outside of the range.
+        """
+        asked = np.asarray(frames, dtype=np.float64).reshape(-1)
+        keys = [key for key in self.keys if not self.loop or key.frame < self.length]
+        if not keys:
+            return np.zeros((len(asked), model.n_coefficients))
+        if len(keys) == 1:
+            return np.repeat(keys[0].pose[None], len(asked), axis=0)
+        # Here and not above: it takes a good part of a second to load.
+        from scipy.interpolate import PchipInterpolator
+
+        places = np.array([key.frame for key in keys], dtype=np.float64)
+        poses = np.stack([key.pose for key in keys])
+        weights = poses @ model.subspace.directions.T
+        if self.loop:
+            asked = np.mod(asked, self.length)
+            knots = np.concatenate([places[-2:] - self.length, places, places[:2] + self.length])
+            values = np.concatenate([weights[-2:], weights, weights[:2]])
+        else:
+            asked = np.clip(asked, places[0], places[-1])
+            knots = np.concatenate([[places[0] - 1.0], places, [places[-1] + 1.0]])
+            values = np.concatenate([weights[:1], weights, weights[-1:]])
+        sampled: Array = PchipInterpolator(knots, values, axis=0)(asked) @ model.subspace.projection.T
+        # The way through the weights and back costs the last digits.
+        nearest = np.minimum(np.searchsorted(places, asked), len(places) - 1)
+        hit = places[nearest] == asked
+        sampled[hit] = poses[nearest[hit]]
+        return sampled
+
+    def performance(self, model: FaceModel) -> Performance:
+        """Return the motion of the face of ``model``, frame by frame."""
+        return Performance(self.sampled(model, np.arange(self.length)), self.rate)
+
+    @classmethod
+    def of_performance(cls, performance: Performance, loop: bool = False) -> "Keyframes":
+        """Return an animation with a key at every frame of ``performance``.
+
+        Raises:
+            FacePoserError: If that is longer than an animation may be.
+        """
+        if len(performance) > LONGEST:
+            raise FacePoserError(
+                f"This animation has {len(performance)} frames; the timeline holds {LONGEST}. Take a part of it."
+            )
+        keys = tuple(Key.of(frame, pose) for frame, pose in enumerate(performance.coefficients))
+        return cls(keys, min(performance.rate, FASTEST), len(performance), loop)
+
+    def reduced(self, model: FaceModel, tolerance: float) -> "Keyframes":
+        """Return the animation with only those of its keys that keep every rig weight near to all others.
+
+        Between the keys that are kept, the one that is missed most is added, until none is missed by more than
+        ``tolerance`` (as D. H. Douglas and T. K. Peucker, 1973, do for polygons).
+        """
+        if len(self.keys) < 3:
+            return self
+        poses = np.stack([key.pose for key in self.keys])
+        frames = np.array(self.frames)
+        kept = np.zeros(len(frames), dtype=bool)
+        kept[[0, -1]] = True
+        while True:
+            fewer = replace(self, keys=tuple(key for key, keep in zip(self.keys, kept, strict=True) if keep))
+            missed = np.abs((fewer.sampled(model, frames) - poses) @ model.subspace.directions.T).max(axis=1)
+            missed[kept] = 0.0
+            ends = np.flatnonzero(kept)
+            worst = [a + int(np.argmax(missed[a:b])) for a, b in itertools.pairwise(ends)]
+            added = [i for i in worst if missed[i] > tolerance]
+            if not added:
+                return fewer
+            kept[added] = True
+
+    # Files
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the animation as a session's file has it."""
+        return {
+            "rate": self.rate,
+            "length": self.length,
+            "loop": self.loop,
+            "keys": [{"frame": key.frame, "coefficients": key.pose.tolist()} for key in self.keys],
+        }
+
+    @classmethod
+    def from_json(cls, data: Any, where: str) -> "Keyframes":
+        """Return the animation that ``data`` at ``where`` in a session's file describes.
+
+        Raises:
+            FacePoserError: If anything is unknown, missing or of the wrong kind, naming its place.
+        """
+        codec.check_keys(data, {"rate", "length", "keys"}, {"loop"}, where)
+        rate = codec.number_from_json(data["rate"], f"{where}.rate", 1e-3, FASTEST)
+        length = codec.index_from_json(data["length"], f"{where}.length")
+        if not 1 <= length <= LONGEST:
+            raise FacePoserError(f"{where}.length must be from 1 to {LONGEST} frames, not {length}.")
+        entries = data["keys"]
+        if not isinstance(entries, list) or len(entries) > LONGEST:
+            raise FacePoserError(f"{where}.keys must be a list of at most {LONGEST}.")
+        keys = tuple(_key_from_json(entry, f"{where}.keys[{i}]") for i, entry in enumerate(entries))
+        for i, (earlier, later) in enumerate(itertools.pairwise(keys)):
+            if later.frame <= earlier.frame:
+                raise FacePoserError(
+                    f"{where}.keys[{i + 1}].frame must be after {earlier.frame}, that of the key before."
+                )
+        return cls(keys, rate, length, codec.flag_from_json(data.get("loop", False), f"{where}.loop"))
+
+
+def _key_from_json(data: Any, where: str) -> Key:
+    codec.check_keys(data, {"frame", "coefficients"}, set(), where)
+    frame = codec.index_from_json(data["frame"], f"{where}.frame")
+    if frame >= LONGEST:
+        raise FacePoserError(f"{where}.frame must be below {LONGEST}, not {frame}.")
+    values = data["coefficients"]
+    if not isinstance(values, list) or len(values) > _MOST_COEFFICIENTS:
+        raise FacePoserError(f"{where}.coefficients must be a list of numbers.")
+    return Key.of(frame, codec.numbers_from_json(values, len(values), f"{where}.coefficients"))
+
+
+def _shifted(keys: list[Key], by: int) -> list[Key]:
+    """Return ``keys`` moved ``by`` frames, less where one would leave the frames that there are."""
+    if not keys:
+        return keys
+    by = min(max(by, -keys[0].frame), LONGEST - 1 - keys[-1].frame)
+    return [Key(key.frame + by, key.pose) for key in keys]

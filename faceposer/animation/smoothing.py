@@ -1,0 +1,117 @@
+"""Makes the poses of many frames smooth together: one problem over all of them."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from scipy import linalg
+
+from faceposer.solve.problem import PoseProblem
+from faceposer.solve.term import Array
+
+_MAX_STEPS = 30
+# A step that gains less than this share of the energy is the last one.
+_LEAST_GAIN = 1e-5
+_MAX_HALVINGS = 12
+_SUFFICIENT = 1e-4
+
+
+class FollowingStopped(Exception):
+    """The caller's ``should_stop`` said yes."""
+
+
+def smooth_poses(
+    problems: Sequence[PoseProblem],
+    metric: Array,
+    poses: Array,
+    before: Array,
+    should_stop: Callable[[], bool] | None = None,
+) -> Array:
+    """Return the poses, (F, r), of least sum over frames t of E_t(p_t) + d_t^T M d_t, d_t = p_t - 2 p_{t-1} + p_{t-2}.
+
+    Newton's method with the Gauss-Newton curvature of each frame. With the smoothness these make a banded matrix, whose
+    Cholesky factors cost in proportion to F.
+
+    Args:
+        problems: The frames' own energies, F of them.
+        metric: M, shape (r, r).
+        poses: Where to start, shape (F, r).
+        before: The poses before the first frame, which stay, shape (n, r) with n from 0 to 2.
+        should_stop: Asked after each step.
+
+    Raises:
+        FollowingStopped: If ``should_stop`` said yes.
+    """
+    smoothness = _Smoothness(metric, before, len(poses))
+    x = np.array(poses)
+    energy = _energy(problems, smoothness, x)
+    for _ in range(_MAX_STEPS):
+        gradient = smoothness.gradient(x)
+        gradient += [problem.energy_and_gradient(p)[1] for problem, p in zip(problems, x, strict=True)]
+        curvatures = np.array([problem.curvature(p) for problem, p in zip(problems, x, strict=True)])
+        step = -linalg.solveh_banded(
+            smoothness.banded_curvature(curvatures), gradient.ravel(), lower=True, overwrite_ab=True, check_finite=False
+        ).reshape(x.shape)
+        slope = float(np.vdot(step, gradient))
+        share = 1.0
+        for _ in range(_MAX_HALVINGS):
+            tried = _energy(problems, smoothness, x + share * step)
+            if tried <= energy + _SUFFICIENT * share * slope:
+                break
+            share *= 0.5
+        else:
+            break
+        x += share * step
+        gain, energy = energy - tried, tried
+        if should_stop is not None and should_stop():
+            raise FollowingStopped
+        if gain < _LEAST_GAIN * abs(energy):
+            break
+    return x
+
+
+def _energy(problems: Sequence[PoseProblem], smoothness: "_Smoothness", x: Array) -> float:
+    own = sum(problem.energy_and_gradient(p)[0] for problem, p in zip(problems, x, strict=True))
+    return own + smoothness.value(x)
+
+
+class _Smoothness:
+    """sum over t of d_t^T M d_t over F poses, some of them perhaps after others that stay."""
+
+    def __init__(self, metric: Array, before: Array, n_frames: int) -> None:
+        self._metric = metric
+        steps = np.zeros((max(len(before) + n_frames - 2, 0), len(before) + n_frames))
+        for row in range(len(steps)):
+            steps[row, row : row + 3] = (1.0, -2.0, 1.0)
+        self._steps = steps[:, len(before) :]
+        self._constant = steps[:, : len(before)] @ before
+
+    def _changes(self, x: Array) -> Array:
+        changes: Array = self._steps @ x + self._constant
+        return changes
+
+    def value(self, x: Array) -> float:
+        changes = self._changes(x)
+        return float(np.vdot(changes @ self._metric, changes))
+
+    def gradient(self, x: Array) -> Array:
+        """Return the gradient by the poses, shape (F, r)."""
+        gradient: Array = 2.0 * (self._steps.T @ (self._changes(x) @ self._metric))
+        return gradient
+
+    def banded_curvature(self, curvatures: Array) -> Array:
+        """Return the second derivative with the frames' own ``curvatures``, (F, r, r), in LAPACK's lower banded form.
+
+        Entry (i, j) of the matrix over all coefficients of all frames is entry (i - j, j) of the result.
+        """
+        n_frames, r = curvatures.shape[:2]
+        bands = np.zeros((3 * r, n_frames, r))
+        products = self._steps.T @ self._steps
+        i, j = (grid.ravel() for grid in np.indices((r, r)))
+        for apart in range(min(3, n_frames)):
+            blocks = 2.0 * np.diagonal(products, -apart)[:, None, None] * self._metric
+            if apart == 0:
+                blocks = blocks + curvatures
+            below = apart * r + i >= j
+            frames = np.arange(n_frames - apart)
+            bands[(apart * r + i - j)[below], frames[:, None], j[below]] = blocks[:, i[below], j[below]]
+        return bands.reshape(3 * r, -1)

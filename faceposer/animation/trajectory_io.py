@@ -1,0 +1,357 @@
+"""Trajectories from files: JSON, tables of pixels or of places in space, and C3D; docs/animation.md has their forms."""
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.animation.trajectories import Trajectories
+from faceposer.errors import FacePoserError
+from faceposer.geometry.camera import VIEW_ANGLES, Camera, OrbitView
+from faceposer.geometry.marker_csv import MAX_MARKERS, MarkerTable, parse_marker_csv
+from faceposer.geometry.marker_io import MarkerMotion, read_markers
+from faceposer.geometry.marker_map import MarkerMap
+from faceposer.geometry.marker_meshes import check_names, displacements_of_markers
+from faceposer.geometry.picking import SurfacePoint, SurfacePoints
+from faceposer.model.subject import Subject
+from faceposer.solve.constraints import codec
+
+FORMAT = "faceposer.trajectories"
+VERSION = 1
+SUFFIXES = (".csv", ".json", ".c3d")
+#: Where no file and nobody says how many frames a second has.
+USUAL_RATE = 30.0
+# Times that were rounded when they were written tell a rate nearly: it is one of these.
+_KNOWN_RATES = (24000 / 1001, 24.0, 25.0, 30000 / 1001, 30.0, 48.0, 50.0, 60000 / 1001, 60.0, 100.0, 120.0, 240.0)
+_ROUNDED = 4e-4
+
+_MAX_BYTES = 2**28
+_MAX_FRAMES = 100_000
+_MAX_RATE = 1_000.0
+_MAX_WEIGHT = 1e6
+# Markers that do not move against the skull are looked for where there are as many as this.
+_ENOUGH_TO_FIND_HELD = 20
+# Points that start farther from their places on the face than this share of its height are not in its space.
+_NEAR = 0.15
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class _Options:
+    """What is known besides the file; see ``read_trajectories``."""
+
+    subject: Subject
+    camera: Camera | None
+    marker_map: MarkerMap | None
+    points: Sequence[str] | None
+    rate: float | None
+
+
+def read_trajectories(
+    path: Path,
+    subject: Subject,
+    *,
+    camera: Camera | None = None,
+    marker_map: MarkerMap | None = None,
+    points: Sequence[str] | None = None,
+    rate: float | None = None,
+) -> Trajectories:
+    """Return the trajectories in the file ``path``, for the face of ``subject``.
+
+    Args:
+        path: JSON, C3D or CSV.
+        subject: Whose feature points, vertices and triangles the file speaks of.
+        camera: The camera of a table of pixels; it goes before that of a JSON file.
+        marker_map: Where on the face each point is; without it, points are named for feature points or vertices. With
+            it, places in space are those of a performer, and are laid on the face.
+        points: Names of those to take; all of the map or of the file if None.
+        rate: Frames per second, if not what the file says.
+
+    Raises:
+        FacePoserError: If the file cannot be used, naming it, the place and the remedy.
+    """
+    options = _Options(subject, camera, marker_map, points, rate)
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise FacePoserError(
+            f"Trajectories cannot be read from '{path}'; give a file that ends in .csv, .json or .c3d."
+        )
+    if suffix == ".json":
+        try:
+            trajectories = trajectories_from_json(_json(path, "trajectories"), subject, camera, rate)
+        except FacePoserError as error:
+            raise _in_file(path, error) from error
+        return trajectories if points is None else trajectories.subset(_known(points, trajectories.names, path))
+    if suffix == ".csv":
+        table = _pixels(path)
+        if table is not None:
+            return _in_picture(path, table, options)
+    return _in_space(path, read_markers(path), options)
+
+
+def read_camera(path: Path, subject: Subject) -> Camera:
+    """Return the camera in the JSON file ``path``, or the view of ``subject`` that it names.
+
+    Raises:
+        FacePoserError: If the file cannot be read or has no camera.
+    """
+    data = _json(path, "camera")
+    if isinstance(data, dict) and "camera" in data:
+        data = data["camera"]
+    try:
+        return camera_from_json(data, "camera", subject)
+    except FacePoserError as error:
+        raise _in_file(path, error) from error
+
+
+def _in_file(path: Path, error: FacePoserError) -> FacePoserError:
+    return error if str(path) in str(error) else FacePoserError(f"'{path}': {error}")
+
+
+def camera_from_json(data: Any, where: str, subject: Subject) -> Camera:
+    """Return the camera that ``data`` describes: its numbers, or a view that frames ``subject`` and a size.
+
+    Raises:
+        FacePoserError: If it is wrong; ``where`` names the place.
+    """
+    if not (isinstance(data, dict) and "view" in data):
+        return codec.camera_from_json(data, where)
+    codec.check_keys(data, {"view", "size"}, set(), where)
+    view = codec.name_from_json(data["view"], f"{where}.view", tuple(VIEW_ANGLES))
+    size = data["size"]
+    if not isinstance(size, list) or len(size) != 2:
+        raise FacePoserError(f"{where}.size must be a list of 2 whole numbers.")
+    width, height = (int(codec.number_from_json(side, f"{where}.size", 1, 65536)) for side in size)
+    vertices = subject.vertices
+    return OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0), view).camera((width, height))
+
+
+def trajectories_from_json(
+    data: Any, subject: Subject, camera: Camera | None = None, rate: float | None = None
+) -> Trajectories:
+    """Return the trajectories that ``data`` describes; ``camera`` and ``rate`` go before what it says itself.
+
+    Raises:
+        FacePoserError: If something in it is wrong, naming the place.
+    """
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise FacePoserError(f'The file has no "format": "{FORMAT}"; it holds no trajectories.')
+    if data.get("version") != VERSION:
+        raise FacePoserError(f"The file has version {codec.shown(data.get('version'))}; this program reads {VERSION}.")
+    codec.check_keys(data, {"format", "version", "points"}, {"rate", "camera"}, "The file")
+    if rate is None:
+        rate = codec.number_from_json(data.get("rate", USUAL_RATE), "rate", 1e-3, _MAX_RATE)
+    in_picture = camera is not None or "camera" in data
+    if camera is None and in_picture:
+        camera = camera_from_json(data["camera"], "camera", subject)
+    entries = data["points"]
+    if not isinstance(entries, list) or not 1 <= len(entries) <= MAX_MARKERS:
+        raise FacePoserError(f"points must be a list of 1 to {MAX_MARKERS} points.")
+    names, anchors, weights, columns = [], [], [], []
+    for i, entry in enumerate(entries):
+        where = f"points[{i}]"
+        codec.check_keys(entry, {"name", "positions"}, {"anchor", "weight"}, where)
+        if not isinstance(entry["name"], str) or entry["name"] in names:
+            raise FacePoserError(f"{where}.name must be text that no other point has.")
+        names.append(entry["name"])
+        anchors.append(_anchor(entry, where, subject))
+        weights.append(codec.number_from_json(entry.get("weight", 1.0), f"{where}.weight", 0.0, _MAX_WEIGHT))
+        columns.append(_column(entry["positions"], 2 if in_picture else 3, f"{where}.positions"))
+        if len(columns[-1]) != len(columns[0]):
+            raise FacePoserError(
+                f"{where} has {len(columns[-1])} positions, points[0] has {len(columns[0])}; give one or null a frame."
+            )
+    positions = np.stack(columns, axis=1)
+    if not np.isfinite(positions).any():
+        raise FacePoserError("No point has a position in any frame.")
+    points = SurfacePoints.of(anchors)
+    try:
+        points.check(subject.triangles)
+    except ValueError as error:
+        raise FacePoserError(f"points: {error}.") from error
+    return Trajectories(tuple(names), points, positions, rate, camera, np.array(weights))
+
+
+def trajectories_to_json(trajectories: Trajectories) -> dict[str, Any]:
+    """Return the trajectories as a JSON file has them; weights that differ from frame to frame are not kept."""
+    data: dict[str, Any] = {"format": FORMAT, "version": VERSION, "rate": float(trajectories.rate)}
+    if trajectories.camera is not None:
+        data["camera"] = codec.camera_to_json(trajectories.camera)
+    weights = trajectories.weights_at(0)
+    data["points"] = [
+        {
+            "name": name,
+            "anchor": codec.anchor_to_json(trajectories.points[i]),
+            "weight": float(weights[i]),
+            "positions": [
+                row.tolist() if seen else None
+                for row, seen in zip(trajectories.positions[:, i], trajectories.seen[:, i], strict=True)
+            ],
+        }
+        for i, name in enumerate(trajectories.names)
+    ]
+    return data
+
+
+def _anchor(entry: Mapping[str, Any], where: str, subject: Subject) -> SurfacePoint | int:
+    anchor = entry.get("anchor")
+    if anchor is None:
+        found = _vertex_named(entry["name"], subject)
+        if found is None:
+            raise FacePoserError(f"{where} has no anchor, and its name is no feature point of {subject.name}.")
+        return found
+    if isinstance(anchor, dict) and "feature" in anchor:
+        codec.check_keys(anchor, {"feature"}, set(), f"{where}.anchor")
+        name = anchor["feature"]
+        found = _vertex_named(name, subject) if isinstance(name, str) else None
+        if found is None:
+            raise FacePoserError(
+                f"{where}.anchor.feature is {codec.shown(name)}, which is no feature point of {subject.name}."
+            )
+        return found
+    return codec.anchor_from_json(anchor, f"{where}.anchor")
+
+
+def _column(rows: Any, n_axes: int, where: str) -> NDArray[np.float64]:
+    if not isinstance(rows, list) or not 1 <= len(rows) <= _MAX_FRAMES:
+        raise FacePoserError(f"{where} must be a list of 1 to {_MAX_FRAMES} positions.")
+    gap = [np.nan] * n_axes
+    return np.array(
+        [gap if row is None else codec.numbers_from_json(row, n_axes, f"{where}[{i}]") for i, row in enumerate(rows)]
+    )
+
+
+def _json(path: Path, kind: str) -> Any:
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise FacePoserError(f"The {kind} in '{path}' cannot be read: the file is too large; cut it into parts.")
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FacePoserError(
+            f"The {kind} in '{path}' cannot be read ({error.strerror or error}); check the path."
+        ) from error
+    except json.JSONDecodeError as error:
+        raise FacePoserError(f"'{path}' is not valid JSON at line {error.lineno}: {error.msg}; mend it.") from error
+    except (ValueError, RecursionError) as error:
+        raise FacePoserError(f"'{path}' is not valid JSON ({error}); mend it.") from error
+
+
+def _anchor_named(name: str, subject: Subject, path: Path) -> int:
+    vertex = _vertex_named(name, subject)
+    if vertex is None:
+        raise FacePoserError(
+            f"'{path}' has {name}, which is no feature point of {subject.name}; call points 8.3, 'left mouth corner' "
+            "or 'vertex 12', say which to take with --points, or give their places with --markers."
+        )
+    return vertex
+
+
+def _vertex_named(name: str, subject: Subject) -> int | None:
+    """Return the vertex of the feature point with this number or title, or the vertex with this number."""
+    if name in subject.feature_points:
+        return int(subject.feature_points[name])
+    for number, title in subject.feature_titles.items():
+        if title.casefold() == name.strip().casefold() and number in subject.feature_points:
+            return int(subject.feature_points[number])
+    match = re.fullmatch(r"v(?:ertex)?[ _]?(\d{1,9})", name.strip(), re.IGNORECASE)
+    vertex = int(match[1]) if match else -1
+    return vertex if 0 <= vertex < len(subject.vertices) else None
+
+
+def _known(wanted: Sequence[str], names: Sequence[str], path: Path) -> tuple[str, ...]:
+    for name in wanted:
+        if name not in names:
+            known = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+            raise FacePoserError(f"'{path}' has no point {name}; those to choose from are {known}.")
+    return tuple(dict.fromkeys(wanted))
+
+
+def _pixels(path: Path) -> MarkerTable | None:
+    """Return the table of pixels in ``path``, or None if its points have three coordinates."""
+    try:
+        table = parse_marker_csv(path, pixels=True)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise FacePoserError(f"The trajectories in '{path}' cannot be read ({reason}); check the file.") from error
+    return table if table.positions.shape[2] == 2 else None
+
+
+def _in_picture(path: Path, table: MarkerTable, options: "_Options") -> Trajectories:
+    if options.camera is None:
+        raise FacePoserError(f"'{path}' has places in a picture; give the camera that made it with --camera.")
+    names, anchors = _places(path, table.names, options)
+    positions = table.positions[:, [table.names.index(name) for name in names]]
+    return _checked(path, names, anchors, positions, options.rate or _known_rate(table.rate), options.camera)
+
+
+def _in_space(path: Path, motion: MarkerMotion, options: "_Options") -> Trajectories:
+    if options.marker_map is not None:
+        check_names(motion, options.marker_map)
+    names, anchors = _places(path, motion.names, options)
+    subject = options.subject
+    places = anchors.positions(subject.vertices, subject.triangles)
+    if options.marker_map is None:
+        # In the space of the face, whose unit is the centimetre.
+        positions = motion.subset(names).positions * (motion.unit_scale or 1.0)
+        _check_near(path, positions, places, subject)
+    else:
+        find_held = len(options.marker_map.places) >= _ENOUGH_TO_FIND_HELD
+        mapped = options.marker_map.subset(names)
+        displacements, _ = displacements_of_markers(motion, mapped, places, find_held)
+        positions = places + displacements
+    return _checked(path, names, anchors, positions, options.rate or _known_rate(motion.rate), None)
+
+
+def _known_rate(rate: float | None) -> float | None:
+    if rate is None:
+        return None
+    nearest = min(_KNOWN_RATES, key=lambda known: abs(known - rate))
+    return nearest if abs(nearest - rate) < _ROUNDED * nearest else rate
+
+
+def _check_near(path: Path, positions: Array, places: Array, subject: Subject) -> None:
+    off = np.linalg.norm(positions - places, axis=2)
+    known = off[np.isfinite(off)]
+    if known.size and np.median(known) > _NEAR * subject.height:
+        raise FacePoserError(
+            f"The points in '{path}' lie {np.median(known):.3g} cm from their places on {subject.name}, so they are "
+            "not in its space; give a marker map with --markers to have them laid on it."
+        )
+
+
+def _places(path: Path, names: Sequence[str], options: "_Options") -> tuple[tuple[str, ...], SurfacePoints]:
+    """Return the names of the points to take, and where these are on the face."""
+    subject, marker_map = options.subject, options.marker_map
+    wanted = tuple(names) if marker_map is None else tuple(marker_map.places)
+    if options.points is not None:
+        wanted = _known(options.points, wanted, path)
+    if marker_map is None:
+        return wanted, SurfacePoints.of([_anchor_named(name, subject, path) for name in wanted])
+    for name in wanted:
+        _known([name], names, path)
+    chosen = marker_map.subset(wanted)
+    return wanted, chosen.surface_points(subject.vertices, subject.triangles, subject.feature_points)
+
+
+def _checked(
+    path: Path,
+    names: tuple[str, ...],
+    anchors: SurfacePoints,
+    positions: Array,
+    rate: float | None,
+    camera: Camera | None,
+) -> Trajectories:
+    if len(positions) > _MAX_FRAMES:
+        raise FacePoserError(f"'{path}' has {len(positions)} frames, {_MAX_FRAMES} are read; cut it into parts.")
+    if not np.isfinite(positions).all(axis=2).any():
+        raise FacePoserError(f"No point is seen in any frame of '{path}'; check the file.")
+    try:
+        return Trajectories(names, anchors, positions, rate or USUAL_RATE, camera)
+    except ValueError as error:
+        raise FacePoserError(f"The trajectories in '{path}' cannot be used: {error}.") from error

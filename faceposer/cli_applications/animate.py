@@ -1,0 +1,156 @@
+"""The command that makes a face follow trajectories: ``animate``."""
+
+import argparse
+import json
+import math
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from faceposer.errors import FacePoserError
+
+if TYPE_CHECKING:
+    from faceposer.model.face_model import FaceModel
+    from faceposer.model.performance import Performance
+
+NAME = "animate"
+_SUFFIX = ".json"
+_PRIORS = ("regions", "whole", "plain")
+_MOST = 1e6
+
+
+def add_parser(commands: Any) -> None:
+    """Add the parser of ``animate`` to ``commands``."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        NAME,
+        help="make a face follow the trajectories of a few points",
+        description="Pose a face in every frame so that points of it follow trajectories in a picture or in space, "
+        "smoothly and like a real face (docs/animation.md), and write the animation.",
+    )
+    parser.add_argument("subject", metavar="SUBJECT", help="name or file (.npz) of the face")
+    parser.add_argument("trajectories", type=Path, metavar="TRAJECTORIES", help="file of .csv, .json or .c3d")
+    parser.add_argument("-o", "--output", type=Path, metavar="OUT", required=True, help="animation to write")
+    parser.add_argument("--camera", type=Path, metavar="JSON", help="camera of trajectories in a picture")
+    parser.add_argument("--markers", type=Path, metavar="JSON", help="marker map: where on the face each point is")
+    parser.add_argument("--points", type=_names, metavar="A,B", help="points to follow (default: all)")
+    parser.add_argument(
+        "--keep-jumps", action="store_true", help="also follow positions that jump away for a frame or two"
+    )
+    parser.add_argument("--rate", type=_positive, metavar="FPS", help="frames per second (default: as the file says)")
+    parser.add_argument(
+        "--smoothness", type=_weight, metavar="W", default=1.0, help="weight of changes of velocity (default: 1)"
+    )
+    parser.add_argument(
+        "--prior-weight", type=_weight, metavar="W", default=1.0, help="weight of the prior (default: 1)"
+    )
+    parser.add_argument(
+        "--prior",
+        choices=_PRIORS,
+        default="regions",
+        help="judge region by region, the face as a whole, or by the mixture as it was learned (default: regions)",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Make and write the animation that ``options`` ask for and return the exit status."""
+    _check_output(options.output)
+    from faceposer.animation.following import follow
+    from faceposer.animation.trajectory_io import read_camera, read_trajectories
+    from faceposer.geometry.marker_map import read_marker_map
+    from faceposer.session.opening import load_model
+
+    model = load_model(options.subject)
+    trajectories = read_trajectories(
+        options.trajectories,
+        model.subject,
+        camera=None if options.camera is None else read_camera(options.camera, model.subject),
+        marker_map=None if options.markers is None else read_marker_map(options.markers),
+        points=options.points,
+        rate=options.rate,
+    )
+    jumps = 0
+    if not options.keep_jumps:
+        trajectories, jumps = trajectories.without_jumps()
+    n_frames = len(trajectories)
+    line = _ProgressLine()
+    try:
+        performance = follow(
+            model,
+            trajectories,
+            smoothness=options.smoothness,
+            prior_weight=options.prior_weight,
+            prior=options.prior,
+            on_frame=lambda frame, _pose: line.show(f"Frame {frame + 1} of {n_frames}"),
+        )
+    finally:
+        line.clear()
+    _write(options.output, model, performance)
+    blind = int((~trajectories.seen.any(axis=1)).sum())
+    remarks = f", {blind} of them without any point" if blind else ""
+    remarks += f"; jumps left out: {jumps}" if jumps else ""
+    print(f"{options.output} written: {n_frames} frames at {performance.rate:g} per second{remarks}")
+    return 0
+
+
+def _write(path: Path, model: "FaceModel", performance: "Performance") -> None:
+    """Write the rig weights of all frames."""
+    from faceposer.session.document import write_text
+
+    weights = performance.weights(model).round(5)
+    data = {"names": list(model.subject.shape_names), "rate": performance.rate, "weights": weights.tolist()}
+    write_text(path, json.dumps(data) + "\n", "animation")
+
+
+def _check_output(path: Path) -> None:
+    """Refuse an output that could not be written before any work is done for it."""
+    if path.suffix.lower() != _SUFFIX:
+        raise FacePoserError(f"The output '{path}' must end in '{_SUFFIX}'.")
+    if path.is_dir():
+        raise FacePoserError(f"The output '{path}' is a folder; give the name of a file.")
+    if not path.parent.is_dir():
+        raise FacePoserError(f"The folder '{path.parent}' of the output does not exist; make it first.")
+    if not os.access(path.parent, os.W_OK):
+        raise FacePoserError(f"The folder '{path.parent}' of the output cannot be written to; choose another.")
+
+
+def _names(text: str) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    if not names:
+        raise argparse.ArgumentTypeError("no point is named")
+    return names
+
+
+def _number(text: str, least: float) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not least <= value <= _MOST:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number from {least:g} to {_MOST:g}")
+    return value
+
+
+def _weight(text: str) -> float:
+    return _number(text, 0.0)
+
+
+def _positive(text: str) -> float:
+    return _number(text, 1e-3)
+
+
+class _ProgressLine:
+    """One line that says how far it is, where somebody is looking."""
+
+    def __init__(self) -> None:
+        self._wanted = sys.stderr.isatty()
+        self._shown = False
+
+    def show(self, text: str) -> None:
+        if self._wanted:
+            print(f"\r{text:40}", end="", file=sys.stderr, flush=True)
+            self._shown = True
+
+    def clear(self) -> None:
+        if self._shown:
+            print(f"\r{'':40}\r", end="", file=sys.stderr, flush=True)

@@ -1,0 +1,390 @@
+#!/usr/bin/env python3
+"""Measure how near a face that follows trajectories comes to the performance they are from, and how smoothly it moves.
+
+    FACEPOSER_CAPTURES=FOLDER python scripts/study_animation.py --json animation.json
+    FACEPOSER_CAPTURES=FOLDER python scripts/study_animation.py --pictures animation.jpg
+    FACEPOSER_CAPTURES=FOLDER python scripts/study_animation.py --tune
+
+Learned from take 3, tested on take 4 of the same performer: its liveliest 300 frames without a jump of the tracker, and
+all other such runs. Seven points (Lau et al. 2009, figure 8a: ends of the brows, lips, corners of the mouth, chin) are
+taken from the true faces, in a picture of 800 x 800 pixels or in space, exactly or with noise.
+
+  error  mean distance to the true face in millimetres, over frames and the vertices of the face's regions
+  jerk   root mean square of the third difference from frame to frame, mm, of the same vertices; and of the brows'
+  worst  largest step from one frame to the next, root mean square over these vertices, mm
+
+With --tune, weights and variants are compared on both folds of take 3 instead.
+"""
+
+import os
+
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))
+
+from faceposer.animation import following
+from faceposer.animation.following import follow
+from faceposer.animation.terms import CHANGE
+from faceposer.animation.trajectories import Trajectories
+from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.takes import FOLDS
+from faceposer.geometry.picking import SurfacePoints
+from faceposer.model.face_model import FaceModel
+from faceposer.model.performance import Performance
+from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.model.subject_file import load_subject
+from faceposer.solve.constraints.fixed import PX_PER_CM
+from faceposer.solve.problem import PoseProblem
+from faceposer.training.capture import read_capture
+
+TRAIN, TEST = "alex_rom_3.csv", "alex_rom_4.csv"
+RATE = 30.0
+N_FRAMES, N_LONG = 300, 1_000
+NOISE_PX = 1.5
+SEVEN = ("4.1", "4.2", "8.1", "8.2", "8.3", "8.4", "2.10")
+#: Without looking ahead, smoothness costs nearness sooner: the weight with the least error on the folds, with noise.
+CAUSAL = 0.1
+STILL = ("ear_left", "ear_right", "eye_left", "eye_right", "neck", "scalp")
+Array = np.ndarray
+Change = Callable[[Trajectories], Trajectories]
+
+
+class Study:
+    """A face, its prior, and what is measured on it."""
+
+    def __init__(self, setting: Setting) -> None:
+        """Measure on the face of ``setting``."""
+        self.setting = setting
+        self.model = setting.model
+
+    @cached_property
+    def _face(self) -> Array:
+        regions = self.model.subject.regions
+        return np.unique(np.concatenate([regions[name] for name in regions if name not in STILL]))
+
+    @cached_property
+    def _brows(self) -> Array:
+        regions = self.model.subject.regions
+        return np.isin(self._face, np.concatenate([regions["brow_left"], regions["brow_right"]]))
+
+    @cached_property
+    def _true_shapes(self) -> Array:
+        shapes = self.model.subject.shapes[:, self._face]
+        return 10.0 * shapes.reshape(len(shapes), -1).astype(np.float32)
+
+    @cached_property
+    def _basis(self) -> Array:
+        basis = self.model.basis.reshape(self.model.n_coefficients, -1, 3)[:, self._face]
+        return 10.0 * basis.reshape(len(basis), -1)
+
+    def tracked(self, weights: Array, noise_px: float, seed: int = 0, in_space: bool = False) -> Trajectories:
+        """Return the trajectories of the seven points in the true frames with rig ``weights``, (F, S)."""
+        ids = [self.model.subject.feature_points[name] for name in SEVEN]
+        at_rest = self.model.subject.vertices[ids].astype(np.float64)
+        places = at_rest + np.einsum("fs,snd->fnd", weights, self.model.subject.shapes[:, ids].astype(np.float64))
+        rng = np.random.default_rng(seed)
+        points = SurfacePoints.at_vertices(ids)
+        if in_space:
+            noise = rng.normal(size=places.shape) * noise_px / PX_PER_CM
+            return Trajectories(SEVEN, points, places + noise, RATE)
+        camera = self.setting.camera
+        pixels = np.array([camera.project(frame) for frame in places])
+        return Trajectories(SEVEN, points, pixels + rng.normal(size=pixels.shape) * noise_px, RATE, camera)
+
+    def measures(self, performance: Performance, weights: Array) -> dict[str, float]:
+        """Return how near a performance is to the true ``weights``, (F, S), and how it moves, in millimetres."""
+        true = (weights.astype(np.float32) @ self._true_shapes).reshape(len(weights), -1, 3)
+        ours = (performance.coefficients.astype(np.float32) @ self._basis).reshape(true.shape)
+        return {
+            "error": float(np.linalg.norm(ours - true, axis=2).mean()),
+            "of neutral": float(np.linalg.norm(true, axis=2).mean()),
+            **{f"jerk{of}": _rms(np.diff(x, 3, axis=0)) for of, x in (("", ours), (" of truth", true))},
+            **{
+                f"brow jerk{of}": _rms(np.diff(x[:, self._brows], 3, axis=0))
+                for of, x in (("", ours), (" of truth", true))
+            },
+            **{f"worst{of}": _worst(x) for of, x in (("", ours), (" of truth", true))},
+        }
+
+
+def _rms(offsets: Array) -> float:
+    return float(np.sqrt((offsets**2).sum(axis=-1).mean()))
+
+
+def _worst(positions: Array) -> float:
+    steps = np.diff(positions, axis=0)
+    return float(np.sqrt((steps**2).sum(axis=2).mean(axis=1)).max())
+
+
+@dataclass(frozen=True)
+class Case:
+    """Trajectories of a kind, and how they are followed."""
+
+    name: str
+    options: dict[str, Any]
+    noise_px: float = NOISE_PX
+    in_space: bool = False
+    change: Change | None = None
+
+    def run(self, study: Study, runs: list[Array]) -> dict[str, float]:
+        """Return the measures over all ``runs`` of true weights."""
+        rows = []
+        for seed, weights in enumerate(runs):
+            tracks = study.tracked(weights, self.noise_px, seed, self.in_space)
+            if self.change is not None:
+                tracks = self.change(tracks)
+            rows.append(study.measures(follow(study.model, tracks, **self.options), weights))
+        totals = {key: np.array([row[key] for row in rows]) for key in rows[0]}
+        return {
+            key: float(
+                values.max()
+                if key.startswith("worst")
+                else np.sqrt((values**2).mean())
+                if "jerk" in key
+                else values.mean()
+            )
+            for key, values in totals.items()
+        }
+
+
+def jump_free_runs(
+    setting: Setting, path: Path, n_frames: int, part: tuple[float, float] = (0.0, 1.0)
+) -> list[tuple[int, Array]]:
+    """Return the runs of ``n_frames`` in a part of a take in which the tracker never jumps: first frame and weights."""
+    recipe = setting.recipe
+    take = read_capture(path).with_shapes(ARKIT_SHAPES)
+    rest = np.percentile(take.without_jumps(recipe.jump).weights, recipe.rest_percentile, axis=0)
+    frames = setting.rig_weights(np.clip(take.weights - rest, 0.0, 1.0))
+    watched = [not name.startswith("eyeBlink") for name in take.shape_names]
+    jumps = np.flatnonzero(np.abs(np.diff(take.weights[:, watched], axis=0)).max(axis=1) > recipe.jump) + 1
+    begin, end = (round(share * len(frames)) for share in part)
+    runs = []
+    while begin + n_frames <= end:
+        inside = jumps[(jumps > begin) & (jumps < begin + n_frames)]
+        if len(inside):
+            begin = int(inside[-1])
+            continue
+        runs.append((begin, frames[begin : begin + n_frames]))
+        begin += n_frames
+    return runs
+
+
+def liveliest(study: Study, path: Path) -> tuple[int, Array]:
+    """Return the run of a take whose vertices move most from frame to frame."""
+
+    def speed(weights: Array) -> float:
+        steps = np.diff(weights, axis=0)
+        return float(np.einsum("fs,st,ft->", steps, study.model.gram, steps))
+
+    return max(jump_free_runs(study.setting, path, N_FRAMES), key=lambda run: speed(run[1]))
+
+
+def with_gaps(tracks: Trajectories) -> Trajectories:
+    """Return the trajectories with a fifth of each point missing, ten frames at a time, and all for a second."""
+    rng = np.random.default_rng(1)
+    positions = tracks.positions.copy()
+    for point in range(positions.shape[1]):
+        for first in rng.integers(0, len(positions) - 10, len(positions) // 50):
+            positions[first : first + 10, point] = np.nan
+    middle = len(positions) // 2
+    positions[middle : middle + 30] = np.nan
+    return replace(tracks, positions=positions)
+
+
+def with_jumps(tracks: Trajectories) -> Trajectories:
+    """Return the trajectories with 2 % of the positions off by 30 pixels."""
+    rng = np.random.default_rng(2)
+    hit = rng.random(tracks.seen.shape) < 0.02
+    positions = tracks.positions.copy()
+    positions[hit] += rng.normal(size=(int(hit.sum()), positions.shape[2])) * 30.0
+    return replace(tracks, positions=positions)
+
+
+def cases() -> list[Case]:
+    """Return what is compared."""
+    rough, causal, smooth = {"smoothness": 0.0}, {"smoothness": CAUSAL, "look_ahead": False}, dict[str, Any]()
+    found = []
+    for where, in_space in (("2D", False), ("3D", True)):
+        for noise in (NOISE_PX, 0.0):
+            kind = f"{where}, {'noise' if noise else 'exact'}"
+            found += [
+                Case(f"{kind}: without smoothness", rough, noise, in_space),
+                Case(f"{kind}: frame by frame, as the paper", causal, noise, in_space),
+                Case(f"{kind}: all frames together (ships)", smooth, noise, in_space),
+            ]
+    return [
+        *found,
+        Case("2D, noise: the same, prior whole", {"prior": "whole"}),
+        Case("2D, noise, gaps: without smoothness", rough, change=with_gaps),
+        Case("2D, noise, gaps: all frames together", smooth, change=with_gaps),
+        Case("2D, noise, jumps: kept", smooth, change=with_jumps),
+        Case("2D, noise, jumps: left out (ships)", smooth, change=lambda tracks: with_jumps(tracks).without_jumps()[0]),
+    ]
+
+
+@contextmanager
+def changed(owner: Any, name: str, value: Any) -> Iterator[None]:
+    """Have something of the engine otherwise for a while."""
+    kept = getattr(owner, name)
+    setattr(owner, name, value)
+    try:
+        yield
+    finally:
+        setattr(owner, name, kept)
+
+
+_problem = following._Frames.problem
+
+
+def _seen_from_neutral(frames: following._Frames, frame: int, _seen_from: Array) -> PoseProblem:
+    return _problem(frames, frame, frames.start)
+
+
+def _plain_metric(model: FaceModel, smoothness: float, rate: float) -> Array:
+    plain = model.subspace.directions.T @ model.gram @ model.subspace.directions
+    return smoothness * (rate / RATE) ** 3 / CHANGE**2 / float(np.diag(plain) @ model.subspace.variances) * plain
+
+
+def shown(name: str, found: dict[str, float]) -> str:
+    """Return a line of the table."""
+    cells = [f"{found['error']:.2f}", f"{found['error'] / found['of neutral']:.2f}"]
+    cells += [f"{found[key]:.2f}" for key in ("jerk", "brow jerk", "worst")]
+    return f"| {name} | " + " | ".join(cells) + " |"
+
+
+def study(folder: Path) -> dict[str, Any]:
+    """Print the tables and return what is in them."""
+    setting = Setting.of(load_subject("man"), [read_capture(folder / TRAIN).with_shapes(ARKIT_SHAPES)])
+    studied = Study(setting)
+    first, lively = liveliest(studied, folder / TEST)
+    runs = [weights for _, weights in jump_free_runs(setting, folder / TEST, N_FRAMES)]
+    result: dict[str, Any] = {"first frame": first, "runs": len(runs)}
+    for title, chosen in ((f"frames {first} to {first + N_FRAMES - 1}", [lively]), (f"all {len(runs)} runs", runs)):
+        truth = cases()[0].run(studied, chosen)
+        print(f"\nTake 4, {title}; the neutral face is {truth['of neutral']:.2f} mm off, the truth has")
+        print(f"jerk {truth['jerk of truth']:.2f}, brow jerk {truth['brow jerk of truth']:.2f}", end=" ")
+        print(f"and worst {truth['worst of truth']:.2f}\n")
+        print("| | error | of neutral's | jerk | brow jerk | worst |\n| --- | --- | --- | --- | --- | --- |")
+        result[title] = {}
+        for case in cases() if len(chosen) == 1 else cases()[:6]:
+            result[title][case.name] = found = case.run(studied, chosen)
+            print(shown(case.name, found), flush=True)
+    take = jump_free_runs(replace(setting, recipe=replace(setting.recipe, jump=1e9)), folder / TEST, N_LONG)
+    tracks = studied.tracked(take[0][1], NOISE_PX)
+    wall, cpu = time.perf_counter(), time.process_time()
+    follow(studied.model, tracks)
+    result["seconds"] = time.perf_counter() - wall
+    print(f"\n{N_LONG} frames: {result['seconds']:.1f} s, {time.process_time() - cpu:.1f} s of one core")
+    return result
+
+
+def tune(folder: Path) -> dict[str, Any]:
+    """Print the error of weights and variants on the folds of take 3, and return it."""
+    take = read_capture(folder / TRAIN).with_shapes(ARKIT_SHAPES)
+    folds = []
+    for (begin, end), tested in FOLDS.values():
+        part = slice(round(begin * len(take.weights)), round(end * len(take.weights)))
+        setting = Setting.of(load_subject("man"), [replace(take, weights=take.weights[part])])
+        runs = [weights for _, weights in jump_free_runs(setting, folder / TRAIN, N_FRAMES, tested)]
+        folds.append((Study(setting), runs))
+    result: dict[str, Any] = {}
+
+    def row(name: str, **options: Any) -> None:
+        result[name] = found = [Case(name, options).run(studied, runs) for studied, runs in folds]
+        cells = [f"{fold['error']:.3f}" for fold in found]
+        cells += [f"{np.sqrt(np.mean([fold[key] ** 2 for fold in found])):.2f}" for key in ("jerk", "brow jerk")]
+        print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
+
+    print("| | error: fold 1 | fold 2 | jerk | brow jerk |\n| --- | --- | --- | --- | --- |")
+    for smoothness in (0.0, 0.1, 0.3, 1.0, 3.0):
+        row(f"smoothness {smoothness:g}", smoothness=smoothness)
+    for smoothness in (0.03, 0.1, 0.3):
+        row(f"frame by frame, smoothness {smoothness:g}", smoothness=smoothness, look_ahead=False)
+    for weight in (0.3, 3.0):
+        row(f"prior weight {weight:g}", prior_weight=weight)
+    row("prior whole", prior="whole")
+    row("prior plain", prior="plain")
+    with changed(following, "_HOMEWARD", 0.0):
+        row("prior seen from the frame before alone")
+    with changed(following._Frames, "problem", _seen_from_neutral):
+        row("prior seen from the neutral face")
+    with changed(following, "smoothness_metric", _plain_metric):
+        row("smoothness of vertices alone")
+    return result
+
+
+def filmstrip(folder: Path, path: Path, n_pictures: int = 8) -> None:
+    """Draw frames of the liveliest run, truth above and ours below, with targets in green and their points in blue."""
+    from faceposer.geometry.camera import OrbitView
+    from faceposer.viewer.offscreen import render_subject
+
+    setting = Setting.of(load_subject("man"), [read_capture(folder / TRAIN).with_shapes(ARKIT_SHAPES)])
+    studied = Study(setting)
+    model = studied.model
+    _, weights = liveliest(studied, folder / TEST)
+    tracks = studied.tracked(weights, NOISE_PX)
+    performance = follow(model, tracks)
+    view = OrbitView((0.0, -1.5, 8.0), 0.0, 0.0, 75.0)
+    camera = view.camera((250, 310))
+    columns = []
+    for frame in np.linspace(0, N_FRAMES - 1, n_pictures + 2).round().astype(int)[1:-1]:
+        pose = performance.coefficients[frame]
+        true = Image.fromarray(render_subject(model.subject, setting.vertices_of(weights[frame]), camera))
+        ours = Image.fromarray(render_subject(model.subject, model.instance(pose), camera))
+        draw = ImageDraw.Draw(ours)
+        # The pixels of the study's picture, in the plane of each point, seen in this one.
+        own = model.positions_at(tracks.points, pose)
+        depth = setting.camera.to_camera(own)[:, 2]
+        for (u, v), z, point in zip(tracks.positions[frame], depth, own, strict=True):
+            local = np.array([(u - 400.0) * z, (v - 400.0) * z, setting.camera.focal * z]) / setting.camera.focal
+            target = setting.camera.rotation.T @ (local - setting.camera.translation)
+            for place, colour, radius in ((target, (40, 200, 90), 4), (point, (40, 120, 255), 2)):
+                x, y = camera.project(place[None])[0]
+                draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=colour)
+        column = Image.new("RGB", (camera.size[0], 2 * camera.size[1] + 6), "white")
+        column.paste(true, (0, 0))
+        column.paste(ours, (0, camera.size[1] + 6))
+        columns.append(column)
+    sheet = Image.new("RGB", (len(columns) * (camera.size[0] + 4) - 4, columns[0].height), "white")
+    for i, column in enumerate(columns):
+        sheet.paste(column, (i * (camera.size[0] + 4), 0))
+    sheet.save(path, quality=90)
+
+
+def main() -> None:
+    """Read the options, run and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", type=Path, help="write the numbers to this file")
+    parser.add_argument("--tune", action="store_true", help="compare weights and variants on folds of take 3")
+    parser.add_argument("--pictures", type=Path, metavar="FILE", help="only draw eight frames, truth above, ours below")
+    options = parser.parse_args()
+    folder = os.environ.get("FACEPOSER_CAPTURES")
+    if not folder or not (Path(folder) / TEST).is_file():
+        sys.exit(f"Name the folder of {TRAIN} and {TEST} in FACEPOSER_CAPTURES.")
+    if options.pictures is not None:
+        filmstrip(Path(folder), options.pictures)
+        return
+    result = tune(Path(folder)) if options.tune else study(Path(folder))
+    if options.json is not None:
+        options.json.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,112 @@
+"""``faceposer animate`` from a file of trajectories to a file of weights, and what it refuses."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faceposer.animation import following
+from faceposer.cli import main
+from faceposer.geometry.camera import OrbitView
+from faceposer.model.face_model import FaceModel
+
+Capture = pytest.CaptureFixture[str]
+NAMES = ("8.3", "8.4", "8.1", "8.2", "2.10")
+
+
+def run(*arguments: object) -> int:
+    with pytest.raises(SystemExit) as ended:
+        main([str(argument) for argument in arguments])
+    return int(ended.value.code or 0)
+
+
+@pytest.fixture
+def jaw(model: FaceModel, tmp_path: Path) -> Path:
+    """The mouth of a face in a picture while the jaw opens, beside the picture's camera."""
+    subject = model.subject
+    camera = OrbitView.preset(subject.vertices.min(axis=0), subject.vertices.max(axis=0)).camera((800, 800))
+    vertices = [subject.feature_points[name] for name in NAMES]
+    lines = ["time," + ",".join(f"{name}.{axis}" for name in NAMES for axis in "xy")]
+    for i, strength in enumerate(np.linspace(0.0, 0.8, 15)):
+        pixels = camera.project(model.instance(model.coefficients_of({"jawOpen": strength}))[vertices])
+        if i == 7:
+            pixels[4] += 60.0
+        cells = ["" if i == 4 else f"{x:.2f}" for x in pixels.ravel()]
+        lines.append(",".join([f"{i / 30.0:.4f}", *cells]))
+    (tmp_path / "jaw.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (tmp_path / "camera.json").write_text('{"view": "front", "size": [800, 800]}', encoding="utf-8")
+    return tmp_path / "jaw.csv"
+
+
+def test_a_table_of_pixels_becomes_an_animation(jaw: Path, tmp_path: Path, capsys: Capture) -> None:
+    out = tmp_path / "jaw.json"
+    assert run("animate", "man", jaw, "--camera", tmp_path / "camera.json", "-o", out) == 0
+    said = capsys.readouterr()
+    assert "15 frames at 30 per second, 1 of them without any point; jumps left out: 1" in said.out
+    assert said.err == ""
+    data = json.loads(out.read_text())
+    assert data["rate"] == 30.0
+    opening = np.array(data["weights"])[:, data["names"].index("jawOpen")]
+    assert opening.shape == (15,)
+    assert opening[-1] > 0.4
+    assert (np.diff(opening) > -0.02).all()
+
+
+def test_options_reach_the_solver(jaw: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: dict[str, object] = {}
+    follow = following.follow
+
+    def watched(model: FaceModel, trajectories: object, **options: object) -> object:
+        asked.update(options, trajectories=trajectories)
+        return follow(model, trajectories, **options)
+
+    monkeypatch.setattr(following, "follow", watched)
+    words = ["--camera", tmp_path / "camera.json", "--points", "8.4, 2.10", "--rate", "60", "--keep-jumps"]
+    words += ["--smoothness", "2.5", "--prior-weight", "0.5", "--prior", "whole", "-o", tmp_path / "jaw.json"]
+    assert run("animate", "man", jaw, *words) == 0
+    assert (asked["smoothness"], asked["prior_weight"], asked["prior"]) == (2.5, 0.5, "whole")
+    assert asked["trajectories"].names == ("8.4", "2.10")
+    assert asked["trajectories"].rate == 60.0
+    assert asked["trajectories"].seen[7].all()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["man", "jaw.csv", "-o", "a.json"], "give the camera that made it with --camera"),
+        (["man", "none.csv", "-o", "a.json"], "cannot be read"),
+        (["nobody", "jaw.csv", "-o", "a.json"], "nobody"),
+        (["man", "jaw.csv", "-o", "a.txt"], "must end in"),
+        (["man", "jaw.csv", "-o", "no/a.json"], "does not exist"),
+        (["man", "jaw.csv", "-o", "a.json", "--camera", "none.json"], "camera in 'none.json' cannot be read"),
+        (["man", "jaw.csv", "-o", "a.json", "--camera", "camera.json", "--points", "9.9"], "has no point 9.9"),
+        (["man", "jaw.csv", "-o", "a.json", "--markers", "none.json"], "marker map 'none.json' cannot be used"),
+        (["man", "jaw.csv", "-o", "a.json", "--smoothness", "-1"], "not a number from 0"),
+        (["man", "jaw.csv", "-o", "a.json", "--rate", "nan"], "not a number from 0.001"),
+    ],
+)
+def test_what_it_cannot_use_gets_one_sentence(
+    jaw: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture, words: list[str], said: str
+) -> None:
+    monkeypatch.chdir(jaw.parent)
+    before = sorted(path.name for path in jaw.parent.iterdir())
+    assert run("animate", *words) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert sorted(path.name for path in jaw.parent.iterdir()) == before
+
+
+def test_an_interrupt_leaves_what_was_there(jaw: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "old.json"
+    out.write_text("old", encoding="utf-8")
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(following, "smooth_poses", interrupted)
+    before = sorted(path.name for path in tmp_path.iterdir())
+    assert run("animate", "man", jaw, "--camera", tmp_path / "camera.json", "-o", out) == 130
+    assert out.read_text(encoding="utf-8") == "old"
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
