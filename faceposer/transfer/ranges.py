@@ -1,0 +1,91 @@
+"""How far each key feature of a face goes, and how a distance of one face is said on another.
+
+"Since the meshes are different for the two subjects, we scale the target distances between subjects by measuring the
+minimum and maximum of key features of the face" (Lau et al. 2009, section 7).
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.model.face_model import FaceModel
+from faceposer.transfer.pairs import Pair
+from faceposer.transfer.terms import PairPoints
+
+Array = NDArray[np.float64]
+
+#: How distances are scaled: by two straight lines that meet at the neutral face, or by one, as the paper says.
+Scaling = Literal["neutral", "paper"]
+SCALINGS: tuple[Scaling, ...] = get_args(Scaling)
+
+# The most extreme of thousands of draws is chance; so many percent of them are left out at each end.
+_PERCENT = 0.5
+# Where a feature hardly moves to one side of the neutral face, such as a closed mouth that cannot close further, that
+# side says little of how it scales: this share of the whole range is added to each side before they are compared.
+_WHOLE = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Ranges:
+    """Distances of one face, for n pairs, in the unit of its mesh.
+
+    Attributes:
+        least: Least natural distances, shape (n,).
+        neutral: Those of the neutral face, shape (n,).
+        greatest: Greatest natural distances, shape (n,).
+    """
+
+    least: Array
+    neutral: Array
+    greatest: Array
+
+    @property
+    def widths(self) -> Array:
+        """Greatest less least, shape (n,)."""
+        return self.greatest - self.least
+
+
+def measure_ranges(model: FaceModel, pairs: tuple[Pair, ...]) -> Ranges:
+    """Return the ranges of ``pairs`` over natural expressions of ``model``, remembered for the last few.
+
+    Natural is what the model's own density gives, drawn with a fixed seed and kept within the rig's limits, and each
+    shape of the rig at its limits.
+    """
+    return _measured(model, tuple((pair.first, pair.second) for pair in pairs))
+
+
+@lru_cache(maxsize=16)
+def _measured(model: FaceModel, ends: tuple[tuple[str, str], ...]) -> Ranges:
+    points = PairPoints(model, [Pair("", *pair) for pair in ends])
+    density = model.rig_density
+    drawn = points.distances(density.draws @ density.projection.T)
+    limits = model.subject.shape_limits.astype(np.float64)
+    single = points.distances(np.concatenate([np.diag(side) for side in limits.T]) @ model.subspace.projection.T)
+    neutral = points.distances(model.neutral()[None])[0]
+    least, greatest = np.percentile(drawn, [_PERCENT, 100.0 - _PERCENT], axis=0)
+    least, greatest = np.minimum(least, single.min(axis=0)), np.maximum(greatest, single.max(axis=0))
+    return Ranges(np.minimum(least, neutral), neutral, np.maximum(greatest, neutral))
+
+
+def scaled(distances: Array, source: Ranges, target: Ranges, scaling: Scaling = "neutral") -> Array:
+    """Return what ``distances`` of the source's face, shape (m, n), are on the target's, shape (m, n).
+
+    The paper's one straight line takes minimum to minimum and maximum to maximum. The source's relaxed face then
+    becomes a face that is not relaxed, unless both lie at the same share of their ranges. Two lines that meet at the
+    neutral faces take the relaxed face to the relaxed face. Beyond the ranges the lines go on.
+    """
+    if scaling == "paper":
+        share = (distances - source.least) / np.maximum(source.widths, 1e-12)
+        return np.maximum(target.least + share * target.widths, 0.0)
+    offsets = distances - source.neutral
+    below, above = (
+        (theirs + _WHOLE * target.widths) / np.maximum(ours + _WHOLE * source.widths, 1e-12)
+        for ours, theirs in (
+            (source.neutral - source.least, target.neutral - target.least),
+            (source.greatest - source.neutral, target.greatest - target.neutral),
+        )
+    )
+    return np.maximum(target.neutral + np.where(offsets < 0, below, above) * offsets, 0.0)

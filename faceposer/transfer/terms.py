@@ -1,0 +1,88 @@
+"""What a transferred expression asks of the target's face, as terms of the problem."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from faceposer.geometry.picking import SurfacePoints
+from faceposer.model.face_model import FaceModel
+from faceposer.solve.term import Array, PoseState, ResidualTerm
+from faceposer.transfer.pairs import Pair
+
+# In the mesh's unit: below it two points have no direction from one to the other.
+_COINCIDENT = 1e-9
+
+
+class PairPoints:
+    """The ends of pairs on one face: distances and their derivatives at any pose."""
+
+    def __init__(self, model: FaceModel, pairs: Sequence[Pair]) -> None:
+        """Gather the rows of the basis at the feature points of ``pairs``, all of which ``model`` must have."""
+        points = model.subject.feature_points
+        ends = [np.array([points[getattr(pair, end)] for pair in pairs], dtype=np.intp) for end in ("first", "second")]
+        (rows, neutral), (other_rows, other_neutral) = (model.rows_at(SurfacePoints.at_vertices(end)) for end in ends)
+        self._rows = np.ascontiguousarray(rows - other_rows)
+        self._neutral = neutral - other_neutral
+
+    def offsets(self, p: Array) -> Array:
+        """Return the vectors from the second point of each pair to the first, (n, 3), on the face ``p``, (r,)."""
+        offsets: Array = self._neutral + self._rows @ p
+        return offsets
+
+    def distances(self, poses: ArrayLike) -> Array:
+        """Return the distances, shape (m, n), on the faces with coefficients ``poses``, shape (m, r)."""
+        stacked = np.asarray(poses, dtype=np.float64) @ self._rows.reshape(-1, self._rows.shape[-1]).T
+        distances: Array = np.linalg.norm(self._neutral + stacked.reshape(-1, *self._neutral.shape), axis=2)
+        return distances
+
+    def jacobian(self, directions: Array) -> Array:
+        """Return the derivatives of the distances by p, (n, r), where ``directions``, (n, 3), are those of the pairs."""
+        jacobian: Array = np.einsum("nd,ndr->nr", directions, self._rows)
+        return jacobian
+
+
+class SpaceDistanceTerm(ResidualTerm):
+    """sum over i of w_i (|x_a(p) - x_b(p)| - d_i)^2 with distances in space (paper, section 4.2, without a camera).
+
+    Where the two points coincide, the distance has no derivative; it is taken to be zero.
+    """
+
+    def __init__(self, ends: PairPoints, targets: ArrayLike, weights: ArrayLike) -> None:
+        """Ask for the distances ``targets`` d, shape (n,), with ``weights`` w, shape (n,), in the unit of the mesh."""
+        super().__init__(np.asarray(weights, dtype=np.float64))
+        self._ends = ends
+        self._targets = np.asarray(targets, dtype=np.float64)
+
+    def _measure(self, state: PoseState) -> tuple[Array, Array]:
+        offsets = self._ends.offsets(state.p)
+        distances = np.linalg.norm(offsets, axis=1)
+        directions = np.where(distances[:, None] > _COINCIDENT, offsets, 0.0)
+        return distances, directions / np.maximum(distances, _COINCIDENT)[:, None]
+
+    def residual(self, state: PoseState) -> Array:
+        """Return distance minus target, shape (n,)."""
+        return self._measure(state)[0] - self._targets
+
+    def jacobian(self, state: PoseState) -> Array:
+        """Return the derivatives of the distances, shape (n, r)."""
+        return self._ends.jacobian(self._measure(state)[1])
+
+
+class RigWeightTerm(ResidualTerm):
+    """sum over j of w_j (weight_j(p) - value_j)^2: some weights of the rig keep their values."""
+
+    def __init__(self, model: FaceModel, rows: Sequence[int], values: ArrayLike, weight: float) -> None:
+        """Hold the shapes with the indices ``rows`` at ``values``, both of length m, each with ``weight``."""
+        super().__init__(np.full(len(rows), weight))
+        self._directions = model.subspace.directions[list(rows)]
+        self._values = np.asarray(values, dtype=np.float64)
+
+    def residual(self, state: PoseState) -> Array:
+        """Return weight minus value, shape (m,)."""
+        residual: Array = self._directions @ state.p - self._values
+        return residual
+
+    def jacobian(self, state: PoseState) -> Array:
+        """Return the derivatives of the weights, shape (m, r)."""
+        return self._directions
