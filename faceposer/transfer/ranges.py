@@ -26,6 +26,11 @@ _PERCENT = 0.5
 # Where a feature hardly moves to one side of the neutral face, such as a closed mouth that cannot close further, that
 # side says little of how it scales: this share of the whole range is added to each side before they are compared.
 _WHOLE = 0.25
+# Ranges are as uncertain as what they are measured on: from thousands of frames, or from thirty examples. So much of a
+# scale, as a power, is what most features have in common; eyes turn as far as they turn.
+_USUAL = 0.5
+# What is open and can become so small a share of itself closes, as an eye does: closed is then closed on both faces.
+_CLOSED = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +41,25 @@ class Ranges:
         least: Least natural distances, shape (n,).
         neutral: Those of the neutral face, shape (n,).
         greatest: Greatest natural distances, shape (n,).
+        of_gaze: Which of the pairs tell where an eye looks, shape (n,).
     """
 
     least: Array
     neutral: Array
     greatest: Array
+    of_gaze: NDArray[np.bool_]
+
+    @property
+    def sides(self) -> tuple[Array, Array]:
+        """How far they go below and above the neutral ones, with a share of both, each of shape (n,)."""
+        both = _WHOLE * self.widths
+        return self.neutral - self.least + both, self.greatest - self.neutral + both
+
+    @property
+    def closes(self) -> NDArray[np.bool_]:
+        """Which of them close, shape (n,)."""
+        closes: NDArray[np.bool_] = self.least < _CLOSED * self.neutral
+        return closes
 
     @property
     def widths(self) -> Array:
@@ -59,7 +78,8 @@ def measure_ranges(model: FaceModel, pairs: tuple[Pair, ...]) -> Ranges:
 
 @lru_cache(maxsize=16)
 def _measured(model: FaceModel, ends: tuple[tuple[str, str], ...]) -> Ranges:
-    points = PairPoints(model, [Pair("", *pair) for pair in ends])
+    pairs = [Pair("", *pair) for pair in ends]
+    points = PairPoints(model, pairs)
     density = model.rig_density
     drawn = points.distances(density.draws @ density.projection.T)
     limits = model.subject.shape_limits.astype(np.float64)
@@ -67,7 +87,8 @@ def _measured(model: FaceModel, ends: tuple[tuple[str, str], ...]) -> Ranges:
     neutral = points.distances(model.neutral()[None])[0]
     least, greatest = np.percentile(drawn, [_PERCENT, 100.0 - _PERCENT], axis=0)
     least, greatest = np.minimum(least, single.min(axis=0)), np.maximum(greatest, single.max(axis=0))
-    return Ranges(np.minimum(least, neutral), neutral, np.maximum(greatest, neutral))
+    of_gaze = np.array([pair.of_gaze for pair in pairs], dtype=bool)
+    return Ranges(np.minimum(least, neutral), neutral, np.maximum(greatest, neutral), of_gaze)
 
 
 def scaled(distances: Array, source: Ranges, target: Ranges, scaling: Scaling = "neutral") -> Array:
@@ -81,11 +102,12 @@ def scaled(distances: Array, source: Ranges, target: Ranges, scaling: Scaling = 
         share = (distances - source.least) / np.maximum(source.widths, 1e-12)
         return np.maximum(target.least + share * target.widths, 0.0)
     offsets = distances - source.neutral
+    usual = np.median(np.log(target.widths.clip(1e-12) / source.widths.clip(1e-12)))
+    share = np.where(target.of_gaze, 0.0, _USUAL)
     below, above = (
-        (theirs + _WHOLE * target.widths) / np.maximum(ours + _WHOLE * source.widths, 1e-12)
-        for ours, theirs in (
-            (source.neutral - source.least, target.neutral - target.least),
-            (source.greatest - source.neutral, target.greatest - target.neutral),
-        )
+        np.exp(share * usual + (1.0 - share) * np.log(theirs.clip(1e-12) / ours.clip(1e-12)))
+        for ours, theirs in zip(source.sides, target.sides, strict=True)
     )
+    exact = (target.neutral - target.least) / np.maximum(source.neutral - source.least, 1e-12)
+    below = np.where(source.closes & target.closes, exact, below)
     return np.maximum(target.neutral + np.where(offsets < 0, below, above) * offsets, 0.0)
