@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Draw expressions of the man carried to the other characters, by distances and by ARKit's weights, on one sheet.
 
-    python scripts/transfer_pictures.py                       # docs/images/transfer.jpg
-    python scripts/transfer_pictures.py --pairs paper -o three.jpg
+python scripts/transfer_pictures.py                       # docs/images/transfer.jpg
+python scripts/transfer_pictures.py --pairs paper -o three.jpg
 """
 
 import os

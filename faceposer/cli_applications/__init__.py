@@ -1,27 +1,26 @@
 """The commands for what a pose is for, one a file: each has ``NAME``, ``add_parser`` and ``run``."""
 
 import argparse
-from collections.abc import Callable
 from typing import Any, Protocol
+
+from faceposer.cli_applications import transfer
 
 Subparsers = Any
 
 
 class _Command(Protocol):
-    """A command's module.
-
-    Attributes:
-        NAME: What is typed.
-        add_parser: Adds its parser.
-        run: Does what the options ask for and returns the exit status.
-    """
+    """A command's module; its name is what is typed."""
 
     NAME: str
-    add_parser: Callable[[Subparsers], None]
-    run: Callable[[argparse.Namespace], int]
+
+    def add_parser(self, commands: Subparsers) -> None:
+        """Add its parser."""
+
+    def run(self, options: argparse.Namespace) -> int:
+        """Do what the options ask for and return the exit status."""
 
 
-_COMMANDS: tuple[_Command, ...] = ()
+_COMMANDS: tuple[_Command, ...] = (transfer,)
 
 COMMANDS = tuple(command.NAME for command in _COMMANDS)
 

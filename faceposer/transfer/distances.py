@@ -1,4 +1,4 @@
-"""The paper's way: distances of the source's face, scaled, and the prior of the target's (Lau et al. 2009, section 7)."""
+"""The paper's way: distances of the source, scaled, and the prior of the target (Lau et al. 2009, section 7)."""
 
 from collections.abc import Sequence
 
@@ -100,7 +100,5 @@ class DistanceTransfer:
                 wanted[their_row] = np.clip(weights[our_row], lower[their_row], upper[their_row])
             held = [RigWeightTerm(self.target, rows, wanted[rows], 1.0 / _GAZE_SIGMA**2)]
             offset = self.target.coefficients_of(wanted)
-        problem = PoseProblem(
-            self.target, (), prior_weight=self._prior_weight, extra=[term], held=held, offset=offset
-        )
+        problem = PoseProblem(self.target, (), prior_weight=self._prior_weight, extra=[term], held=held, offset=offset)
         return solve(problem, previous).coefficients

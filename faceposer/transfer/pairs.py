@@ -58,7 +58,10 @@ def _both(name: str, left: tuple[str, str], right: tuple[str, str]) -> tuple[Pai
 
 
 #: The three of the paper's figure 8(b): heights of the mouth and of both eyes.
-PAPER_PAIRS: tuple[Pair, ...] = (Pair("mouth height", "2.2", "2.3"), *_both("eye height", ("3.1", "3.3"), ("3.2", "3.4")))
+PAPER_PAIRS: tuple[Pair, ...] = (
+    Pair("mouth height", "2.2", "2.3"),
+    *_both("eye height", ("3.1", "3.3"), ("3.2", "3.4")),
+)
 
 #: What tells ordinary expressions apart, side by side.
 DEFAULT_PAIRS: tuple[Pair, ...] = (
@@ -153,8 +156,12 @@ def pairs_from_json(data: Any) -> tuple[Pair, ...]:
 def _pair_from_json(data: Any, where: str) -> Pair:
     codec.check_keys(data, {"points"}, {"name", "weight", "enabled"}, where)
     points = data["points"]
-    if not isinstance(points, list) or len(points) != 2 or not all(isinstance(point, str) and point for point in points):
-        raise FacePoserError(f"{where}.points must be the names of two feature points, such as [\"8.3\", \"8.4\"].")
+    if (
+        not isinstance(points, list)
+        or len(points) != 2
+        or not all(isinstance(point, str) and point for point in points)
+    ):
+        raise FacePoserError(f'{where}.points must be the names of two feature points, such as ["8.3", "8.4"].')
     if points[0] == points[1]:
         raise FacePoserError(f"{where}.points names the point {codec.shown(points[0])} twice.")
     name = data.get("name", f"{points[0]} to {points[1]}")

@@ -37,7 +37,7 @@ class PairPoints:
         return distances
 
     def jacobian(self, directions: Array) -> Array:
-        """Return the derivatives of the distances by p, (n, r), where ``directions``, (n, 3), are those of the pairs."""
+        """Return the derivatives of the distances by p, (n, r), where the pairs have the ``directions``, (n, 3)."""
         jacobian: Array = np.einsum("nd,ndr->nr", directions, self._rows)
         return jacobian
 

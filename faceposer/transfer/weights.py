@@ -16,7 +16,7 @@ _SIDE = re.compile("(Left|Right)$")
 
 
 def arkit_rows(subject: Subject) -> dict[str, int]:
-    """Return the index of each of the ``subject``'s moving shapes that is ARKit's, by ARKit's name or that of a half."""
+    """Return the indices of the ``subject``'s moving shapes that are ARKit's, by ARKit's name or that of a half."""
     found = match_arkit(subject.shape_names, f"The subject '{subject.name}'").shapes
     moving = np.abs(subject.shapes).max(axis=(1, 2), initial=0.0) > 0
     return {found[name]: i for i, name in enumerate(subject.shape_names) if name in found and moving[i]}

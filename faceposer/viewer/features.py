@@ -143,4 +143,6 @@ class Features:
 
 def build_features(app: "App") -> Features:
     """Return the features of ``app``, in the order of their tabs."""
-    return Features([])
+    from faceposer.viewer.transferring import Transferring
+
+    return Features([Transferring(app)])
