@@ -101,7 +101,7 @@ class Router:
             if key.key == "C":
                 self._release_compare(key.time)
             return
-        if app.dialogs.open or app.file_dialogs.browsing or app.importing.open:
+        if app.dialogs.open or app.file_dialogs.browsing or app.importing.open or app.features.covers:
             return
         if app.gui.popup_open or app.palette.open:
             again = app.palette.open and app.actions.for_key(key.key, key.modifiers) is app.actions["palette"]

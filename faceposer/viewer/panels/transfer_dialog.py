@@ -39,6 +39,7 @@ class TransferDialog:
     def __init__(self, state: "Transferring") -> None:
         """Show and change ``state``."""
         self._state = state
+        self._lists = self._listing = False
 
     def draw(self) -> None:
         """Draw the dialog."""
@@ -88,6 +89,7 @@ class TransferDialog:
         titles = dict(state.subjects)
         opened = imgui.begin_combo("##to", titles.get(state.to, Path(state.to).stem))
         marks.note("transfer:to")
+        self._lists = opened
         if opened:
             for name, title in state.subjects:
                 if imgui.selectable(f"{title}##{name}", name == state.to)[0]:
@@ -193,6 +195,7 @@ class TransferDialog:
             imgui.set_next_item_width(width)
             opened = imgui.begin_combo(f"##end{end}", self._title(state.added[end]))
             marks.note(f"transfer:end:{end}")
+            self._lists |= opened
             if opened:
                 for name in points:
                     if imgui.selectable(f"{self._title(name)}##{name}", name == state.added[end])[0]:
@@ -261,9 +264,11 @@ class TransferDialog:
         imgui.same_line()
         cancelled = imgui.button("Cancel", (width, 0.0))
         marks.note("transfer:cancel")
-        if not fresh and imgui.is_window_focused(imgui.FocusedFlags_.root_and_child_windows.value):
+        # A list that was open in the last frame takes the key for itself.
+        if not fresh and not self._listing:
             cancelled = cancelled or imgui.is_key_pressed(imgui.Key.escape, False)
             accepted = accepted or (state.result is not None and imgui.is_key_pressed(imgui.Key.enter, False))
+        self._listing = self._lists
         if accepted:
             state.accept()
         elif cancelled:
