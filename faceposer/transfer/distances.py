@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.model.face_model import FaceModel
 from faceposer.transfer.pairs import DEFAULT_PAIRS, Pair, shared_pairs
-from faceposer.transfer.ranges import Scaling, measure_ranges, scaled
+from faceposer.transfer.ranges import LEAN, Scaling, measure_ranges, scaled
 from faceposer.transfer.terms import PairPoints, RigWeightTerm, SpaceDistanceTerm
 from faceposer.transfer.weights import arkit_rows
 
@@ -53,6 +53,10 @@ class DistanceTransfer:
         ours, theirs = arkit_rows(source.subject), arkit_rows(target.subject)
         looks = [name for name in theirs if name.startswith("eyeLook") and name in ours]
         self._looks = [(ours[name], theirs[name]) for name in looks] if len(looks) == 8 else []
+        # Rigs with the same shapes are measured on the same expressions.
+        common = len(ours.keys() & theirs.keys())
+        alike = 2 * common > max(len(source.subject.shape_names), len(target.subject.shape_names))
+        self._lean = 0.0 if alike else LEAN
         shared = shared_pairs(pairs, source.subject, target.subject)
         wanted = tuple(pair for pair in shared if not (self._looks and pair.of_gaze))
         moving = np.ones(len(wanted), dtype=bool)
@@ -67,7 +71,8 @@ class DistanceTransfer:
 
     def distances(self, poses: ArrayLike) -> Array:
         """Return the distances of the source's faces ``poses``, (m, r), as the target should have them, (m, n)."""
-        return scaled(self._ours.distances(poses), self._our_ranges, self._their_ranges, self._scaling)
+        ours = self._ours.distances(poses)
+        return scaled(ours, self._our_ranges, self._their_ranges, self._scaling, self._lean)
 
     def reached(self, poses: ArrayLike) -> Array:
         """Return the distances of the target's faces ``poses``, (m, r'), shape (m, n)."""

@@ -26,9 +26,9 @@ _PERCENT = 0.5
 # Where a feature hardly moves to one side of the neutral face, such as a closed mouth that cannot close further, that
 # side says little of how it scales: this share of the whole range is added to each side before they are compared.
 _WHOLE = 0.25
-# Ranges are as uncertain as what they are measured on: from thousands of frames, or from thirty examples. So much of a
-# scale, as a power, is what most features have in common; eyes turn as far as they turn.
-_USUAL = 0.5
+#: Ranges are as uncertain as what they are measured on, thousands of frames or thirty examples: so much of a scale, as a
+#: power, is what most features have in common. Where both are measured on the same expressions, nothing need be.
+LEAN = 0.5
 # What is open and can become so small a share of itself closes, as an eye does: closed is then closed on both faces.
 _CLOSED = 0.25
 
@@ -91,19 +91,29 @@ def _measured(model: FaceModel, ends: tuple[tuple[str, str], ...]) -> Ranges:
     return Ranges(np.minimum(least, neutral), neutral, np.maximum(greatest, neutral), of_gaze)
 
 
-def scaled(distances: Array, source: Ranges, target: Ranges, scaling: Scaling = "neutral") -> Array:
+def scaled(
+    distances: Array, source: Ranges, target: Ranges, scaling: Scaling = "neutral", lean: float = LEAN
+) -> Array:
     """Return what ``distances`` of the source's face, shape (m, n), are on the target's, shape (m, n).
 
     The paper's one straight line takes minimum to minimum and maximum to maximum. The source's relaxed face then
     becomes a face that is not relaxed, unless both lie at the same share of their ranges. Two lines that meet at the
     neutral faces take the relaxed face to the relaxed face. Beyond the ranges the lines go on.
+
+    Args:
+        distances: Of the source's faces.
+        source: Ranges of the source.
+        target: Ranges of the target, for the same pairs.
+        scaling: By two lines or by the paper's one.
+        lean: How far the two lines of each feature lean on what most features have in common, 0 to 1; where an eye
+            looks stays out of it, since eyes turn as far as they turn.
     """
     if scaling == "paper":
         share = (distances - source.least) / np.maximum(source.widths, 1e-12)
         return np.maximum(target.least + share * target.widths, 0.0)
     offsets = distances - source.neutral
     usual = np.median(np.log(target.widths.clip(1e-12) / source.widths.clip(1e-12)))
-    share = np.where(target.of_gaze, 0.0, _USUAL)
+    share = np.where(target.of_gaze, 0.0, lean)
     below, above = (
         np.exp(share * usual + (1.0 - share) * np.log(theirs.clip(1e-12) / ours.clip(1e-12)))
         for ours, theirs in zip(source.sides, target.sides, strict=True)
