@@ -34,10 +34,10 @@ from faceposer.viewer.theme import FONTS
 IMAGE = ROOT / "docs" / "images" / "transfer.jpg"
 EXPRESSIONS: dict[str, dict[str, float]] = {
     "smile": {
-        "mouthSmileLeft": 0.8,
-        "mouthSmileRight": 0.8,
-        "cheekSquintLeft": 0.5,
-        "cheekSquintRight": 0.5,
+        "mouthSmileLeft": 1.0,
+        "mouthSmileRight": 1.0,
+        "cheekSquintLeft": 0.7,
+        "cheekSquintRight": 0.7,
         "eyeSquintLeft": 0.4,
         "eyeSquintRight": 0.4,
         "mouthUpperUpLeft": 0.25,

@@ -48,7 +48,10 @@ def distance(model: FaceModel, pose: np.ndarray, first: str, second: str) -> flo
 def test_terms_agree_with_finite_differences(model: FaceModel) -> None:
     rng = np.random.default_rng(0)
     problem = PoseProblem(model, ())
-    distances = SpaceDistanceTerm(PairPoints(model, DEFAULT_PAIRS), rng.uniform(0, 9, 48), rng.uniform(0.1, 2, 48))
+    count = len(DEFAULT_PAIRS)
+    distances = SpaceDistanceTerm(
+        PairPoints(model, DEFAULT_PAIRS), rng.uniform(0, 9, count), rng.uniform(0.1, 2, count)
+    )
     for term in (distances, RigWeightTerm(model, [3, 5, 8], [0.1, 0.4, 0.9], 7.0)):
         p = rng.normal(size=model.n_coefficients) * np.sqrt(model.subspace.variances)
         state = problem.state(p)
@@ -98,9 +101,8 @@ def test_expressions_arrive_where_the_rig_would_put_them(model: FaceModel, low: 
 
 def test_there_and_back_is_the_same_face(model: FaceModel, low: FaceModel) -> None:
     there, back = DistanceTransfer(model, low), DistanceTransfer(low, model)
-    for weights in EXPRESSIONS:
-        pose = model.coefficients_of(weights)
-        assert error(model, back.pose(there.pose(pose)), pose) < 0.35
+    poses = [model.coefficients_of(weights) for weights in EXPRESSIONS]
+    assert np.mean([error(model, back.pose(there.pose(pose)), pose) for pose in poses]) < 0.3
 
 
 def test_a_smile_and_a_wink_read_so_on_a_face_without_such_shapes(model: FaceModel, creature: FaceModel) -> None:
