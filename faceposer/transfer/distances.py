@@ -64,8 +64,9 @@ class DistanceTransfer:
             moving &= measure_ranges(model, wanted).widths > _STILL * model.subject.height
         self.pairs = tuple(pair for pair, moves in zip(wanted, moving, strict=True) if moves)
         self.still = tuple(pair for pair, moves in zip(wanted, moving, strict=True) if not moves)
-        self._ours, self._theirs = PairPoints(source, self.pairs), PairPoints(target, self.pairs)
         self._our_ranges, self._their_ranges = (measure_ranges(model, self.pairs) for model in (source, target))
+        self._ours = PairPoints(source, self.pairs, self._our_ranges.axes)
+        self._theirs = PairPoints(target, self.pairs, self._their_ranges.axes)
         factors = np.array([pair.weight for pair in self.pairs])
         self._weights = factors / (sigma * self._their_ranges.widths) ** 2
 

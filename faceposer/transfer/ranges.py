@@ -31,6 +31,8 @@ _WHOLE = 0.25
 LEAN = 0.5
 # What is open and can become so small a share of itself closes, as an eye does: closed is then closed on both faces.
 _CLOSED = 0.25
+# What can become so small a share of its greatest length opens and closes.
+_OPENS = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +44,14 @@ class Ranges:
         neutral: Those of the neutral face, shape (n,).
         greatest: Greatest natural distances, shape (n,).
         of_gaze: Which of the pairs tell where an eye looks, shape (n,).
+        axes: Along which the pairs that open are measured, shape (n, 3), zeros for the others.
     """
 
     least: Array
     neutral: Array
     greatest: Array
     of_gaze: NDArray[np.bool_]
+    axes: Array
 
     @property
     def sides(self) -> tuple[Array, Array]:
@@ -79,21 +83,32 @@ def measure_ranges(model: FaceModel, pairs: tuple[Pair, ...]) -> Ranges:
 @lru_cache(maxsize=16)
 def _measured(model: FaceModel, ends: tuple[tuple[str, str], ...]) -> Ranges:
     pairs = [Pair("", *pair) for pair in ends]
-    points = PairPoints(model, pairs)
     density = model.rig_density
-    drawn = points.distances(density.draws @ density.projection.T)
     limits = model.subject.shape_limits.astype(np.float64)
-    single = points.distances(np.concatenate([np.diag(side) for side in limits.T]) @ model.subspace.projection.T)
+    drawn = density.draws @ density.projection.T
+    single = np.concatenate([np.diag(side) for side in limits.T]) @ model.subspace.projection.T
+    axes = _axes(PairPoints(model, pairs), drawn)
+    points = PairPoints(model, pairs, axes)
     neutral = points.distances(model.neutral()[None])[0]
-    least, greatest = np.percentile(drawn, [_PERCENT, 100.0 - _PERCENT], axis=0)
-    least, greatest = np.minimum(least, single.min(axis=0)), np.maximum(greatest, single.max(axis=0))
+    least, greatest = np.percentile(points.distances(drawn), [_PERCENT, 100.0 - _PERCENT], axis=0)
+    singly = points.distances(single)
+    least, greatest = np.minimum(least, singly.min(axis=0)), np.maximum(greatest, singly.max(axis=0))
     of_gaze = np.array([pair.of_gaze for pair in pairs], dtype=bool)
-    return Ranges(np.minimum(least, neutral), neutral, np.maximum(greatest, neutral), of_gaze)
+    return Ranges(np.minimum(least, neutral), neutral, np.maximum(greatest, neutral), of_gaze, axes)
 
 
-def scaled(
-    distances: Array, source: Ranges, target: Ranges, scaling: Scaling = "neutral", lean: float = LEAN
-) -> Array:
+def _axes(points: PairPoints, drawn: Array) -> Array:
+    """Return the mean direction of each pair where it is widest, shape (n, 3), zeros for pairs that never close."""
+    offsets = points.offsets(drawn)
+    lengths = np.linalg.norm(offsets, axis=2)
+    least, wide = np.percentile(lengths, [_PERCENT, 99.0], axis=0)
+    widest = np.einsum("mn,mnd->nd", (lengths >= wide).astype(np.float64), offsets)
+    axes = widest / np.maximum(np.linalg.norm(widest, axis=1), 1e-12)[:, None]
+    opens = least < _OPENS * wide
+    return np.where(opens[:, None], axes, 0.0)
+
+
+def scaled(distances: Array, source: Ranges, target: Ranges, scaling: Scaling = "neutral", lean: float = LEAN) -> Array:
     """Return what ``distances`` of the source's face, shape (m, n), are on the target's, shape (m, n).
 
     The paper's one straight line takes minimum to minimum and maximum to maximum. The source's relaxed face then
@@ -110,7 +125,7 @@ def scaled(
     """
     if scaling == "paper":
         share = (distances - source.least) / np.maximum(source.widths, 1e-12)
-        return np.maximum(target.least + share * target.widths, 0.0)
+        return target.least + share * target.widths
     offsets = distances - source.neutral
     usual = np.median(np.log(target.widths.clip(1e-12) / source.widths.clip(1e-12)))
     share = np.where(target.of_gaze, 0.0, lean)
@@ -120,4 +135,5 @@ def scaled(
     )
     exact = (target.neutral - target.least) / np.maximum(source.neutral - source.least, 1e-12)
     below = np.where(source.closes & target.closes, exact, below)
-    return np.maximum(target.neutral + np.where(offsets < 0, below, above) * offsets, 0.0)
+    moved: Array = target.neutral + np.where(offsets < 0, below, above) * offsets
+    return moved

@@ -15,26 +15,52 @@ _COINCIDENT = 1e-9
 
 
 class PairPoints:
-    """The ends of pairs on one face: distances and their derivatives at any pose."""
+    """The ends of pairs on one face: distances and their derivatives at any pose.
 
-    def __init__(self, model: FaceModel, pairs: Sequence[Pair]) -> None:
-        """Gather the rows of the basis at the feature points of ``pairs``, all of which ``model`` must have."""
+    What opens and closes, such as lips, is measured along the axis along which it opens: the points of a closed mouth
+    nearly coincide, and the line between them then points anywhere. A distance along it would grow as well when the
+    lips pass each other.
+    """
+
+    def __init__(self, model: FaceModel, pairs: Sequence[Pair], axes: Array | None = None) -> None:
+        """Gather the rows of the basis at the feature points of ``pairs``, all of which ``model`` must have.
+
+        Args:
+            model: The face.
+            pairs: n of them.
+            axes: Unit vectors along which pairs are measured, shape (n, 3), zeros for the distance itself.
+        """
         points = model.subject.feature_points
         ends = [np.array([points[getattr(pair, end)] for pair in pairs], dtype=np.intp) for end in ("first", "second")]
         (rows, neutral), (other_rows, other_neutral) = (model.rows_at(SurfacePoints.at_vertices(end)) for end in ends)
         self._rows = np.ascontiguousarray(rows - other_rows)
         self._neutral = neutral - other_neutral
+        self._axes = np.zeros_like(self._neutral) if axes is None else axes
+        self._along = self._axes.any(axis=1)
 
-    def offsets(self, p: Array) -> Array:
-        """Return the vectors from the second point of each pair to the first, (n, 3), on the face ``p``, (r,)."""
-        offsets: Array = self._neutral + self._rows @ p
+    def offsets(self, poses: ArrayLike) -> Array:
+        """Return the vectors from the second point of each pair to the first, (m, n, 3), on faces ``poses``, (m, r)."""
+        stacked = np.asarray(poses, dtype=np.float64) @ self._rows.reshape(-1, self._rows.shape[-1]).T
+        offsets: Array = self._neutral + stacked.reshape(-1, *self._neutral.shape)
         return offsets
 
     def distances(self, poses: ArrayLike) -> Array:
         """Return the distances, shape (m, n), on the faces with coefficients ``poses``, shape (m, r)."""
-        stacked = np.asarray(poses, dtype=np.float64) @ self._rows.reshape(-1, self._rows.shape[-1]).T
-        distances: Array = np.linalg.norm(self._neutral + stacked.reshape(-1, *self._neutral.shape), axis=2)
+        offsets = self.offsets(poses)
+        along = np.einsum("mnd,nd->mn", offsets, self._axes)
+        distances: Array = np.where(self._along, along, np.linalg.norm(offsets, axis=2))
         return distances
+
+    def measure(self, p: Array) -> tuple[Array, Array]:
+        """Return the distances, (n,), and the unit vectors along which they are measured, (n, 3), on the face ``p``.
+
+        Where the two points coincide, a distance has no direction, and its vector is zero.
+        """
+        offsets = self._neutral + self._rows @ p
+        lengths = np.linalg.norm(offsets, axis=1)
+        directions = np.where(lengths[:, None] > _COINCIDENT, offsets, 0.0) / np.maximum(lengths, _COINCIDENT)[:, None]
+        directions = np.where(self._along[:, None], self._axes, directions)
+        return np.where(self._along, np.einsum("nd,nd->n", offsets, self._axes), lengths), directions
 
     def jacobian(self, directions: Array) -> Array:
         """Return the derivatives of the distances by p, (n, r), where the pairs have the ``directions``, (n, 3)."""
@@ -43,10 +69,7 @@ class PairPoints:
 
 
 class SpaceDistanceTerm(ResidualTerm):
-    """sum over i of w_i (|x_a(p) - x_b(p)| - d_i)^2 with distances in space (paper, section 4.2, without a camera).
-
-    Where the two points coincide, the distance has no derivative; it is taken to be zero.
-    """
+    """sum over i of w_i (|x_a(p) - x_b(p)| - d_i)^2 with distances in space (paper, section 4.2, without a camera)."""
 
     def __init__(self, ends: PairPoints, targets: ArrayLike, weights: ArrayLike) -> None:
         """Ask for the distances ``targets`` d, shape (n,), with ``weights`` w, shape (n,), in the unit of the mesh."""
@@ -54,19 +77,13 @@ class SpaceDistanceTerm(ResidualTerm):
         self._ends = ends
         self._targets = np.asarray(targets, dtype=np.float64)
 
-    def _measure(self, state: PoseState) -> tuple[Array, Array]:
-        offsets = self._ends.offsets(state.p)
-        distances = np.linalg.norm(offsets, axis=1)
-        directions = np.where(distances[:, None] > _COINCIDENT, offsets, 0.0)
-        return distances, directions / np.maximum(distances, _COINCIDENT)[:, None]
-
     def residual(self, state: PoseState) -> Array:
         """Return distance minus target, shape (n,)."""
-        return self._measure(state)[0] - self._targets
+        return self._ends.measure(state.p)[0] - self._targets
 
     def jacobian(self, state: PoseState) -> Array:
         """Return the derivatives of the distances, shape (n, r)."""
-        return self._ends.jacobian(self._measure(state)[1])
+        return self._ends.jacobian(self._ends.measure(state.p)[1])
 
 
 class RigWeightTerm(ResidualTerm):
