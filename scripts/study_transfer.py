@@ -175,7 +175,7 @@ def round_trips(man: FaceModel, targets: dict[str, FaceModel], frames: Array) ->
 
 
 def motion(man: FaceModel, targets: dict[str, FaceModel], frames: Array) -> dict[str, dict[str, float]]:
-    """Return milliseconds of the processor a frame, and how much rougher the target moves than the source, for consecutive frames.
+    """Return milliseconds of the processor a frame, and how much rougher than the source the target moves.
 
     Rough is the mean change of velocity from frame to frame, relative to the mean velocity.
     """

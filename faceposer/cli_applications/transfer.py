@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import re
 import sys
 import time
@@ -9,7 +10,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from faceposer.cli_training import check_output
 from faceposer.errors import FacePoserError
 
 if TYPE_CHECKING:
@@ -81,8 +81,8 @@ def _rate(text: str) -> float:
 
 def run(options: argparse.Namespace) -> int:
     """Carry over what ``options`` ask for and return the exit status."""
+    _check_output(options.output)
     suffix = options.output.suffix.lower()
-    check_output(options.output, suffix if suffix in (".json", ".obj") else ".json")
     if options.pairs is not None and options.method == "weights":
         raise FacePoserError("Pairs are for the method 'distances'; leave out --pairs or --method weights.")
     from faceposer.session.opening import load_model
@@ -108,6 +108,22 @@ def run(options: argparse.Namespace) -> int:
     what = f"{len(result)} frames" if moving else "pose"
     print(f"{options.output} written: {what} by {options.method}, {spent:.1f} ms a frame")
     return 0
+
+
+def _check_output(path: Path) -> None:
+    """Refuse an output that could not be written before any work is done for it.
+
+    Raises:
+        FacePoserError: If the file could not be written.
+    """
+    if path.suffix.lower() not in (".json", ".obj"):
+        raise FacePoserError(f"The output '{path}' must end in '.json' or '.obj'.")
+    if path.is_dir():
+        raise FacePoserError(f"The output '{path}' is a folder; give the name of a file.")
+    if not path.parent.is_dir():
+        raise FacePoserError(f"The folder '{path.parent}' of the output does not exist; make it first.")
+    if not os.access(path.parent, os.W_OK):
+        raise FacePoserError(f"The folder '{path.parent}' of the output cannot be written to; choose another.")
 
 
 def _progress(share: float) -> None:

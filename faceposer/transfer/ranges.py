@@ -26,8 +26,8 @@ _PERCENT = 0.5
 # Where a feature hardly moves to one side of the neutral face, such as a closed mouth that cannot close further, that
 # side says little of how it scales: this share of the whole range is added to each side before they are compared.
 _WHOLE = 0.25
-#: Ranges are as uncertain as what they are measured on, thousands of frames or thirty examples: so much of a scale, as a
-#: power, is what most features have in common. Where both are measured on the same expressions, nothing need be.
+#: Ranges are as uncertain as what they are measured on, thousands of frames or thirty examples: so much of a scale, as
+#: a power, is what most features have in common. Where both are measured on the same expressions, nothing need be.
 LEAN = 0.5
 # What is open and can become so small a share of itself closes, as an eye does: closed is then closed on both faces.
 _CLOSED = 0.25

@@ -36,7 +36,7 @@ class PairPoints:
         self._rows = np.ascontiguousarray(rows - other_rows)
         self._neutral = neutral - other_neutral
         self._axes = np.zeros_like(self._neutral) if axes is None else axes
-        self._along = self._axes.any(axis=1)
+        self._along = np.any(self._axes != 0.0, axis=1)
 
     def offsets(self, poses: ArrayLike) -> Array:
         """Return the vectors from the second point of each pair to the first, (m, n, 3), on faces ``poses``, (m, r)."""

@@ -99,6 +99,17 @@ def test_expressions_arrive_where_the_rig_would_put_them(model: FaceModel, low: 
     assert np.mean(errors, axis=0)[1] > 0.5
 
 
+def test_a_mouth_is_opened_by_the_jaw_and_not_by_lips_that_pass_each_other(model: FaceModel, low: FaceModel) -> None:
+    transfer = DistanceTransfer(model, low, PAPER_PAIRS)
+    pose = transfer.pose(model.coefficients_of({"jawOpen": 0.6, "mouthLowerDownLeft": 0.3, "mouthLowerDownRight": 0.3}))
+    weights = dict(zip(low.subject.shape_names, low.weights_of(pose).tolist(), strict=True))
+    assert weights["jawOpen"] > 0.3
+    assert weights["mouthClose"] < 0.25
+    ranges = measure_ranges(low, (*PAPER_PAIRS, Pair("", "8.3", "3.7")))
+    assert (ranges.axes[:3, 1] > 0.85).all()
+    assert not ranges.axes[3].any()
+
+
 def test_there_and_back_is_the_same_face(model: FaceModel, low: FaceModel) -> None:
     there, back = DistanceTransfer(model, low), DistanceTransfer(low, model)
     poses = [model.coefficients_of(weights) for weights in EXPRESSIONS]
