@@ -155,7 +155,7 @@ class TransferDialog:
         self._draw_add()
         if app.session.model.subject.feature_points:
             on = sum(pair.enabled for pair in state.pairs)
-            caption(f"{on} of {len(state.pairs)} count")
+            caption(f"{on} of {len(state.pairs)} are kept; lengths in the unit of each mesh")
 
     def _draw_pair(self, index: int) -> None:
         state = self._state
