@@ -14,7 +14,7 @@ from faceposer.transfer.weights import arkit_rows
 Array = NDArray[np.float64]
 
 #: How far a distance may be off, as a standard deviation and a share of its range.
-SIGMA = 0.03
+SIGMA = 0.04
 #: Weight of the target's prior.
 PRIOR_WEIGHT = 1.0
 # How far a rig weight of gaze may be off, as a standard deviation.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.model.face_model import FaceModel
-from faceposer.transfer.pairs import Pair
+from faceposer.transfer.pairs import PAPER_PAIRS, Pair
 from faceposer.transfer.terms import PairPoints
 
 Array = NDArray[np.float64]
@@ -33,6 +33,8 @@ LEAN = 0.5
 _CLOSED = 0.25
 # What can become so small a share of its greatest length opens and closes.
 _OPENS = 0.25
+# Lips and lids that come nearer to each other than ever by more than this share of their range have passed each other.
+_PASSED = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +93,7 @@ def _measured(model: FaceModel, ends: tuple[tuple[str, str], ...]) -> Ranges:
     points = PairPoints(model, pairs, axes)
     neutral = points.distances(model.neutral()[None])[0]
     least, greatest = np.percentile(points.distances(drawn), [_PERCENT, 100.0 - _PERCENT], axis=0)
-    singly = points.distances(single)
+    singly = points.distances(np.vstack([model.neutral(), single[_sound(model, drawn, single)]]))
     least, greatest = np.minimum(least, singly.min(axis=0)), np.maximum(greatest, singly.max(axis=0))
     of_gaze = np.array([pair.of_gaze for pair in pairs], dtype=bool)
     return Ranges(np.minimum(least, neutral), neutral, np.maximum(greatest, neutral), of_gaze, axes)
@@ -106,6 +108,21 @@ def _axes(points: PairPoints, drawn: Array) -> Array:
     axes = widest / np.maximum(np.linalg.norm(widest, axis=1), 1e-12)[:, None]
     opens = least < _OPENS * wide
     return np.where(opens[:, None], axes, 0.0)
+
+
+def _sound(model: FaceModel, drawn: Array, single: Array) -> NDArray[np.bool_]:
+    """Return which of the poses ``single``, (m, r), pass neither the lips nor the lids through each other, shape (m,).
+
+    Some shapes mean something only together with others: ARKit's mouthClose closes a mouth that the jaw opens.
+    """
+    pairs = [pair for pair in PAPER_PAIRS if pair.measurable(model.subject)]
+    if not pairs:
+        return np.ones(len(single), dtype=bool)
+    points = PairPoints(model, pairs, _axes(PairPoints(model, pairs), drawn))
+    least, greatest = np.percentile(points.distances(drawn), [_PERCENT, 100.0 - _PERCENT], axis=0)
+    nearest = np.minimum(least, points.distances(model.neutral()[None])[0]) - _PASSED * (greatest - least)
+    sound: NDArray[np.bool_] = np.all(points.distances(single) > nearest, axis=1)
+    return sound
 
 
 def scaled(distances: Array, source: Ranges, target: Ranges, scaling: Scaling = "neutral", lean: float = LEAN) -> Array:
