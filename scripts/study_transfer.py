@@ -13,6 +13,7 @@ out, which no point of the man's face speaks of.
   three, bent  the same, neutral to neutral
   all, straight  all pairs, minimum to minimum and maximum to maximum
   all          all pairs, neutral to neutral: the default
+  all, front   the same, as one sees the distances from the front
   weights      weights of ARKit's shapes by name
 """
 
@@ -25,6 +26,7 @@ import argparse
 import json
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +69,16 @@ def ways(source: FaceModel, target: FaceModel) -> dict[str, Transfer]:
             found[name] = make_transfer(source, target, method, pairs, scaling)  # type: ignore[arg-type]
         except FacePoserError:
             continue
-    return found
+    found["all, front"] = DistanceTransfer(flat(source), flat(target))
+    return {name: found[name] for name in (*list(WAYS)[:-1], "all, front", "weights") if name in found}
+
+
+def flat(model: FaceModel) -> FaceModel:
+    """Return ``model`` without depth: distances are those that one sees from the front, coefficients stay the same."""
+    vertices, basis = model.subject.vertices.copy(), model.basis.copy()
+    vertices[:, 2] = 0.0
+    basis[:, 2::3] = 0.0
+    return replace(model, basis=basis, subject=replace(model.subject, vertices=vertices))
 
 
 def judged(model: FaceModel) -> NDArray[np.intp]:
