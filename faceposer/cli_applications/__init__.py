@@ -3,7 +3,7 @@
 import argparse
 from typing import Any, Protocol
 
-from faceposer.cli_applications import animate, export, photo
+from faceposer.cli_applications import animate, export, photo, transfer
 
 Subparsers = Any
 
@@ -25,7 +25,7 @@ class _Command(Protocol):
         ...
 
 
-_COMMANDS: tuple[_Command, ...] = (animate, photo, export)
+_COMMANDS: tuple[_Command, ...] = (animate, transfer, photo, export)
 
 COMMANDS = tuple(command.NAME for command in _COMMANDS)
 

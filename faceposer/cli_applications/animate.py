@@ -1,21 +1,18 @@
 """The command that makes a face follow trajectories: ``animate``."""
 
 import argparse
-import json
 import math
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from faceposer.errors import FacePoserError
+from faceposer.interchange.files import check_output
 
 if TYPE_CHECKING:
-    from faceposer.model.face_model import FaceModel
-    from faceposer.model.performance import Performance
+    pass
 
 NAME = "animate"
-_SUFFIX = ".json"
+_FORMATS = (".json", ".csv", ".glb", ".gif", ".mp4")
 _PRIORS = ("regions", "whole", "plain")
 _MOST = 1e6
 
@@ -30,7 +27,14 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("subject", metavar="SUBJECT", help="name or file (.npz) of the face")
     parser.add_argument("trajectories", type=Path, metavar="TRAJECTORIES", help="file of .csv, .json or .c3d")
-    parser.add_argument("-o", "--output", type=Path, metavar="OUT", required=True, help="animation to write")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="OUT",
+        required=True,
+        help="animation to write: weights (.json; .csv of Live Link Face), .glb, .gif or .mp4",
+    )
     parser.add_argument("--camera", type=Path, metavar="JSON", help="camera of trajectories in a picture")
     parser.add_argument("--markers", type=Path, metavar="JSON", help="marker map: where on the face each point is")
     parser.add_argument("--points", type=_names, metavar="A,B", help="points to follow (default: all)")
@@ -54,11 +58,12 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Make and write the animation that ``options`` ask for and return the exit status."""
-    _check_output(options.output)
+    check_output(options.output, *_FORMATS)
     from faceposer.animation.following import follow
     from faceposer.animation.trajectory_io import read_camera, read_trajectories
     from faceposer.geometry.marker_map import read_marker_map
     from faceposer.session.opening import load_model
+    from faceposer.viewer.exporting import write
 
     model = load_model(options.subject)
     trajectories = read_trajectories(
@@ -85,33 +90,12 @@ def run(options: argparse.Namespace) -> int:
         )
     finally:
         line.clear()
-    _write(options.output, model, performance)
+    write(options.output, model, performance)
     blind = int((~trajectories.seen.any(axis=1)).sum())
     remarks = f", {blind} of them without any point" if blind else ""
     remarks += f"; jumps left out: {jumps}" if jumps else ""
     print(f"{options.output} written: {n_frames} frames at {performance.rate:g} per second{remarks}")
     return 0
-
-
-def _write(path: Path, model: "FaceModel", performance: "Performance") -> None:
-    """Write the rig weights of all frames."""
-    from faceposer.session.document import write_text
-
-    weights = performance.weights(model).round(5)
-    data = {"names": list(model.subject.shape_names), "rate": performance.rate, "weights": weights.tolist()}
-    write_text(path, json.dumps(data) + "\n", "animation")
-
-
-def _check_output(path: Path) -> None:
-    """Refuse an output that could not be written before any work is done for it."""
-    if path.suffix.lower() != _SUFFIX:
-        raise FacePoserError(f"The output '{path}' must end in '{_SUFFIX}'.")
-    if path.is_dir():
-        raise FacePoserError(f"The output '{path}' is a folder; give the name of a file.")
-    if not path.parent.is_dir():
-        raise FacePoserError(f"The folder '{path.parent}' of the output does not exist; make it first.")
-    if not os.access(path.parent, os.W_OK):
-        raise FacePoserError(f"The folder '{path.parent}' of the output cannot be written to; choose another.")
 
 
 def _names(text: str) -> tuple[str, ...]:

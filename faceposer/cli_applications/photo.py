@@ -1,11 +1,11 @@
 """``faceposer photo``: aligns the camera of a photo by pins and poses the face after it."""
 
 import argparse
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from faceposer.errors import FacePoserError
+from faceposer.interchange.files import check_output
 
 if TYPE_CHECKING:
     import numpy as np
@@ -37,9 +37,9 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Do it and return the exit status."""
-    _check_output(options.output, ".json")
+    check_output(options.output, ".json")
     if options.render is not None:
-        _check_output(options.render, ".png")
+        check_output(options.render, ".png")
     if options.focal is not None and not 1.0 <= options.focal <= 1e6:
         raise FacePoserError("The focal length must be from 1 to 1,000,000 pixels.")
     from dataclasses import replace
@@ -90,14 +90,6 @@ def run(options: argparse.Namespace) -> int:
     told = len(session.document.constraints)
     print(f"{options.output} written: {len(off)} pins, {mean:.1f} px off on average, {told} constraints")
     return 0
-
-
-def _check_output(path: Path, suffix: str) -> None:
-    """Refuse an output that could not be written before any work is done for it."""
-    if path.suffix.lower() != suffix:
-        raise FacePoserError(f"The output '{path}' must end in '{suffix}'.")
-    if path.is_dir() or not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
-        raise FacePoserError(f"The output '{path}' cannot be written; give a file in a folder that is there.")
 
 
 def _picture(session: "Session", photo: "Photo") -> "NDArray[np.uint8]":

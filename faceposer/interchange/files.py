@@ -25,14 +25,16 @@ def replacing(path: Path, kind: str) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def check_output(path: Path, suffix: str) -> None:
-    """Refuse an output that could not be written before any work is done for it.
+def check_output(path: Path, *suffixes: str) -> None:
+    """Refuse an output that could not be written, or ends in none of ``suffixes``, before any work is done for it.
 
     Raises:
         FacePoserError: If the file could not be written.
     """
-    if path.suffix.lower() != suffix:
-        raise FacePoserError(f"The output '{path}' must end in '{suffix}'.")
+    if path.suffix.lower() not in suffixes:
+        quoted = [f"'{suffix}'" for suffix in suffixes]
+        endings = " or ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))
+        raise FacePoserError(f"The output '{path}' must end in {endings}.")
     if path.is_dir():
         raise FacePoserError(f"The output '{path}' is a folder; give the name of a file.")
     if not path.parent.is_dir():

@@ -50,7 +50,9 @@ class PoseProblem:
         prior_weight: float = 1.0,
         mixture: GaussianMixture | None = None,
         prior: Prior = "regions",
-        evidence: Sequence[ResidualTerm] = (),
+        evidence: Sequence[Term] = (),
+        held: Sequence[Term] = (),
+        offset: ArrayLike | None = None,
     ) -> None:
         """Gather the problem.
 
@@ -63,13 +65,16 @@ class PoseProblem:
                 density seen from the start, with bounds on the rig's weights.
             prior: Whether the model's own density judges region by region, the face as a whole, or, without regard to
                 the start and the bounds, as it was learned ("plain", the paper's).
-            evidence: Terms that tell of the face as constraints do, but are none, such as points tracked in a film.
+            evidence: Terms that tell of the face as constraints do, but are none, such as points tracked in a film;
+                they look at the coefficients alone.
+            held: Likewise, but what they ask for tells nothing of the rest of the face, as where the eyes look.
+            offset: What is added to the start without a price, as gaze is, shape (r,).
 
         Raises:
             ValueError: If a constraint names a place that the face does not have.
         """
         begin = np.array(model.neutral() if start is None else start, dtype=np.float64)
-        self.start = begin
+        self.start = begin if offset is None else begin + np.asarray(offset, dtype=np.float64)
         self.model = model
         self.prior_weight = prior_weight
         self.constraints = tuple(constraints)
@@ -87,7 +92,7 @@ class PoseProblem:
                 self.terms += terms
                 # Where the eyes look tells nothing of the face.
                 pulls += terms if kind is not GazeConstraint else []
-        self.terms += evidence
+        self.terms += [*evidence, *held]
         if mixture is None and prior == "plain":
             mixture = model.mixture
         # Nothing pulls: seen from the start, the start is the least of all energies.

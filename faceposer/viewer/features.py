@@ -208,9 +208,18 @@ def build_features(app: "App") -> Features:
     from faceposer.viewer.photos import Photos
     from faceposer.viewer.poses import PosesFeature
     from faceposer.viewer.timeline import Timeline
+    from faceposer.viewer.transferring import Transferring
 
     exchange = Exchange(app)
     exchange.performance = lambda: app.session.animation.performance
     return Features(
-        [PosesFeature(app), Photos(app), Timeline(app), Following(app, app.wake), AnimationFiles(app), exchange]
+        [
+            PosesFeature(app),
+            Photos(app),
+            Timeline(app),
+            Following(app, app.wake),
+            AnimationFiles(app),
+            Transferring(app),
+            exchange,
+        ]
     )

@@ -47,7 +47,7 @@ def test_a_table_of_pixels_becomes_an_animation(jaw: Path, tmp_path: Path, capsy
     assert said.err == ""
     data = json.loads(out.read_text())
     assert data["rate"] == 30.0
-    opening = np.array(data["weights"])[:, data["names"].index("jawOpen")]
+    opening = np.array(data["frames"])[:, data["names"].index("jawOpen")]
     assert opening.shape == (15,)
     assert opening[-1] > 0.4
     assert (np.diff(opening) > -0.02).all()

@@ -91,9 +91,15 @@ def _draw_panel(app: "App", position: tuple[float, float], size: tuple[float, fl
     app.pose_panel.draw_subjects(app)
     imgui.spacing()
     footer = 1.6 * imgui.get_frame_height_with_spacing()
+    style = imgui.get_style()
+    # Narrow, so that all titles fit into the panel's width.
+    narrow = ImVec2(em(0.4), style.frame_padding.y), ImVec2(em(0.2), style.item_inner_spacing.y)
     if imgui.begin_tab_bar("##tabs"):
         for title, draw, text in _tabs(app):
+            imgui.push_style_var(imgui.StyleVar_.frame_padding, narrow[0])
+            imgui.push_style_var(imgui.StyleVar_.item_inner_spacing, narrow[1])
             chosen, _ = imgui.begin_tab_item(title)
+            imgui.pop_style_var(2)
             app.marks.note(f"tab:{title}")
             tooltip(text)
             if chosen:

@@ -1,0 +1,43 @@
+"""A session's face and animation on another face."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.animation.keyframes import Key
+from faceposer.model.face_model import FaceModel
+from faceposer.session.document import Document
+from faceposer.transfer.transfer import Transfer
+
+
+def transferred(
+    document: Document, coefficients: NDArray[np.float64], transfer: Transfer, subject: str, target: FaceModel
+) -> Document:
+    """Return what a session holds, carried over to another face: its pose, and every key of its animation.
+
+    Constraints and photos stay behind, for they were drawn over the face that they are of.
+
+    Args:
+        document: Of the session.
+        coefficients: Its pose, shape (r,).
+        transfer: From its face to the other.
+        subject: Name or file of the other face.
+        target: Its model.
+    """
+    new = Document(
+        subject, prior_weight=document.prior_weight, prior=document.prior, frame=document.frame, animated=False
+    )
+    keyframes, pose = document.keyframes, None
+    if keyframes is not None:
+        poses: list[NDArray[np.float64]] = []
+        for key in keyframes.keys:
+            poses.append(transfer.pose(key.pose, poses[-1] if poses else None))
+        keys = tuple(Key.of(key.frame, found) for key, found in zip(keyframes.keys, poses, strict=True))
+        keyframes = replace(keyframes, keys=keys)
+        new = replace(new, keyframes=keyframes, animated=document.animated and bool(keys))
+        if new.animated:
+            pose = keyframes.sampled(target, [document.frame])[0]
+    if pose is None:
+        pose = transfer.pose(coefficients)
+    return new.starting_from(pose).posed(pose)

@@ -1,0 +1,200 @@
+"""Key features of a face: distances between two of its feature points, and the JSON file that lists them.
+
+The names of feature points are those of MPEG-4, which all characters share whatever their meshes look like, so that
+a pair means the same on each of them.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from faceposer.errors import FacePoserError
+from faceposer.model.subject import Subject
+from faceposer.solve.constraints import codec
+
+FORMAT = "faceposer.pairs"
+VERSION = 1
+_MAX_BYTES = 2**20
+_MAX_PAIRS = 1000
+_MAX_WEIGHT = 1000.0
+_MAX_NAME = 200
+#: The middle of the left and of the right pupil.
+PUPILS = ("3.5", "3.6")
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The distance in space between two feature points of a face.
+
+    Attributes:
+        name: As users call it.
+        first: Name of a feature point, such as "8.3".
+        second: Name of another.
+        weight: Factor on how strongly it pulls, at least 0.
+        enabled: Whether it counts.
+    """
+
+    name: str
+    first: str
+    second: str
+    weight: float = 1.0
+    enabled: bool = True
+
+    @property
+    def of_gaze(self) -> bool:
+        """Whether it tells where an eye looks."""
+        return self.first in PUPILS or self.second in PUPILS
+
+    def measurable(self, subject: Subject) -> bool:
+        """Whether the ``subject`` has both points."""
+        return self.first in subject.feature_points and self.second in subject.feature_points
+
+
+def _both(name: str, left: tuple[str, str], right: tuple[str, str]) -> tuple[Pair, Pair]:
+    """Return the pair called ``name`` of the left and of the right side."""
+    return Pair(f"left {name}", *left), Pair(f"right {name}", *right)
+
+
+#: The three of the paper's figure 8(b): heights of the mouth and of both eyes.
+PAPER_PAIRS: tuple[Pair, ...] = (
+    Pair("mouth height", "2.2", "2.3"),
+    *_both("eye height", ("3.1", "3.3"), ("3.2", "3.4")),
+)
+
+#: What tells ordinary expressions apart, side by side.
+DEFAULT_PAIRS: tuple[Pair, ...] = (
+    *PAPER_PAIRS,
+    *_both("upper lid to nose bridge", ("3.1", "9.12"), ("3.2", "9.12")),
+    *_both("lower lid to nose bridge", ("3.3", "9.12"), ("3.4", "9.12")),
+    *_both("inner brow to nose bridge", ("4.1", "9.12"), ("4.2", "9.12")),
+    *_both("outer brow to nose bridge", ("4.5", "9.12"), ("4.6", "9.12")),
+    *_both("brow to eye", ("4.3", "3.11"), ("4.4", "3.8")),
+    *_both("outer brow to eye", ("4.5", "3.7"), ("4.6", "3.12")),
+    Pair("inner brows apart", "4.1", "4.2"),
+    *_both("nostril to eye", ("9.1", "3.11"), ("9.2", "3.8")),
+    Pair("cheeks apart", "5.1", "5.2"),
+    Pair("mouth width", "8.3", "8.4"),
+    *_both("mouth half height", ("2.6", "2.8"), ("2.7", "2.9")),
+    *_both("mouth corner to eye", ("8.3", "3.7"), ("8.4", "3.12")),
+    *_both("mouth corner to nose", ("8.3", "9.15"), ("8.4", "9.15")),
+    *_both("mouth corner to chin", ("8.3", "2.10"), ("8.4", "2.10")),
+    *_both("mouth corner to jaw", ("8.3", "2.13"), ("8.4", "2.14")),
+    *_both("mouth corner to cheek", ("8.3", "5.1"), ("8.4", "5.2")),
+    *_both("upper lip to jaw", ("8.1", "2.13"), ("8.1", "2.14")),
+    Pair("upper lip to nose tip", "8.1", "9.3"),
+    Pair("upper lip to nose", "8.1", "9.15"),
+    *_both("upper lip to nose", ("8.5", "9.5"), ("8.6", "9.4")),
+    *_both("lower lip to jaw", ("8.2", "2.13"), ("8.2", "2.14")),
+    Pair("lower lip to nose", "8.2", "9.15"),
+    Pair("chin to nose", "2.1", "9.15"),
+    *_both("chin to eye", ("2.10", "3.11"), ("2.10", "3.8")),
+    *_both("pupil to inner corner", ("3.5", "3.11"), ("3.6", "3.8")),
+    *_both("pupil to outer corner", ("3.5", "3.7"), ("3.6", "3.12")),
+    *_both("pupil to nose bridge", ("3.5", "9.12"), ("3.6", "9.12")),
+)
+
+#: Lists of pairs by name.
+PRESETS: dict[str, tuple[Pair, ...]] = {"full": DEFAULT_PAIRS, "paper": PAPER_PAIRS}
+
+
+def shared_pairs(pairs: Sequence[Pair], source: Subject, target: Subject) -> tuple[Pair, ...]:
+    """Return those of ``pairs`` that count and can be measured on both subjects.
+
+    Raises:
+        FacePoserError: If there are none.
+    """
+    for subject in (source, target):
+        if not subject.feature_points:
+            raise FacePoserError(
+                f"The subject '{subject.name}' has no feature points to measure distances between; transfer by ARKit's "
+                "weights, or train it anew with shapes that have ARKit's names, by which the points are found."
+            )
+    shared = tuple(
+        pair
+        for pair in pairs
+        if pair.enabled and pair.weight > 0 and pair.measurable(source) and pair.measurable(target)
+    )
+    if not shared:
+        raise FacePoserError(
+            f"None of the pairs can be measured on both '{source.name}' and '{target.name}'; choose pairs of feature "
+            "points that both have."
+        )
+    return shared
+
+
+def pairs_to_json(pairs: Sequence[Pair]) -> dict[str, Any]:
+    """Return ``pairs`` as their file has them."""
+    entries = []
+    for pair in pairs:
+        entry: dict[str, Any] = {"name": pair.name, "points": [pair.first, pair.second]}
+        if pair.weight != 1.0:
+            entry["weight"] = pair.weight
+        if not pair.enabled:
+            entry["enabled"] = False
+        entries.append(entry)
+    return {"format": FORMAT, "version": VERSION, "pairs": entries}
+
+
+def pairs_from_json(data: Any) -> tuple[Pair, ...]:
+    """Return the pairs that ``data`` describes.
+
+    Raises:
+        FacePoserError: If anything is unknown, missing or of the wrong kind, naming its place.
+    """
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise FacePoserError(f'this is no list of pairs: it lacks \'"format": "{FORMAT}"\'.')
+    if data.get("version") != VERSION:
+        raise FacePoserError(f"version is {codec.shown(data.get('version'))}; this program reads version {VERSION}.")
+    codec.check_keys(data, {"format", "version", "pairs"}, set(), "the file")
+    entries = data["pairs"]
+    if not isinstance(entries, list) or not 0 < len(entries) <= _MAX_PAIRS:
+        raise FacePoserError(f"pairs must be a list of 1 to {_MAX_PAIRS}.")
+    return tuple(_pair_from_json(entry, f"pairs[{i}]") for i, entry in enumerate(entries))
+
+
+def _pair_from_json(data: Any, where: str) -> Pair:
+    codec.check_keys(data, {"points"}, {"name", "weight", "enabled"}, where)
+    points = data["points"]
+    if (
+        not isinstance(points, list)
+        or len(points) != 2
+        or not all(isinstance(point, str) and point for point in points)
+    ):
+        raise FacePoserError(f'{where}.points must be the names of two feature points, such as ["8.3", "8.4"].')
+    if points[0] == points[1]:
+        raise FacePoserError(f"{where}.points names the point {codec.shown(points[0])} twice.")
+    name = data.get("name", f"{points[0]} to {points[1]}")
+    if not isinstance(name, str) or not 0 < len(name) <= _MAX_NAME:
+        raise FacePoserError(f"{where}.name must be a text of 1 to {_MAX_NAME} letters.")
+    pair = Pair(name, points[0], points[1])
+    if "weight" in data:
+        pair = replace(pair, weight=codec.number_from_json(data["weight"], f"{where}.weight", 0.0, _MAX_WEIGHT))
+    if "enabled" in data:
+        pair = replace(pair, enabled=codec.flag_from_json(data["enabled"], f"{where}.enabled"))
+    return pair
+
+
+def read_pairs(path: Path) -> tuple[Pair, ...]:
+    """Return the pairs in the file ``path`` (docs/transfer.md).
+
+    Raises:
+        FacePoserError: If the file cannot be read or is not such a file, naming the place.
+    """
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise FacePoserError(f"The pairs '{path}' are larger than {_MAX_BYTES // 2**20} MB; they cannot be that.")
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FacePoserError(f"The pairs '{path}' cannot be read: {error.strerror}.") from error
+    except json.JSONDecodeError as error:
+        raise FacePoserError(
+            f"The pairs '{path}' are not valid JSON at line {error.lineno}, column {error.colno}: {error.msg}."
+        ) from error
+    except (ValueError, RecursionError) as error:
+        raise FacePoserError(f"The pairs '{path}' are not a JSON text file.") from error
+    try:
+        return pairs_from_json(data)
+    except FacePoserError as error:
+        raise FacePoserError(f"The pairs '{path}': {error}") from error

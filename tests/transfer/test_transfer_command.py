@@ -1,0 +1,119 @@
+"""``faceposer transfer``: poses, captures and animations in, sessions, meshes and animations out."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faceposer.cli import main
+from faceposer.geometry.mesh_io import read_mesh
+from faceposer.model.face_model import FaceModel
+from faceposer.session.document import Document, write_document
+from faceposer.session.opening import open_session
+from faceposer.transfer.pairs import PAPER_PAIRS, pairs_to_json
+
+SMILE = {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8}
+
+
+def run(*words: object) -> int:
+    with pytest.raises(SystemExit) as caught:
+        main([str(word) for word in words])
+    return int(caught.value.code or 0)
+
+
+@pytest.fixture
+def smile(tmp_path: Path, model: FaceModel) -> Path:
+    path = tmp_path / "smile.json"
+    pose = model.coefficients_of(SMILE)
+    write_document(path, Document("man").starting_from(pose).posed(pose))
+    return path
+
+
+@pytest.fixture
+def take(tmp_path: Path) -> Path:
+    lines = ["Timecode,BlendShapeCount,JawOpen,MouthSmileLeft,MouthSmileRight"]
+    lines += [f"00:00:0{i // 4}:{i % 4}.0,61,{0.1 * i:.2f},0.5,0.5" for i in range(8)]
+    path = tmp_path / "take.csv"
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_a_pose_becomes_a_session_of_the_other_face_and_a_mesh(tmp_path: Path, smile: Path) -> None:
+    out = tmp_path / "out.json"
+    assert run("transfer", smile, "low", "-o", out) == 0
+    session = open_session(str(out))
+    assert session.model.subject.name == "low"
+    weights = dict(zip(session.model.subject.shape_names, session.model.weights_of(session.coefficients), strict=True))
+    assert weights["mouthSmileLeft"] > 0.5
+    assert not session.document.constraints
+    mesh = tmp_path / "out.obj"
+    assert run("transfer", smile, "low", "-o", mesh, "--method", "weights") == 0
+    read = read_mesh(mesh).vertices
+    assert read.shape == session.model.subject.vertices.shape
+    assert np.abs(read - session.model.subject.vertices).max() > 0.1
+
+
+def test_a_capture_becomes_an_animation_and_goes_on_from_there(tmp_path: Path, take: Path) -> None:
+    out, back = tmp_path / "out.json", tmp_path / "back.json"
+    assert run("transfer", take, "creature", "-o", out, "--frames", "2:", "--rate", "4") == 0
+    animation = json.loads(out.read_text())
+    assert (animation["rate"], len(animation["frames"])) == (4.0, 6)
+    assert run("transfer", out, "man", "--from", "creature", "-o", back, "--frames", "0:3") == 0
+    animation = json.loads(back.read_text())
+    jaw = np.array(animation["frames"])[:, animation["names"].index("jawOpen")]
+    assert len(jaw) == 3
+    assert (np.diff(jaw) > 0.03).all()
+    one = tmp_path / "one.json"
+    assert run("transfer", take, "woman", "-o", one, "--frames", "5", "--method", "weights") == 0
+    session = open_session(str(one))
+    weights = dict(zip(session.model.subject.shape_names, session.model.weights_of(session.coefficients), strict=True))
+    assert weights["jawOpen"] == pytest.approx(0.5, abs=0.1)
+
+
+def test_the_pairs_of_a_file_are_those_that_count(tmp_path: Path, smile: Path) -> None:
+    listed, three, full = tmp_path / "pairs.json", tmp_path / "three.json", tmp_path / "full.json"
+    listed.write_text(json.dumps(pairs_to_json(PAPER_PAIRS)))
+    by_name = tmp_path / "by_name.json"
+    assert run("transfer", smile, "low", "-o", three, "--pairs", listed) == 0
+    assert run("transfer", smile, "low", "-o", by_name, "--pairs", "paper") == 0
+    assert run("transfer", smile, "low", "-o", full, "--scaling", "paper") == 0
+    assert three.read_text() == by_name.read_text()
+    assert three.read_text() != full.read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("smile.json", "creature", "-o", "o.json", "--method", "weights"), "none of ARKit's shapes"),
+        (("smile.json", "low", "-o", "o.json", "--from", "man"), "is a session"),
+        (("smile.json", "low", "-o", "o.json", "--pairs", "none.json"), "cannot be read"),
+        (("smile.json", "low", "-o", "o.json", "--pairs", "paper", "--method", "weights"), "leave out --pairs"),
+        (("smile.json", "low", "-o", "o.fbx"), "must end in '.json', "),
+        (("smile.json", "nobody", "-o", "o.json"), "no subject 'nobody'"),
+        (("smile.png", "low", "-o", "o.json"), "neither a session"),
+        (("none.json", "low", "-o", "o.json"), "cannot be read"),
+        (("take.csv", "low", "-o", "o.obj"), "has 8 frames, and '.obj' holds one"),
+        (("take.csv", "low", "-o", "o.json", "--frames", "99"), "has 8 frames, none"),
+        (("take.csv", "low", "-o", "o.json", "--from", "creature"), "has none of the shapes"),
+        (("bad.json", "low", "-o", "o.json"), "'bad.json'"),
+    ],
+)
+def test_errors_are_sentences(
+    tmp_path: Path,
+    smile: Path,
+    take: Path,
+    words: tuple[str, ...],
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bad.json").write_text(
+        '{"format": "faceposer.weights", "version": 1, "names": ["jawOpen"], "rate": 30, "frames": [[0.1, 0.2]]}'
+    )
+    assert run("transfer", *words) == 2
+    shown = capsys.readouterr().err
+    assert said in shown
+    assert shown.count("\n") == 1
+    assert not list(tmp_path.glob("o.*"))
