@@ -313,8 +313,9 @@ def tune(folder: Path) -> dict[str, Any]:
         folds.append((Study(setting), runs))
     result: dict[str, Any] = {}
 
-    def row(name: str, **options: Any) -> None:
-        result[name] = found = [Case(name, options).run(studied, runs) for studied, runs in folds]
+    def row(name: str, from_neutral: bool = False, **options: Any) -> None:
+        case = Case(name, options, from_neutral=from_neutral)
+        result[name] = found = [case.run(studied, runs) for studied, runs in folds]
         cells = [f"{fold['error']:.3f}" for fold in found]
         cells += [f"{np.sqrt(np.mean([fold[key] ** 2 for fold in found])):.2f}" for key in ("jerk", "brow jerk")]
         print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
@@ -330,8 +331,7 @@ def tune(folder: Path) -> dict[str, Any]:
     row("prior plain", prior="plain")
     with changed(following, "_HOMEWARD", 0.0):
         row("prior seen from the frame before alone")
-    with changed(following._Frames, "problem", _seen_from_neutral):
-        row("prior seen from the neutral face")
+    row("prior seen from the neutral face", from_neutral=True)
     with changed(following, "smoothness_metric", _plain_metric):
         row("smoothness of vertices alone")
     return result
