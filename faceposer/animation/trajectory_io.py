@@ -83,6 +83,8 @@ def read_trajectories(
             f"Trajectories cannot be read from '{path}'; give a file that ends in .csv, .json or .c3d."
         )
     if suffix == ".json":
+        if marker_map is not None:
+            raise FacePoserError(f"'{path}' says itself where its points are; leave the marker map out.")
         try:
             trajectories = trajectories_from_json(_json(path, "trajectories"), subject, camera, rate)
         except FacePoserError as error:

@@ -260,6 +260,14 @@ def test_how_a_face_came_to_a_pose_leaves_little_trace(model: FaceModel, monkeyp
     assert little < 0.5 * trace()
 
 
+@pytest.mark.parametrize("weight", [0.0, 1e6])
+def test_no_prior_and_absurd_targets_still_give_a_face(model: FaceModel, weight: float) -> None:
+    tracks = tracked(model, performed(model, 6))
+    absurd = replace(tracks, positions=1e4 * tracks.positions, weights=np.full(len(SEVEN), 1e6))
+    poses = follow(model, absurd, prior_weight=weight, smoothness=1e6).coefficients
+    assert np.isfinite(poses).all()
+
+
 def test_jumps_are_left_out_and_movements_stay(model: FaceModel) -> None:
     clean = tracked(model, performed(model, 60), noise_px=1.0)
     assert clean.without_jumps()[1] == 0

@@ -75,6 +75,22 @@ def test_a_table_of_pixels_with_a_camera(subject: Subject, tmp_path: Path) -> No
         read_trajectories(path, subject)
 
 
+def test_a_map_tells_where_the_points_of_a_picture_are(subject: Subject, tmp_path: Path) -> None:
+    camera = read_camera(camera_file(tmp_path / "camera.json"), subject)
+    pixels = moving(subject)[:, :, :2] * 10.0 + 300.0
+    path = table(tmp_path / "a.csv", ("a", "b", "c", "d"), pixels)
+    spots = MarkerMap({"c": "8.3", "a": 17})
+    read = read_trajectories(path, subject, camera=camera, marker_map=spots)
+    assert read.names == ("c", "a")
+    np.testing.assert_array_equal(read.points.faces, [-1 - subject.feature_points["8.3"], -18])
+    np.testing.assert_allclose(read.positions, pixels[:, [2, 0]], atol=1e-6)
+    with pytest.raises(FacePoserError, match="has no point e"):
+        read_trajectories(path, subject, camera=camera, marker_map=MarkerMap({"e": 3}))
+    (tmp_path / "a.json").write_text(json.dumps(document(subject)), encoding="utf-8")
+    with pytest.raises(FacePoserError, match="leave the marker map out"):
+        read_trajectories(tmp_path / "a.json", subject, marker_map=spots)
+
+
 def test_points_are_named_by_number_title_or_vertex(subject: Subject, tmp_path: Path) -> None:
     names = ("8.3", "Right mouth corner", "vertex 17", "v18")
     vertices = [subject.feature_points["8.3"], subject.feature_points["8.4"], 17, 18]
