@@ -1,8 +1,10 @@
 """Face Poser in Python: load a face, say what pulls at it, solve, take vertices and weights (docs/api.md)."""
 
+from faceposer.animation.trajectories import Trajectories
 from faceposer.api.face import Face, load, subjects
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
+from faceposer.model.performance import Performance
 from faceposer.poses.pose_file import Pose
 
-__all__ = ["Camera", "Face", "FacePoserError", "Pose", "load", "subjects"]
+__all__ = ["Camera", "Face", "FacePoserError", "Performance", "Pose", "Trajectories", "load", "subjects"]

@@ -8,12 +8,12 @@ from typing import Literal, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from faceposer.api.motion import InMotion
 from faceposer.api.places import Pixels, Place, fixed_vertices, pixels_of, point_at
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera, OrbitView, ViewName
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.strokes import StrokeShape
-from faceposer.interchange.meshes import write_posed_obj
 from faceposer.model.face_model import FaceModel
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import available_subjects
@@ -52,7 +52,7 @@ def subjects() -> list[str]:
     return [name for name, _ in available_subjects()]
 
 
-class Face:
+class Face(InMotion):
     """A face, what pulls at it, and its pose.
 
     Constraints are added one by one; ``solve`` lets the face follow all of them. Pixels are (u, v) from the top left of
@@ -296,18 +296,24 @@ class Face:
     # Files and pictures
 
     def save(self, path: PathName) -> Path:
-        """Write the posed face (.obj), the session (.json) or a picture from the front (.png), and return the path."""
+        """Write the session (.json), a picture (.png), or the pose as ``export`` does, and return the path."""
         target = Path(path)
         suffix = target.suffix.lower()
-        if suffix == ".obj":
-            write_posed_obj(target, self.model, self.coefficients)
-        elif suffix == ".json":
+        if suffix == ".json":
             self.session.save(target)
         elif suffix == ".png":
             self.render(target)
         else:
-            raise FacePoserError(f"'{target}' cannot be written: a name ends in .obj, .json or .png.")
+            self.export(target)
         return target
+
+    def take_pose(self, path: PathName, frame: int = 0) -> str:
+        """Start from the pose in a posed mesh (.obj, .ply) or in a frame of weights; return how well it came over."""
+        from faceposer.interchange.reading import read_pose
+
+        read = read_pose(Path(path), self.model, frame)
+        self._start_from(read.coefficients, "Open a pose")
+        return read.note
 
     def render(
         self,

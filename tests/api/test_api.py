@@ -12,6 +12,7 @@ import pytest
 import faceposer
 from faceposer.api import Face
 from faceposer.geometry.mesh_io import read_mesh
+from faceposer.geometry.picking import SurfacePoints
 from faceposer.session.document import read_document
 from faceposer.session.opening import open_session
 
@@ -28,6 +29,38 @@ def face() -> Face:
 def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     return tmp_path / "data" / "faceposer" / "poses"
+
+
+def test_keys_go_to_other_faces_and_programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Face] = {}
+    exec(compile(EXAMPLES[2], "docs/api.md", "exec"), names)
+    face, goblin = names["face"], names["goblin"]
+    assert [key.frame for key in goblin.session.animation.keyframes.keys] == [0, 20]
+    performance = face.performance
+    assert performance is not None
+    jaw = performance.weights(face.model)[:, face.subject.shape_names.index("jawOpen")]
+    assert jaw[0] == pytest.approx(0.0, abs=1e-9)
+    assert jaw[20] > 0.2
+    assert len((tmp_path / "goblin.csv").read_text().splitlines()) == 1 + len(performance)
+    moved = np.linalg.norm(
+        goblin.model.instance(goblin.session.animation.keyframes.keys[1].pose) - goblin.vertices, axis=1
+    )
+    assert goblin.session.document.frame == 20
+    assert moved.max() < 1e-3
+
+
+def test_a_face_follows_its_own_motion(face: Face) -> None:
+    names = ["8.3", "8.4", "8.1", "8.2", "2.10"]
+    points = SurfacePoints.at_vertices([face.subject.feature_points[name] for name in names])
+    jaw = [face.model.coefficients_of({"jawOpen": weight}) for weight in np.linspace(0.0, 0.7, 12)]
+    positions = np.stack([face.model.positions_at(points, pose) for pose in jaw])
+    found = face.follow(faceposer.Trajectories(tuple(names), points, positions, 30.0), smoothness=0.1)
+    opening = found.weights(face.model)[:, face.subject.shape_names.index("jawOpen")]
+    assert opening[-1] > 0.5
+    face.play(found)
+    assert face.performance is not None
+    np.testing.assert_allclose(face.performance.coefficients, found.coefficients, atol=1e-9)
 
 
 def test_the_example_on_the_page_is_ten_lines_and_runs(

@@ -1,0 +1,101 @@
+"""What ``Face`` does over time, on other faces and for other programs."""
+
+from collections.abc import Sequence
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Self
+
+from faceposer.animation.following import follow
+from faceposer.animation.keyframes import Keyframes
+from faceposer.animation.trajectories import Trajectories
+from faceposer.animation.trajectory_io import read_trajectories
+from faceposer.geometry.camera import Camera
+from faceposer.model.performance import Performance
+from faceposer.session.opening import load_model, session_of
+from faceposer.session.session import Session
+from faceposer.session.transferred import transferred
+from faceposer.transfer.pairs import DEFAULT_PAIRS, Pair
+from faceposer.transfer.transfer import Method, make_transfer
+
+
+class InMotion:
+    """The part of ``Face`` that knows of time and of other faces.
+
+    Attributes:
+        session: The document with its history.
+    """
+
+    session: Session
+
+    def __init__(self, session: Session) -> None:
+        """Work on ``session``."""
+        self.session = session
+
+    @property
+    def performance(self) -> Performance | None:
+        """The face's animation, frame by frame, or None without keys."""
+        return self.session.animation.performance
+
+    def set_key(self, frame: int) -> None:
+        """Make the present pose the animation's key at ``frame``, from 0; constraints have then done their part."""
+        animation = self.session.animation
+        animation.load(animation.keyframes.with_key(frame, self.session.coefficients), "Set a key", frame)
+        self.session.wait()
+
+    def play(self, performance: Performance) -> None:
+        """Take ``performance`` for the animation, with a key at every frame."""
+        self.session.animation.load(Keyframes.of_performance(performance), "Take an animation")
+        self.session.wait()
+
+    def follow(
+        self, trajectories: Trajectories | str | PathLike[str], camera: Camera | None = None, smoothness: float = 1.0
+    ) -> Performance:
+        """Return the motion in which points of the face follow ``trajectories`` (docs/animation.md).
+
+        Args:
+            trajectories: Or their file (.csv, .json, .c3d), of which jumps are left out.
+            camera: Of a table of pixels.
+            smoothness: Weight of changes of velocity.
+        """
+        model, document = self.session.model, self.session.document
+        if not isinstance(trajectories, Trajectories):
+            read = read_trajectories(Path(trajectories), model.subject, camera=camera)
+            trajectories, _ = read.without_jumps()
+        return follow(
+            model,
+            trajectories,
+            smoothness=smoothness,
+            prior_weight=document.prior_weight,
+            prior=document.prior,
+            start=document.start,
+        )
+
+    def transfer_to(
+        self, subject: str | PathLike[str], method: Method = "distances", pairs: Sequence[Pair] | None = None
+    ) -> Self:
+        """Return another face with this one's pose and animation (docs/transfer.md).
+
+        Args:
+            subject: A shipped subject by its name, or a subject's file.
+            method: By "distances" between feature points, or by ARKit's "weights".
+            pairs: The distances that are kept; the program's own list if None.
+        """
+        session, name = self.session, fspath(subject)
+        target = load_model(name)
+        transfer = make_transfer(session.model, target, method, DEFAULT_PAIRS if pairs is None else pairs)
+        document = transferred(session.document, session.coefficients, transfer, name, target)
+        return type(self)(session_of(document, None))
+
+    def export(self, path: str | PathLike[str], motion: Performance | None = None, turn: float = 0.0) -> Path:
+        """Write the pose, or a performance, for other programs (docs/interchange.md), and return the path.
+
+        Args:
+            path: Ends in .obj, .ply, .glb, .csv, .json (weights, no session), .png, .gif or .mp4.
+            motion: What to write in place of the pose, such as ``performance``; for .glb, .csv, .json, .gif and .mp4.
+            turn: Seconds in which the camera of a film goes round the head once, 0 for one that stands.
+        """
+        from faceposer.viewer.exporting import Look, write
+
+        moving = self.session.coefficients if motion is None else motion
+        write(Path(path), self.session.model, moving, Look(turn=turn))
+        return Path(path)
