@@ -1,6 +1,7 @@
 """Where everything is: menus on top, tools at the left, the face, the panel at the right, a line of text below."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec2, imgui
@@ -91,15 +92,12 @@ def _draw_panel(app: "App", position: tuple[float, float], size: tuple[float, fl
     app.pose_panel.draw_subjects(app)
     imgui.spacing()
     footer = 1.6 * imgui.get_frame_height_with_spacing()
-    style = imgui.get_style()
-    # Narrow, so that all titles fit into the panel's width.
-    narrow = ImVec2(em(0.4), style.frame_padding.y), ImVec2(em(0.2), style.item_inner_spacing.y)
-    if imgui.begin_tab_bar("##tabs"):
+    with _narrow():
+        bar = imgui.begin_tab_bar("##tabs")
+    if bar:
         for title, draw, text in _tabs(app):
-            imgui.push_style_var(imgui.StyleVar_.frame_padding, narrow[0])
-            imgui.push_style_var(imgui.StyleVar_.item_inner_spacing, narrow[1])
-            chosen, _ = imgui.begin_tab_item(title)
-            imgui.pop_style_var(2)
+            with _narrow():
+                chosen, _ = imgui.begin_tab_item(title)
             app.marks.note(f"tab:{title}")
             tooltip(text)
             if chosen:
@@ -111,6 +109,16 @@ def _draw_panel(app: "App", position: tuple[float, float], size: tuple[float, fl
     draw_output_panel(app)
     imgui.end()
     imgui.pop_style_color()
+
+
+@contextmanager
+def _narrow() -> Iterator[None]:
+    """Let the titles of all tabs fit into the panel's width: the bar and each of them ask the style."""
+    style = imgui.get_style()
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, (em(0.45), style.frame_padding.y))
+    imgui.push_style_var(imgui.StyleVar_.item_inner_spacing, (em(0.15), style.item_inner_spacing.y))
+    yield
+    imgui.pop_style_var(2)
 
 
 def _tabs(app: "App") -> list[tuple[str, Callable[["App"], None], str]]:
