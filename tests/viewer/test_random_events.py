@@ -123,6 +123,24 @@ class Monkey:
             self.app.actions["panel"].run()
         self.app.actions[f"tool-{tool}"].run()
         self.step()
+        if tool == "curve":
+            self.draw_curve()
+
+    def draw_curve(self) -> None:
+        """Click the points of a curve over the face and accept it, which chance seldom brings together."""
+        left, top, right, bottom = self.app.marks["view"]
+        for across in (-30.0, 0.0, 30.0):
+            self.app.window.play_move(
+                (left + right) / 2 + across, (top + bottom) / 2 + float(self.rng.uniform(-20, 60))
+            )
+            self.step()
+            for down in (True, False):
+                self.app.window.play_button("left", down, frozenset())
+                self.step()
+            self.time += 1.0
+        for kind in ("press", "release"):
+            self.app.window.play_key("Enter", kind, frozenset())
+            self.step()
 
     def rest(self) -> None:
         """Let go of everything."""

@@ -47,6 +47,9 @@ print(json.dumps(finished.to_json()), flush=True)
 sys.stdin.read()
 """
 ASKED_TO_END = """
+import signal
+# Whoever runs the tests in the background may have it ignored, which the program would go along with.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 wait = app.window.wait
 
 def wait_and_tell(seconds):
