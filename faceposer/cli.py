@@ -37,6 +37,13 @@ examples:
   faceposer demo -o DIR                      watch the program being used, as files
   faceposer train --rig me.glb -o me.npz     make a character of your own; also --examples, --markers
   faceposer subject info me.npz              say what is in a subject file; also check, rename
+  faceposer export smile.json -o smile.glb   to other programs and back: meshes, weights, pictures, films
+  faceposer animate man lips.csv --camera camera.json -o lips.json
+                                             let the face follow trajectories of a few points
+  faceposer transfer smile.json woman -o her-smile.json
+                                             carry an expression or an animation to another face
+  faceposer photo woman face.jpg --pins pins.json -o face.json
+                                             pose after a photo
   faceposer evaluate -o DIR                  how near the prior and its rivals come to unseen expressions
 
 'faceposer COMMAND --help' tells more of a command."""

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faceposer.animation.keyframes import Key, Keyframes
 from faceposer.cli import main
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.model.face_model import FaceModel
@@ -69,6 +70,37 @@ def test_a_capture_becomes_an_animation_and_goes_on_from_there(tmp_path: Path, t
     session = open_session(str(one))
     weights = dict(zip(session.model.subject.shape_names, session.model.weights_of(session.coefficients), strict=True))
     assert weights["jawOpen"] == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_session_goes_over_with_all_its_keys(tmp_path: Path, model: FaceModel) -> None:
+    frames: dict[int, dict[str, float]] = {0: {}, 12: SMILE, 20: {"jawOpen": 0.5}}
+    keys = tuple(Key.of(frame, model.coefficients_of(weights)) for frame, weights in frames.items())
+    source, out, film = tmp_path / "smile.json", tmp_path / "creature.json", tmp_path / "creature.csv"
+    document = Document(
+        "man", prior_weight=2.0, keyframes=Keyframes(keys, 24.0, 25, loop=True), frame=12, animated=True
+    )
+    pose = keys[1].pose
+    write_document(source, document.starting_from(pose).posed(pose))
+
+    assert run("transfer", source, "low", "-o", out) == 0
+    session = open_session(str(out))
+    found = session.document.keyframes
+    assert found is not None
+    assert (found.rate, found.length, found.loop) == (24.0, 25, True)
+    assert [key.frame for key in found.keys] == list(frames)
+    assert (session.document.frame, session.document.prior_weight) == (12, 2.0)
+    names = session.model.subject.shape_names
+    smile, jaw = (
+        np.array([session.model.weights_of(key.pose)[names.index(name)] for key in found.keys])
+        for name in ("mouthSmileLeft", "jawOpen")
+    )
+    assert np.abs(found.keys[0].pose - session.model.neutral()).max() < 1e-6, "a relaxed face stays one"
+    assert smile[1] > 0.5
+    assert jaw[2] == pytest.approx(0.5, abs=0.15)
+    np.testing.assert_allclose(session.coefficients, found.keys[1].pose, atol=1e-9)
+
+    assert run("transfer", source, "low", "-o", film, "--method", "weights") == 0
+    assert len(film.read_text().splitlines()) == 1 + 25
 
 
 def test_the_pairs_of_a_file_are_those_that_count(tmp_path: Path, smile: Path) -> None:
