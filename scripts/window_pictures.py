@@ -1,0 +1,112 @@
+#!/usr/bin/env python3
+"""Make the pictures of the window that shows an animation, its export and the library of poses.
+
+    python scripts/window_pictures.py        # into docs/images: timeline.jpg, export.jpg, film.jpg, pose-library.jpg
+
+A scripted user at the real program, without a display: three ways are drawn over the woman's face, which follows them,
+and what comes of it is exported as a film.
+"""
+
+import os
+
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageSequence
+
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))
+
+from faceposer.viewer.app import App
+from faceposer.viewer.exchange import Exchange
+from faceposer.viewer.following import Following
+from faceposer.viewer.robot import Robot
+from faceposer.viewer.settings import Settings
+from faceposer.viewer.timeline import Timeline
+
+WINDOW = (1280, 820)
+LEFT_CORNER, RIGHT_CORNER, CHIN = "8.3", "8.4", "2.1"
+FILM_FRAMES = 6
+
+
+def draw_smile(robot: Robot) -> None:
+    """Draw the ways of the mouth's corners and of the chin, and let the face follow."""
+    following = robot.app.features[Following]
+    robot.key("J")
+    for feature, across, down in ((LEFT_CORNER, 20, -18), (RIGHT_CORNER, -20, -18), (CHIN, 0, 12)):
+        x, y = robot.at(feature)
+        robot.drag((x, y), (x + across, y + down), steps=36, ease=True)
+    robot.key("Enter")
+    while following.job is not None:
+        following.job.join()
+        robot.frames()
+
+
+def save_window(robot: Robot, path: Path) -> None:
+    """Write what the window shows as ``path``."""
+    robot.frames(3)
+    Image.fromarray(robot.app.screenshot()).save(path, quality=88)
+    print(path)
+
+
+def save_film(robot: Robot, folder: Path, path: Path) -> None:
+    """Export the animation by the dialog and write some of the film's frames side by side as ``path``."""
+    exchange = robot.app.features[Exchange]
+    exchange.form.width = exchange.form.height = 360
+    robot.click_widget("export:accept")
+    robot.key("Ctrl+A")
+    robot.type("smile")
+    robot.click_widget("files:accept")
+    while exchange.filming is not None:
+        robot.frames()
+    with Image.open(folder / "smile.gif") as film:
+        frames = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(film)]
+    chosen = np.linspace(0, len(frames) - 1, FILM_FRAMES).round().astype(int)
+    Image.fromarray(np.hstack([frames[i] for i in chosen])).save(path, quality=88)
+    print(path)
+
+
+def main() -> None:
+    """Make all pictures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=ROOT / "docs" / "images",
+        metavar="DIR",
+        help="folder (default: docs/images)",
+    )
+    output = parser.parse_args().output
+    with tempfile.TemporaryDirectory() as folder:
+        settings = Settings(window_size=WINDOW, folder=folder, welcome_done=True)
+        app = App("woman", hidden=True, threaded=False, settings=settings)
+        robot = Robot(app)
+        draw_smile(robot)
+        timeline = app.features[Timeline]
+        robot.click(timeline.track.ruler_place(timeline.keyframes.length - 1))
+        save_window(robot, output / "timeline.jpg")
+        robot.key("P")
+        app.actions["export-other"].run()
+        robot.frames(2)
+        robot.click_widget("export:gif")
+        save_window(robot, output / "export.jpg")
+        save_film(robot, Path(folder), output / "film.jpg")
+        robot.key("P")
+        robot.key("Q")
+        robot.click_widget("tab:Poses")
+        robot.move((600.0, 660.0))
+        robot.frames(90)
+        save_window(robot, output / "pose-library.jpg")
+        app.close()
+
+
+if __name__ == "__main__":
+    main()
