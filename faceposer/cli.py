@@ -12,7 +12,7 @@ from typing import NoReturn
 
 from faceposer import cli_applications, cli_evaluation, cli_training
 from faceposer.errors import FacePoserError, NoWindowError
-from faceposer.interchange.files import check_output
+from faceposer.interchange.files import check_apart, check_output
 
 _COMMANDS = (
     "solve",
@@ -156,6 +156,7 @@ def _solve(options: argparse.Namespace) -> int:
     check_output(options.output, ".obj")
     if options.report is not None:
         check_output(options.report, ".json")
+        check_apart(options.report, options.session)
     from faceposer.api import load
     from faceposer.session.document import write_text
     from faceposer.session.report import solve_report

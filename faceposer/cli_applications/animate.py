@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from faceposer.interchange.files import check_output
+from faceposer.interchange.files import check_apart, check_output
 
 if TYPE_CHECKING:
     pass
@@ -59,6 +59,7 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Make and write the animation that ``options`` ask for and return the exit status."""
     check_output(options.output, *_FORMATS)
+    check_apart(options.output, options.subject, options.trajectories, options.camera, options.markers)
     from faceposer.animation.following import follow
     from faceposer.animation.trajectory_io import read_camera, read_trajectories
     from faceposer.geometry.marker_map import read_marker_map

@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from faceposer.errors import FacePoserError
-from faceposer.interchange.files import check_output
+from faceposer.interchange.files import check_apart, check_output
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from faceposer.model.face_model import FaceModel
     from faceposer.model.performance import Performance
+    from faceposer.session.session import Session
 
 NAME = "export"
 
@@ -36,7 +36,8 @@ Write a face as other programs read it. The suffix of OUT says how:
   .gif   the animation, or the pose turning round
   .mp4   the same, by ffmpeg
 
-The pose is that of the session, the neutral face of a subject, or the one in --pose."""
+What is written is the session's: its animation, if its timeline has keys and the format holds one, otherwise its pose;
+the neutral face of a subject; or what --pose or --animation says."""
 
 _EXAMPLES = """\
 examples:
@@ -44,6 +45,7 @@ examples:
   faceposer export woman --animation take.csv -o woman.glb         a performance of Live Link Face on the woman
   faceposer export woman --animation take.csv -o take --sequence obj    ... as a folder of meshes
   faceposer export woman --animation take.csv --fps 25 -o take.gif
+  faceposer export keys.json -o keys.glb                           what the timeline of a session plays
   faceposer export smile.json --turntable 6 --size 800x800 -o smile.mp4
   faceposer export man --pose sculpted.obj -o sculpted.csv         what weights make this mesh?
   faceposer export man --pose take.csv --frame 120 -o frame.obj"""
@@ -74,6 +76,7 @@ def add_parser(commands: Any) -> None:
         help="take an animation from weights: a take of Live Link Face or Face Cap (.csv, .txt), .json, or the morph "
         "targets of .glb",
     )
+    parser.add_argument("--still", action="store_true", help="write the pose alone of a session with keys")
     parser.add_argument("--frame", type=_frame, metavar="N", help="which frame of the weights in --pose (default: 1)")
     parser.add_argument(
         "--sequence", choices=("obj", "ply"), help="write the animation into the new folder OUT, one mesh per frame"
@@ -110,10 +113,13 @@ def run(options: argparse.Namespace) -> int:
 
     session = open_session(options.what)
     session.wait()
-    motion = _motion(options, session.model, session.coefficients)
+    motion = _motion(options, session)
     path: Path = options.output
     if options.sequence is not None:
-        assert isinstance(motion, Performance)
+        if not isinstance(motion, Performance):
+            raise FacePoserError(
+                f"--sequence writes an animation, and '{options.what}' has none; give one with --animation."
+            )
         frames = resampled(motion, options.fps) if options.fps else motion
         written = write_sequence(path, session.model, frames, options.sequence)
         _say(f"{len(written)} meshes written to {path}")
@@ -133,11 +139,12 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _motion(
-    options: argparse.Namespace, model: "FaceModel", pose: "NDArray[np.float64]"
-) -> "NDArray[np.float64] | Performance":
+def _motion(options: argparse.Namespace, session: "Session") -> "NDArray[np.float64] | Performance":
     """Return the pose, shape (r,), or the performance that is asked for."""
     from faceposer.interchange.reading import read_performance, read_pose
+    from faceposer.viewer.exporting import ANIMATED
+
+    model = session.model
 
     if options.animation is not None:
         animation = read_performance(options.animation, model)
@@ -149,7 +156,12 @@ def _motion(
         read = read_pose(options.pose, model, (options.frame or 1) - 1)
         _say(f"{options.pose}: {read.note}" if read.note else "")
         return read.coefficients
-    return pose
+    moves = options.sequence is not None or options.output.suffix.lower() in ANIMATED
+    performance = session.animation.performance if moves and not options.still else None
+    if performance is not None and len(performance) > 1:
+        _say(f"{options.what}: {len(performance)} frames at {performance.rate:g} a second")
+        return performance
+    return session.coefficients
 
 
 def _check_options(options: argparse.Namespace) -> None:
@@ -163,8 +175,8 @@ def _check_options(options: argparse.Namespace) -> None:
     if options.frame is not None and options.pose is None:
         raise FacePoserError("--frame says which frame of the weights in --pose; give that, too.")
     if options.sequence is not None:
-        if options.animation is None:
-            raise FacePoserError("--sequence writes an animation; give one with --animation.")
+        if options.pose is not None or options.still:
+            raise FacePoserError("--sequence writes an animation; leave out --pose and --still.")
         if not path.absolute().parent.is_dir():
             raise FacePoserError(f"The folder '{path.absolute().parent}' of the output does not exist; make it first.")
         return
@@ -181,9 +193,7 @@ def _check_options(options: argparse.Namespace) -> None:
         raise FacePoserError(f"'{path}' shows one pose: write a .gif, or one frame with --pose and --frame.")
     if options.turntable is not None and suffix not in (".gif", ".mp4"):
         raise FacePoserError("--turntable is for films; let the output end in .gif or .mp4.")
-    inputs = [Path(options.what), *(source for source in (options.pose, options.animation) if source is not None)]
-    if path.exists() and any(source.exists() and path.samefile(source) for source in inputs):
-        raise FacePoserError(f"'{path}' is what is read; give the output another name.")
+    check_apart(path, options.what, options.pose, options.animation)
 
 
 def _say(text: str) -> None:

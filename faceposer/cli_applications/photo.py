@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from faceposer.errors import FacePoserError
-from faceposer.interchange.files import check_output
+from faceposer.interchange.files import check_apart, check_output
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,6 +40,9 @@ def run(options: argparse.Namespace) -> int:
     check_output(options.output, ".json")
     if options.render is not None:
         check_output(options.render, ".png")
+    # The session may be the one that gets the photo.
+    check_apart(options.output, options.photo, options.pins)
+    check_apart(options.render, options.photo)
     if options.focal is not None and not 1.0 <= options.focal <= 1e6:
         raise FacePoserError("The focal length must be from 1 to 1,000,000 pixels.")
     from dataclasses import replace

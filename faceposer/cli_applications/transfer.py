@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from faceposer.errors import FacePoserError
-from faceposer.interchange.files import check_output
+from faceposer.interchange.files import check_apart, check_output
 
 if TYPE_CHECKING:
     from faceposer.model.face_model import FaceModel
@@ -56,7 +56,13 @@ def add_parser(commands: Any) -> None:
         metavar="SUBJECT",
         help="whose weights or mesh a source is that is no session (default: man)",
     )
-    parser.add_argument("--method", choices=("distances", "weights"), default="distances", help="(default: distances)")
+    parser.add_argument(
+        "--method",
+        choices=("distances", "weights"),
+        default="distances",
+        help="by distances between points of the faces, or by the weights of ARKit's shapes that both have (default: "
+        "distances)",
+    )
     parser.add_argument(
         "--pairs", metavar="full|paper|FILE", help="distances to keep: a list of the program, or a JSON file"
     )
@@ -98,6 +104,7 @@ def _rate(text: str) -> float:
 def run(options: argparse.Namespace) -> int:
     """Carry over what ``options`` ask for and return the exit status."""
     check_output(options.output, *_OUTPUTS)
+    check_apart(options.output, options.source, options.target, options.pairs)
     suffix = options.output.suffix.lower()
     if options.pairs is not None and options.method == "weights":
         raise FacePoserError("Pairs are for the method 'distances'; leave out --pairs or --method weights.")
@@ -114,7 +121,8 @@ def run(options: argparse.Namespace) -> int:
     if suffix == ".json" and source.document is not None:
         _write_session(options, source, transfer, target)
         return 0
-    performance = source.performance
+    # A session's pose is the one that it shows.
+    performance = source.still if suffix in _STILL and source.document is not None else source.performance
     moving = len(performance) > 1
     if moving and suffix in _STILL:
         raise FacePoserError(
@@ -125,7 +133,7 @@ def run(options: argparse.Namespace) -> int:
     result = transfer_performance(transfer, performance, _progress if moving and sys.stderr.isatty() else None)
     spent = 1e3 * (time.perf_counter() - began) / len(result)
     _write(options.output, options.target, target, result)
-    what = f"{len(result)} frames" if moving else "pose"
+    what = f"{len(result)} frames" if len(result) > 1 else "pose"
     print(f"{options.output} written: {what} by {options.method}, {spent:.1f} ms a frame")
     return 0
 
@@ -137,10 +145,11 @@ def _progress(share: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Source:
-    """What is carried over: a face's motion, and the session that it is of, if any."""
+    """What is carried over: a face's motion, the one pose that it shows, and the session that it is of, if any."""
 
     model: "FaceModel"
     performance: "Performance"
+    still: "Performance"
     document: "Document | None" = None
 
 
@@ -164,12 +173,13 @@ def _source(options: argparse.Namespace) -> _Source:
         session = open_session(str(path))
         session.wait()
         still = Performance(session.coefficients[None], _USUAL_RATE)
-        return _Source(session.model, session.animation.performance or still, session.document)
+        return _Source(session.model, session.animation.performance or still, still, session.document)
     model = load_model(options.subject or "man")
     if suffix in MESHES:
         pose = read_pose(path, model)
         print(f"{path}: {pose.note}")
-        return _Source(model, Performance(pose.coefficients[None], _USUAL_RATE))
+        still = Performance(pose.coefficients[None], _USUAL_RATE)
+        return _Source(model, still, still)
     read = read_performance(path, model)
     if read.note:
         print(f"{path}: {read.note}")
@@ -177,7 +187,8 @@ def _source(options: argparse.Namespace) -> _Source:
     chosen = poses[options.frames] if options.frames is not None else poses
     if not len(chosen):
         raise FacePoserError(f"'{path}' has {len(poses)} frames, none of those that --frames asks for.")
-    return _Source(model, Performance(chosen, options.rate or read.performance.rate))
+    performance = Performance(chosen, options.rate or read.performance.rate)
+    return _Source(model, performance, performance)
 
 
 def _holds_weights(path: Path) -> bool:

@@ -25,6 +25,19 @@ def replacing(path: Path, kind: str) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def check_apart(path: Path | None, *inputs: Path | str | None) -> None:
+    """Refuse an output ``path`` that is one of the ``inputs``, which would be lost; what is None does not count.
+
+    Raises:
+        FacePoserError: If it is.
+    """
+    if path is None or not path.exists():
+        return
+    for source in inputs:
+        if source is not None and Path(source).exists() and path.samefile(source):
+            raise FacePoserError(f"'{path}' is what is read; give the output another name.")
+
+
 def check_output(path: Path, *suffixes: str) -> None:
     """Refuse an output that could not be written, or ends in none of ``suffixes``, before any work is done for it.
 

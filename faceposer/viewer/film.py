@@ -22,6 +22,8 @@ Draw = Callable[[int], Picture]
 
 #: Delays of GIF are hundredths of a second, and browsers show less than two of them as ten.
 FASTEST_GIF = 50.0
+# Hundredths of a second, which GIF keeps in 16 bits.
+_LONGEST_DELAY = 65535
 _GIF_COLOURS = 255
 _SHOWN_OF_LOG = 200
 
@@ -32,9 +34,14 @@ def write_gif(path: Path, draw: Draw, count: int, rate: float) -> Iterator[float
     Frames last whole hundredths of a second such that all of them together take the time that they should.
 
     Raises:
-        FacePoserError: If the file cannot be written.
+        FacePoserError: If the file cannot be written, or frames would last longer than a GIF can say.
     """
     ends = np.round(100.0 * np.arange(count + 1) / rate).astype(int)
+    if np.diff(ends).max() > _LONGEST_DELAY:
+        raise FacePoserError(
+            f"A GIF shows a frame for {_LONGEST_DELAY / 100:.0f} seconds at most, and {rate:g} frames a second take "
+            "longer; choose a higher rate."
+        )
     places = sorted({0, count // 4, count // 2, count - 1})
     palette = shared_palette([Image.fromarray(draw(i)) for i in places], _GIF_COLOURS, keep_rare=True)
     pictures = []
