@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from faceposer.errors import FacePoserError
-from faceposer.interchange.files import check_output
+from faceposer.interchange.files import check_apart, check_output
 
 COMMANDS = ("train", "subject")
 
@@ -108,6 +108,7 @@ def _regions(text: str) -> str | int:
 
 def _train(options: argparse.Namespace) -> int:
     check_output(options.output, ".npz")
+    check_apart(options.output, options.examples, options.scan)
     if options.summary is not None and options.summary.exists() and not options.summary.is_dir():
         raise FacePoserError(f"'{options.summary}' is a file; give a folder for the summary.")
     from faceposer.model.subject_file import save_subject

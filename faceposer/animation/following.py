@@ -95,6 +95,21 @@ def follow(
     return Performance(poses, trajectories.rate)
 
 
+def residuals(model: FaceModel, trajectories: Trajectories, performance: Performance) -> Array:
+    """Return how far each point stays from where it should be, shape (F, P), NaN where it was not seen.
+
+    In pixels of the camera, or in space in the unit of the face.
+    """
+    rows, neutral = model.rows_at(trajectories.points)
+    off = np.full(trajectories.positions.shape[:2], np.nan)
+    for frame, pose in enumerate(performance.coefficients):
+        places = neutral + rows @ pose
+        if trajectories.camera is not None:
+            places = trajectories.camera.project(places)
+        off[frame] = np.linalg.norm(places - trajectories.positions[frame], axis=1)
+    return off
+
+
 @dataclass(frozen=True)
 class _Frames:
     """Makes the problems of single frames."""

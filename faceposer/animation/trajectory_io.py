@@ -32,10 +32,12 @@ _ROUNDED = 4e-4
 
 _MAX_BYTES = 2**28
 _MAX_FRAMES = 100_000
-_MAX_RATE = 1_000.0
+_SLOWEST, _MAX_RATE = 1e-3, 1_000.0
 _MAX_WEIGHT = 1e6
 # Markers that do not move against the skull are looked for where there are as many as this.
 _ENOUGH_TO_FIND_HELD = 20
+# Pixels and centimetres beyond this are no places.
+_FARTHEST = 1e6
 # Points that start farther from their places on the face than this share of its height are not in its space.
 _NEAR = 0.15
 
@@ -89,6 +91,11 @@ def read_trajectories(
             trajectories = trajectories_from_json(_json(path, "trajectories"), subject, camera, rate)
         except FacePoserError as error:
             raise _in_file(path, error) from error
+        if trajectories.camera is None:
+            places = trajectories.points.positions(subject.vertices, subject.triangles)
+            _check_near(path, trajectories.positions, places, subject, "give them in the face's centimetres")
+        else:
+            _check_before(path, trajectories.camera, subject)
         return trajectories if points is None else trajectories.subset(_known(points, trajectories.names, path))
     if suffix == ".csv":
         table = _pixels(path)
@@ -148,7 +155,7 @@ def trajectories_from_json(
         raise FacePoserError(f"The file has version {codec.shown(data.get('version'))}; this program reads {VERSION}.")
     codec.check_keys(data, {"format", "version", "points"}, {"rate", "camera"}, "The file")
     if rate is None:
-        rate = codec.number_from_json(data.get("rate", USUAL_RATE), "rate", 1e-3, _MAX_RATE)
+        rate = codec.number_from_json(data.get("rate", USUAL_RATE), "rate", _SLOWEST, _MAX_RATE)
     in_picture = camera is not None or "camera" in data
     if camera is None and in_picture:
         camera = camera_from_json(data["camera"], "camera", subject)
@@ -241,7 +248,7 @@ def _json(path: Path, kind: str) -> Any:
     except json.JSONDecodeError as error:
         raise FacePoserError(f"'{path}' is not valid JSON at line {error.lineno}: {error.msg}; mend it.") from error
     except (ValueError, RecursionError) as error:
-        raise FacePoserError(f"'{path}' is not valid JSON ({error}); mend it.") from error
+        raise FacePoserError(f"'{path}' is not valid JSON; write it as plain UTF-8.") from error
 
 
 def _anchor_named(name: str, subject: Subject, path: Path) -> int:
@@ -286,7 +293,8 @@ def _pixels(path: Path) -> MarkerTable | None:
 
 def _in_picture(path: Path, table: MarkerTable, options: "_Options") -> Trajectories:
     if options.camera is None:
-        raise FacePoserError(f"'{path}' has places in a picture; give the camera that made it with --camera.")
+        raise FacePoserError(f"'{path}' has places in a picture; give the camera that made it (--camera).")
+    _check_before(path, options.camera, options.subject)
     names, anchors = _places(path, table.names, options)
     positions = table.positions[:, [table.names.index(name) for name in names]]
     return _checked(path, names, anchors, positions, options.rate or _known_rate(table.rate), options.camera)
@@ -301,7 +309,7 @@ def _in_space(path: Path, motion: MarkerMotion, options: "_Options") -> Trajecto
     if options.marker_map is None:
         # In the space of the face, whose unit is the centimetre.
         positions = motion.subset(names).positions * (motion.unit_scale or 1.0)
-        _check_near(path, positions, places, subject)
+        _check_near(path, positions, places, subject, "give a marker map with --markers to have them laid on it")
     else:
         find_held = len(options.marker_map.places) >= _ENOUGH_TO_FIND_HELD
         mapped = options.marker_map.subset(names)
@@ -317,13 +325,21 @@ def _known_rate(rate: float | None) -> float | None:
     return nearest if abs(nearest - rate) < _ROUNDED * nearest else rate
 
 
-def _check_near(path: Path, positions: Array, places: Array, subject: Subject) -> None:
+def _check_before(path: Path, camera: Camera, subject: Subject) -> None:
+    if not (camera.to_camera(subject.vertices)[:, 2] > 0.0).all():
+        raise FacePoserError(
+            f"The camera of '{path}' has the face of {subject.name} behind it or all around it; check its rotation and "
+            "translation."
+        )
+
+
+def _check_near(path: Path, positions: Array, places: Array, subject: Subject, remedy: str) -> None:
     off = np.linalg.norm(positions - places, axis=2)
     known = off[np.isfinite(off)]
     if known.size and np.median(known) > _NEAR * subject.height:
         raise FacePoserError(
             f"The points in '{path}' lie {np.median(known):.3g} cm from their places on {subject.name}, so they are "
-            "not in its space; give a marker map with --markers to have them laid on it."
+            f"not in its space; {remedy}."
         )
 
 
@@ -353,6 +369,17 @@ def _checked(
         raise FacePoserError(f"'{path}' has {len(positions)} frames, {_MAX_FRAMES} are read; cut it into parts.")
     if not np.isfinite(positions).all(axis=2).any():
         raise FacePoserError(f"No point is seen in any frame of '{path}'; check the file.")
+    far = np.argwhere(np.abs(positions) > _FARTHEST)
+    if len(far):
+        frame, point, axis = far[0].tolist()
+        raise FacePoserError(
+            f"'{path}' has {names[point]} at {positions[frame, point, axis]:.6g} in its frame {frame + 1}, and places "
+            f"go to {_FARTHEST:.0e}; mend it, or leave the cell blank."
+        )
+    if rate is not None and not _SLOWEST <= rate <= _MAX_RATE:
+        raise FacePoserError(
+            f"'{path}' has {rate:.6g} frames a second by its times, which should be seconds; say how many with --rate."
+        )
     try:
         return Trajectories(names, anchors, positions, rate or USUAL_RATE, camera)
     except ValueError as error:

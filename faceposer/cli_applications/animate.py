@@ -2,19 +2,15 @@
 
 import argparse
 import math
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from faceposer.cli_applications.progress_line import ProgressLine
 from faceposer.interchange.files import check_apart, check_output
-
-if TYPE_CHECKING:
-    pass
 
 NAME = "animate"
 _FORMATS = (".json", ".csv", ".glb", ".gif", ".mp4")
 _PRIORS = ("regions", "whole", "plain")
-_MOST = 1e6
 
 
 def add_parser(commands: Any) -> None:
@@ -41,7 +37,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--keep-jumps", action="store_true", help="also follow positions that jump away for a frame or two"
     )
-    parser.add_argument("--rate", type=_positive, metavar="FPS", help="frames per second (default: as the file says)")
+    parser.add_argument("--rate", type=_rate, metavar="FPS", help="frames per second (default: as the file says)")
     parser.add_argument(
         "--smoothness", type=_weight, metavar="W", default=1.0, help="weight of changes of velocity (default: 1)"
     )
@@ -60,7 +56,9 @@ def run(options: argparse.Namespace) -> int:
     """Make and write the animation that ``options`` ask for and return the exit status."""
     check_output(options.output, *_FORMATS)
     check_apart(options.output, options.subject, options.trajectories, options.camera, options.markers)
-    from faceposer.animation.following import follow
+    import numpy as np
+
+    from faceposer.animation.following import follow, residuals
     from faceposer.animation.trajectory_io import read_camera, read_trajectories
     from faceposer.geometry.marker_map import read_marker_map
     from faceposer.session.opening import load_model
@@ -79,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
     if not options.keep_jumps:
         trajectories, jumps = trajectories.without_jumps()
     n_frames = len(trajectories)
-    line = _ProgressLine()
+    line = ProgressLine()
     try:
         performance = follow(
             model,
@@ -89,13 +87,17 @@ def run(options: argparse.Namespace) -> int:
             prior=options.prior,
             on_frame=lambda frame, _pose: line.show(f"Frame {frame + 1} of {n_frames}"),
         )
+        write(options.output, model, performance, progress=line.share)
     finally:
         line.clear()
-    write(options.output, model, performance)
+    off, unit = np.nanmean(residuals(model, trajectories, performance)), "px"
+    if trajectories.camera is None:
+        off, unit = 10.0 * off, "mm"
     blind = int((~trajectories.seen.any(axis=1)).sum())
     remarks = f", {blind} of them without any point" if blind else ""
     remarks += f"; jumps left out: {jumps}" if jumps else ""
-    print(f"{options.output} written: {n_frames} frames at {performance.rate:g} per second{remarks}")
+    counted = f"{n_frames} frames at {performance.rate:g} per second"
+    print(f"{options.output} written: {counted}, points {off:.1f} {unit} off on average{remarks}")
     return 0
 
 
@@ -106,36 +108,19 @@ def _names(text: str) -> tuple[str, ...]:
     return names
 
 
-def _number(text: str, least: float) -> float:
+def _number(text: str, least: float, most: float) -> float:
     try:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not least <= value <= _MOST:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number from {least:g} to {_MOST:g}")
+    if not least <= value <= most:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number from {least:g} to {most:g}")
     return value
 
 
 def _weight(text: str) -> float:
-    return _number(text, 0.0)
+    return _number(text, 0.0, 1e6)
 
 
-def _positive(text: str) -> float:
-    return _number(text, 1e-3)
-
-
-class _ProgressLine:
-    """One line that says how far it is, where somebody is looking."""
-
-    def __init__(self) -> None:
-        self._wanted = sys.stderr.isatty()
-        self._shown = False
-
-    def show(self, text: str) -> None:
-        if self._wanted:
-            print(f"\r{text:40}", end="", file=sys.stderr, flush=True)
-            self._shown = True
-
-    def clear(self) -> None:
-        if self._shown:
-            print(f"\r{'':40}\r", end="", file=sys.stderr, flush=True)
+def _rate(text: str) -> float:
+    return _number(text, 1e-3, 1e3)

@@ -2,9 +2,11 @@
 
 import argparse
 import re
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
+from faceposer.cli_applications.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
 from faceposer.interchange.files import check_apart, check_output
 
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from faceposer.session.session import Session
 
 NAME = "export"
+T = TypeVar("T")
 
 _VIEWS = ("front", "three-quarter", "left", "right", "back")
 _MAX_SIDE = 8192
@@ -121,7 +124,9 @@ def run(options: argparse.Namespace) -> int:
                 f"--sequence writes an animation, and '{options.what}' has none; give one with --animation."
             )
         frames = resampled(motion, options.fps) if options.fps else motion
-        written = write_sequence(path, session.model, frames, options.sequence)
+        written = _with_progress(
+            lambda progress: write_sequence(path, session.model, frames, options.sequence, progress)
+        )
         _say(f"{len(written)} meshes written to {path}")
         return 0
     pictures = path.suffix.lower() in (".gif", ".mp4")
@@ -134,9 +139,18 @@ def run(options: argparse.Namespace) -> int:
         options.fps,
         "clay" if options.clay else "full",
     )
-    write(path, session.model, motion, look)
+    _with_progress(lambda progress: write(path, session.model, motion, look, progress))
     _say(f"{path} written")
     return 0
+
+
+def _with_progress(export: Callable[[Callable[[float], None]], T]) -> T:
+    """Return what ``export`` returns, while it tells how far it is."""
+    line = ProgressLine()
+    try:
+        return export(line.share)
+    finally:
+        line.clear()
 
 
 def _motion(options: argparse.Namespace, session: "Session") -> "NDArray[np.float64] | Performance":

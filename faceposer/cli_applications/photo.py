@@ -1,6 +1,8 @@
 """``faceposer photo``: aligns the camera of a photo by pins and poses the face after it."""
 
 import argparse
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,12 +13,15 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from faceposer.photo.photo import Photo
+    from faceposer.photo.photo import Photo, Pin
     from faceposer.session.session import Session
 
 NAME = "photo"
 # Of each panel of the picture.
 _PANEL = (480, 600)
+_CHECKED_SIDE = 1024
+# Share of the pins' spread beyond which they tell no view of the face.
+_HOPELESS = 0.15
 
 
 def add_parser(commands: Any) -> None:
@@ -50,13 +55,16 @@ def run(options: argparse.Namespace) -> int:
     from faceposer.photo.aligning import aligned, residuals_px
     from faceposer.photo.photo import Photo
     from faceposer.photo.pins_file import read_pins
-    from faceposer.photo.reading import focal_in_mm, inspect_photo
+    from faceposer.photo.reading import focal_in_mm, inspect_photo, read_photo
     from faceposer.session.opening import open_session
     from faceposer.session.photos import with_expression
     from faceposer.solve.camera_fit import LEAST_POINTS
 
     file = inspect_photo(options.photo)
+    # Decoded once, so that a damaged file is told before anything is written.
+    read_photo(options.photo, _CHECKED_SIDE)
     pins = read_pins(options.pins)
+    _check_pins(options.pins, pins, file.size)
     session = open_session(options.what)
     session.wait()
     model = session.model
@@ -76,11 +84,7 @@ def run(options: argparse.Namespace) -> int:
         session.replace(document if options.no_pose else with_expression(document, model, photo))
     session.wait()
     after = residuals_px(photo, model, session.coefficients)
-    for i, pin in enumerate(pins):
-        if i in off:
-            place = pin.place if isinstance(pin.place, str) else "of the surface"
-            title = model.subject.feature_titles.get(place, place)
-            print(f"pin {place:6} {title:34} {off[i]:6.1f} px off, posed {after[i]:6.1f} px")
+    _tell(pins, off, after, model.subject.feature_titles)
     how = "given" if options.focal else "by EXIF" if file.focal else "found, or likely"
     print(f"focal length {camera.focal:.0f} px, {focal_in_mm(camera.focal, file.size):.0f} mm on 35 mm film ({how})")
     if options.render is not None:
@@ -92,7 +96,33 @@ def run(options: argparse.Namespace) -> int:
     mean = sum(off.values()) / len(off)
     told = len(session.document.constraints)
     print(f"{options.output} written: {len(off)} pins, {mean:.1f} px off on average, {told} constraints")
+    if mean > _HOPELESS * _spread([pin for i, pin in enumerate(pins) if i in off]):
+        print("No view of the face shows these pins: check that each names what it lies on, and the focal length.")
     return 0
+
+
+def _check_pins(path: Path, pins: Sequence["Pin"], size: tuple[int, int]) -> None:
+    for i, (u, v) in enumerate(pin.pixel for pin in pins):
+        if not (0.0 <= u <= size[0] and 0.0 <= v <= size[1]):
+            raise FacePoserError(
+                f"The pins '{path}' have pins[{i}] at ({u:g}, {v:g}), outside of the photo of {size[0]} x {size[1]} "
+                "pixels; give its place in pixels from the top left."
+            )
+
+
+def _tell(
+    pins: Sequence["Pin"], off: Mapping[int, float], after: Mapping[int, float], titles: Mapping[str, str]
+) -> None:
+    for i, pin in enumerate(pins):
+        if i in off:
+            place = pin.place if isinstance(pin.place, str) else "of the surface"
+            print(f"pin {place:6} {titles.get(place, place):34} {off[i]:6.1f} px off, posed {after[i]:6.1f} px")
+
+
+def _spread(pins: Sequence["Pin"]) -> float:
+    """Return the diagonal of the box around ``pins``, in pixels."""
+    us, vs = zip(*(pin.pixel for pin in pins), strict=True)
+    return math.hypot(max(us) - min(us), max(vs) - min(vs))
 
 
 def _picture(session: "Session", photo: "Photo") -> "NDArray[np.uint8]":

@@ -2,12 +2,12 @@
 
 import argparse
 import re
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from faceposer.cli_applications.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
 from faceposer.interchange.files import check_apart, check_output
 
@@ -130,17 +130,16 @@ def run(options: argparse.Namespace) -> int:
             f"that ends in one of {', '.join(_MOVING)}."
         )
     began = time.perf_counter()
-    result = transfer_performance(transfer, performance, _progress if moving and sys.stderr.isatty() else None)
-    spent = 1e3 * (time.perf_counter() - began) / len(result)
-    _write(options.output, options.target, target, result)
+    line = ProgressLine()
+    try:
+        result = transfer_performance(transfer, performance, line.share if moving else None)
+        spent = 1e3 * (time.perf_counter() - began) / len(result)
+        _write(options.output, options.target, target, result, line)
+    finally:
+        line.clear()
     what = f"{len(result)} frames" if len(result) > 1 else "pose"
     print(f"{options.output} written: {what} by {options.method}, {spent:.1f} ms a frame")
     return 0
-
-
-def _progress(share: float) -> None:
-    sys.stderr.write(f"\r{100.0 * share:3.0f} %" if share < 1.0 else "\r     \r")
-    sys.stderr.flush()
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,14 +217,14 @@ def _write_session(options: argparse.Namespace, source: _Source, transfer: "Tran
     print(f"{options.output} written: {what} by {options.method}")
 
 
-def _write(path: Path, subject: str, model: "FaceModel", performance: "Performance") -> None:
+def _write(path: Path, subject: str, model: "FaceModel", performance: "Performance", line: ProgressLine) -> None:
     """Write one pose as a session or as any other file holds it, more as an animation."""
     from faceposer.session.document import Document, subject_from, write_document
     from faceposer.viewer.exporting import write
 
     pose = performance.coefficients[0]
     if len(performance) > 1:
-        write(path, model, performance)
+        write(path, model, performance, progress=line.share)
     elif path.suffix.lower() == ".json":
         write_document(path, Document(subject_from(subject, path.parent)).starting_from(pose).posed(pose))
     else:

@@ -176,6 +176,11 @@ def _table(layout: _Layout, lines: Iterator[tuple[int, list[str]]], path: Path) 
         frames.append(np.array([_coordinate(cells[c], layout.header[c], path, number) for c in wanted]))
         if layout.time is not None:
             times.append(_coordinate(cells[layout.time], layout.header[layout.time], path, number))
+            if len(times) > 1 and times[-1] < times[-2]:
+                raise FacePoserError(
+                    f"Line {number} of '{path}' has the time {times[-1]:g} after {times[-2]:g}; times must rise from "
+                    "line to line."
+                )
         if len(frames) > MAX_FRAMES or len(frames) * len(wanted) > _MAX_VALUES:
             raise FacePoserError(f"'{path}' is too large for motion of a face; cut it into shorter takes.")
     if not frames:

@@ -163,6 +163,7 @@ def read_performance(path: Path, model: FaceModel) -> ReadPerformance:
     title, shapes = model.subject.title, model.subject.shape_names
     # Other programs spell ARKit's names in their own ways.
     names = [name if name in shapes else canonical_shape(name) or name for name in named.names]
+    _check_spellings(path, named, names)
     weights = np.zeros((len(named.frames), len(shapes)))
     used = set()
     for column, shape in enumerate(shapes):
@@ -179,6 +180,18 @@ def read_performance(path: Path, model: FaceModel) -> ReadPerformance:
     left = len(names) - len(used)
     note = f"{left} of its {len(names)} shapes are none of {title}'s and were left out." if left else ""
     return ReadPerformance(Performance.from_weights(model, weights, named.rate or _DEFAULT_RATE), note)
+
+
+def _check_spellings(path: Path, named: NamedWeights, names: list[str]) -> None:
+    """Refuse two spellings of one shape, as ``names`` has them understood, whose weights differ."""
+    first: dict[str, int] = {}
+    for column, name in enumerate(names):
+        before = first.setdefault(name, column)
+        if before != column and not np.array_equal(named.frames[:, before], named.frames[:, column]):
+            raise FacePoserError(
+                f"'{path}' has the shape {name} twice with different weights, as '{named.names[before][:60]}' and "
+                f"'{named.names[column][:60]}'; leave one out."
+            )
 
 
 def _read_named(path: Path) -> NamedWeights:

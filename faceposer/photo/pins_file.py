@@ -23,9 +23,13 @@ def read_pins(path: Path) -> tuple[Pin, ...]:
             raise FacePoserError(f"The pins '{path}' are larger than {_MAX_BYTES // 2**20} MB; they cannot be pins.")
         data = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise FacePoserError(f"The pins '{path}' cannot be read: {error.strerror}.") from error
+        raise FacePoserError(f"The pins '{path}' cannot be read ({error.strerror}); check the path.") from error
+    except json.JSONDecodeError as error:
+        raise FacePoserError(
+            f"The pins '{path}' are not valid JSON at line {error.lineno}, column {error.colno}: {error.msg}."
+        ) from error
     except (ValueError, RecursionError) as error:
-        raise FacePoserError(f"The pins '{path}' are not valid JSON: {error}.") from error
+        raise FacePoserError(f"The pins '{path}' are not valid JSON; write them as plain UTF-8.") from error
     if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("version") != VERSION:
         raise FacePoserError(
             f"'{path}' is no file of pins: it lacks '\"format\": \"{FORMAT}\"' or '\"version\": {VERSION}'."

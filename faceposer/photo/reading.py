@@ -6,12 +6,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
 
 #: Endings of pictures that Pillow reads, for dialogs and for what is dropped onto the window.
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".avif")
@@ -91,10 +94,24 @@ def read_photo(path: Path, largest: int | None = None) -> NDArray[np.uint8]:
         if upright.mode in ("RGBA", "LA", "PA") or "transparency" in upright.info:
             layer = upright.convert("RGBA")
             upright = Image.alpha_composite(Image.new("RGBA", layer.size, (40, 42, 46, 255)), layer)
-        picture = upright.convert("RGB")
+        picture = _eight_bits(upright).convert("RGB")
         if largest is not None and max(picture.size) > largest:
             picture.thumbnail((largest, largest), Image.Resampling.LANCZOS)
         return np.ascontiguousarray(np.asarray(picture, dtype=np.uint8))
+
+
+def _eight_bits(image: "Image") -> "Image":
+    """Return a picture of one channel with more than 8 bits as one with 8, which Pillow would cut off instead."""
+    from PIL import Image
+
+    if not image.mode.startswith(("I", "F")):
+        return image
+    values = np.asarray(image, dtype=np.float64)
+    most = float(np.nanmax(values, initial=0.0))
+    white = next((white for white in (1.0, 255.0, 65535.0) if most <= white), most)
+    if image.mode.startswith("I;16"):
+        white = 65535.0
+    return Image.fromarray(np.nan_to_num(255.0 * values / white).clip(0.0, 255.0).round().astype(np.uint8))
 
 
 @contextmanager
@@ -119,7 +136,7 @@ def _opened(path: Path) -> Iterator[Any]:
                     )
                 yield image
     except FileNotFoundError as error:
-        raise FacePoserError(f"There is no photo '{path}'.") from error
+        raise FacePoserError(f"There is no photo '{path}'; check the path.") from error
     except UnidentifiedImageError as error:
         raise FacePoserError(f"'{path}' is no picture that can be read here; give a JPEG or a PNG.") from error
     except Image.DecompressionBombError as error:

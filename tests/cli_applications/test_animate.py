@@ -74,7 +74,7 @@ def test_options_reach_the_solver(jaw: Path, tmp_path: Path, monkeypatch: pytest
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["man", "jaw.csv", "-o", "a.json"], "give the camera that made it with --camera"),
+        (["man", "jaw.csv", "-o", "a.json"], "give the camera that made it (--camera)"),
         (["man", "none.csv", "-o", "a.json"], "cannot be read"),
         (["nobody", "jaw.csv", "-o", "a.json"], "nobody"),
         (["man", "jaw.csv", "-o", "a.txt"], "must end in"),
