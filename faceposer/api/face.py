@@ -3,15 +3,16 @@
 from collections.abc import Iterable, Mapping
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Literal, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from faceposer.api import checks
 from faceposer.api.motion import InMotion
 from faceposer.api.places import Pixels, Place, fixed_vertices, pixels_of, point_at
 from faceposer.errors import FacePoserError
-from faceposer.geometry.camera import Camera, OrbitView, ViewName
+from faceposer.geometry.camera import VIEW_ANGLES, Camera, OrbitView, ViewName
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.strokes import StrokeShape
 from faceposer.model.face_model import FaceModel
@@ -36,6 +37,8 @@ Array = NDArray[np.float64]
 PathName = str | PathLike[str]
 _Kind = TypeVar("_Kind", bound=Constraint)
 _SIZE = (960, 960)
+# As files of weights have them.
+_LARGEST_SHAPE = 1000.0
 
 
 def load(what: PathName) -> "Face":
@@ -116,12 +119,13 @@ class Face(InMotion):
 
     def camera(self, view: ViewName = "front", size: tuple[int, int] = _SIZE) -> Camera:
         """Return the camera that frames the face from ``view`` in a picture of ``size``, (width, height) in pixels."""
+        checks.one_of(view, tuple(VIEW_ANGLES), "A view")
         low, high = self.subject.vertices.min(axis=0), self.subject.vertices.max(axis=0)
-        return OrbitView.preset(low, high, view).camera(size)
+        return OrbitView.preset(low, high, view).camera(checks.picture_size(size))
 
     def pixel(self, place: Place, camera: Camera | None = None) -> tuple[float, float]:
         """Return where ``camera`` shows ``place`` in the present pose."""
-        camera = camera or self.camera()
+        camera = self._seen_by(camera)
         points = SurfacePoints.of([self._point(place, camera)])
         u, v = camera.project(self.model.positions_at(points, self.coefficients))[0].tolist()
         return (u, v)
@@ -132,7 +136,7 @@ class Face(InMotion):
         self, place: Place, to: tuple[float, float], camera: Camera | None = None, weight: float = 1.0
     ) -> PointConstraint:
         """Pull ``place`` to the pixel ``to``."""
-        camera = camera or self.camera()
+        camera = self._seen_by(camera)
         target = pixels_of([to])[0]
         return self._add(PointConstraint(self._point(place, camera), target, camera, weight=weight), "Place a point")
 
@@ -140,7 +144,7 @@ class Face(InMotion):
         self, first: Place, second: Place, pixels: float, camera: Camera | None = None, weight: float = 1.0
     ) -> DistanceConstraint:
         """Let ``first`` and ``second`` appear so many ``pixels`` apart."""
-        camera = camera or self.camera()
+        camera = self._seen_by(camera)
         anchors = (self._point(first, camera), self._point(second, camera))
         return self._add(DistanceConstraint(anchors, float(pixels), camera, weight=weight), "Set a distance")
 
@@ -169,7 +173,7 @@ class Face(InMotion):
             pixels_of(source),
             pixels_of(target),
             float(width),
-            camera or self.camera(),
+            self._seen_by(camera),
             shape=shape,
             energy=energy,
             weight=weight,
@@ -185,7 +189,7 @@ class Face(InMotion):
             raise FacePoserError(
                 f"A curve has two points or more, and as many for its target, not {len(ways[0])} and {len(ways[1])}."
             )
-        return self._add(CurveConstraint(*ways, camera or self.camera(), weight=weight), "Draw a curve")
+        return self._add(CurveConstraint(*ways, self._seen_by(camera), weight=weight), "Draw a curve")
 
     def fix(self, what: str | ArrayLike, weight: float = 1.0) -> FixedConstraint:
         """Hold ``what`` where it is now: a region ("left brow"), a feature point, or indices of vertices, (n,)."""
@@ -195,7 +199,8 @@ class Face(InMotion):
     def look(self, yaw: float = 0.0, pitch: float = 0.0) -> GazeConstraint:
         """Turn both eyes by degrees to the character's left and upwards, in place of where they were told to look."""
         told = [i for i, constraint in enumerate(self.constraints) if isinstance(constraint, GazeConstraint)]
-        gaze = GazeConstraint((float(yaw), float(pitch))).within_reach()
+        angles = tuple(checks.number(angle, -180.0, 180.0, "An angle") for angle in (yaw, pitch))
+        gaze = GazeConstraint((angles[0], angles[1])).within_reach()
         if not told:
             return self._add(gaze, "Turn the eyes")
         self.session.change_constraint(told[0], gaze, "Turn the eyes")
@@ -248,6 +253,8 @@ class Face(InMotion):
 
     def set_weights(self, weights: Mapping[str, float]) -> None:
         """Start from the pose with these ``weights`` by the names of the rig's shapes, the others being 0."""
+        for name, weight in weights.items():
+            checks.number(weight, -_LARGEST_SHAPE, _LARGEST_SHAPE, f"The weight of '{name}'")
         try:
             start = self.model.coefficients_of(weights)
         except KeyError as error:
@@ -258,7 +265,7 @@ class Face(InMotion):
         self,
         pose: Pose | PathName,
         strength: float = 1.0,
-        regions: Iterable[applying.Region] | None = None,
+        regions: Iterable[applying.Region] | applying.Region | None = None,
         side: applying.Side = "both",
         blend: applying.Blend = "replace",
     ) -> None:
@@ -273,11 +280,16 @@ class Face(InMotion):
         """
         chosen = pose if isinstance(pose, Pose) else self._find_pose(pose)
         start = self.model.neutral() if self.session.document.start is None else self.session.document.start
-        posed = applying.applied(self.model, start, chosen, strength, regions, side, blend)
+        reached = None if regions is None else checks.some_of(regions, applying.REGIONS, "A region")
+        checks.one_of(side, get_args(applying.Side), "A side")
+        checks.one_of(blend, get_args(applying.Blend), "The blend")
+        checks.number(strength, applying.LEAST_STRENGTH, applying.GREATEST_STRENGTH, "The strength")
+        posed = applying.applied(self.model, start, chosen, strength, reached, side, blend)
         self._start_from(posed, f"Apply {chosen.name}")
 
     def mirror(self, source: Literal["left", "right"] = "left") -> None:
         """Make the other side of the face the image of the side ``source``; constraints have then done their part."""
+        checks.one_of(source, ("left", "right"), "The source of a mirror")
         self.session.settle(applying.mirrored(self.model, self.coefficients, source), "Mirror the face")
 
     def flip(self) -> None:
@@ -333,6 +345,9 @@ class Face(InMotion):
         from faceposer.viewer.offscreen import render_subject
         from faceposer.viewer.pictures import write_png
 
+        checks.one_of(shading, ("full", "clay"), "The shading")
+        if path is not None and Path(path).suffix.lower() != ".png":
+            raise FacePoserError(f"The picture '{path}' must end in '.png'.")
         camera = view if isinstance(view, Camera) else self.camera(view, size)
         picture = render_subject(self.subject, self.vertices, camera, shading=shading)
         if path is not None:
@@ -341,14 +356,15 @@ class Face(InMotion):
 
     # Behind it
 
+    def _seen_by(self, camera: Camera | None) -> Camera:
+        return self.camera() if camera is None else checks.known_camera(camera)
+
     def _point(self, place: Place, camera: Camera) -> SurfacePoint | int:
         return point_at(self.model, self.coefficients, place, camera)
 
     def _add(self, constraint: _Kind, label: str) -> _Kind:
-        if not 0.0 <= constraint.weight <= LARGEST_WEIGHT:
-            raise FacePoserError(
-                f"The weight of a constraint goes from 0 to {LARGEST_WEIGHT:g}, not {constraint.weight:g}."
-            )
+        checks.number(constraint.weight, 0.0, LARGEST_WEIGHT, "The weight of a constraint")
+        checks.check_constraint(constraint)
         try:
             resolved = constraint.resolved(self.model, self.coefficients)
         except ValueError as error:

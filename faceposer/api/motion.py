@@ -3,12 +3,14 @@
 from collections.abc import Sequence
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Self
+from typing import Self, get_args
 
 from faceposer.animation.following import follow
 from faceposer.animation.keyframes import Keyframes
 from faceposer.animation.trajectories import Trajectories
 from faceposer.animation.trajectory_io import read_trajectories
+from faceposer.api import checks
+from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.model.performance import Performance
 from faceposer.session.opening import load_model, session_of
@@ -16,6 +18,9 @@ from faceposer.session.session import Session
 from faceposer.session.transferred import transferred
 from faceposer.transfer.pairs import DEFAULT_PAIRS, Pair
 from faceposer.transfer.transfer import Method, make_transfer
+
+_LARGEST_SMOOTHNESS = 1e6
+_LONGEST_TURN = 3600.0
 
 
 class InMotion:
@@ -38,12 +43,14 @@ class InMotion:
 
     def set_key(self, frame: int) -> None:
         """Make the present pose the animation's key at ``frame``, from 0; constraints have then done their part."""
+        frame = checks.frame_number(frame)
         animation = self.session.animation
         animation.load(animation.keyframes.with_key(frame, self.session.coefficients), "Set a key", frame)
         self.session.wait()
 
     def play(self, performance: Performance) -> None:
         """Take ``performance`` for the animation, with a key at every frame."""
+        checks.performance_of(performance, self.session.model)
         self.session.animation.load(Keyframes.of_performance(performance), "Take an animation")
         self.session.wait()
 
@@ -58,6 +65,9 @@ class InMotion:
             smoothness: Weight of changes of velocity.
         """
         model, document = self.session.model, self.session.document
+        checks.number(smoothness, 0.0, _LARGEST_SMOOTHNESS, "The smoothness")
+        if camera is not None:
+            checks.known_camera(camera)
         if not isinstance(trajectories, Trajectories):
             read = read_trajectories(Path(trajectories), model.subject, camera=camera)
             trajectories, _ = read.without_jumps()
@@ -81,6 +91,9 @@ class InMotion:
             pairs: The distances that are kept; the program's own list if None.
         """
         session, name = self.session, fspath(subject)
+        checks.one_of(method, get_args(Method), "The method")
+        if pairs is not None and not all(isinstance(pair, Pair) for pair in pairs):
+            raise FacePoserError("Pairs are faceposer.transfer.pairs.Pair, of two feature points each.")
         target = load_model(name)
         transfer = make_transfer(session.model, target, method, DEFAULT_PAIRS if pairs is None else pairs)
         document = transferred(session.document, session.coefficients, transfer, name, target)
@@ -96,6 +109,10 @@ class InMotion:
         """
         from faceposer.viewer.exporting import Look, write
 
-        moving = self.session.coefficients if motion is None else motion
-        write(Path(path), self.session.model, moving, Look(turn=turn))
+        checks.number(turn, 0.0, _LONGEST_TURN, "The seconds of a turn")
+        if turn and Path(path).suffix.lower() not in (".gif", ".mp4"):
+            raise FacePoserError(f"The camera turns in films; let '{path}' end in .gif or .mp4, or leave 'turn' out.")
+        model = self.session.model
+        moving = self.session.coefficients if motion is None else checks.performance_of(motion, model)
+        write(Path(path), model, moving, Look(turn=turn))
         return Path(path)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
-from faceposer.geometry.picking import SurfacePoint
+from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_names import feature_vertex, region_vertices
 from faceposer.model.subject import Subject
@@ -27,6 +27,10 @@ def point_at(model: FaceModel, p: ArrayLike, place: Place, camera: Camera) -> Su
     if isinstance(place, str):
         return feature_vertex(model.subject, place)
     if isinstance(place, SurfacePoint):
+        try:
+            SurfacePoints.of([place]).check(model.triangles)
+        except ValueError as error:
+            raise FacePoserError(f"The place is not on '{model.subject.title}': {error}.") from error
         return place
     if isinstance(place, (int, np.integer)):
         return int(_vertices(model.subject, [place])[0])

@@ -19,7 +19,7 @@ def resampled(performance: Performance, rate: float) -> Performance:
     seconds = (len(performance) - 1) / performance.rate
     if seconds * rate > _MOST_FRAMES:
         raise FacePoserError(
-            f"{seconds:.6g} seconds at {rate:g} frames a second are too many; at most {_MOST_FRAMES} frames are written."
+            f"{seconds:.6g} seconds at {rate:g} frames a second are too many frames; at most {_MOST_FRAMES}."
         )
     count = int(np.floor(seconds * rate + 1e-6)) + 1
     at = np.minimum(np.arange(count) * performance.rate / rate, len(performance) - 1)

@@ -1,0 +1,122 @@
+"""What a caller may give besides places: refused at once and in one sentence, so that nothing wrong is ever saved."""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from faceposer.animation.keyframes import LONGEST
+from faceposer.errors import FacePoserError
+from faceposer.geometry.camera import Camera
+from faceposer.model.face_model import FaceModel
+from faceposer.model.performance import Performance
+from faceposer.solve.constraints.registry import Constraint, constraint_from_json
+
+T = TypeVar("T")
+_LARGEST_SIDE = 16384
+
+
+def one_of(value: T, choices: Sequence[T], what: str) -> T:
+    """Return ``value`` if it is one of ``choices``.
+
+    Raises:
+        FacePoserError: Naming ``what`` it is for.
+    """
+    if value not in choices:
+        raise FacePoserError(f"{what} is one of {', '.join(map(repr, choices))}, not {value!r:.60}.")
+    return value
+
+
+def some_of(values: Iterable[T] | T, choices: Sequence[T], what: str) -> tuple[T, ...]:
+    """Return ``values``, or the only one, as a tuple, if all are among ``choices``.
+
+    Raises:
+        FacePoserError: Naming ``what`` they are for.
+    """
+    several = (values,) if isinstance(values, str) or not isinstance(values, Iterable) else tuple(values)
+    return tuple(one_of(value, choices, what) for value in several)
+
+
+def number(value: float, least: float, most: float, what: str) -> float:
+    """Return ``value`` as a number from ``least`` to ``most``.
+
+    Raises:
+        FacePoserError: If it is none, naming ``what`` it is.
+    """
+    try:
+        found = float(value)
+    except (TypeError, ValueError):
+        found = math.nan
+    if not least <= found <= most:
+        raise FacePoserError(f"{what} is a number from {least:g} to {most:g}, not {value!r:.60}.")
+    return found
+
+
+def frame_number(frame: int) -> int:
+    """Return ``frame`` if an animation can have a key there.
+
+    Raises:
+        FacePoserError: If not.
+    """
+    whole = isinstance(frame, (int, np.integer)) and not isinstance(frame, bool)
+    if not whole or not 0 <= frame < LONGEST:
+        raise FacePoserError(f"A frame is a whole number from 0 to {LONGEST - 1}, not {frame!r:.60}.")
+    return int(frame)
+
+
+def picture_size(size: tuple[int, int]) -> tuple[int, int]:
+    """Return ``size`` if a picture can have it.
+
+    Raises:
+        FacePoserError: If it is not two whole numbers, or they are too small or too large.
+    """
+    try:
+        width, height = size
+        good = all(float(side).is_integer() and 1 <= side <= _LARGEST_SIDE for side in (width, height))
+    except (TypeError, ValueError):
+        good = False
+    if not good:
+        raise FacePoserError(
+            f"The size of a picture is (width, height) in whole pixels from 1 to {_LARGEST_SIDE}, not {size!r:.60}."
+        )
+    return int(width), int(height)
+
+
+def known_camera(camera: object) -> Camera:
+    """Return ``camera`` if it is one.
+
+    Raises:
+        FacePoserError: If not.
+    """
+    if not isinstance(camera, Camera):
+        raise FacePoserError(f"A camera is what Face.camera() returns, not {camera!r:.60}.")
+    return camera
+
+
+def performance_of(performance: Performance, model: FaceModel) -> Performance:
+    """Return ``performance`` if it is one of the face of ``model``.
+
+    Raises:
+        FacePoserError: If not.
+    """
+    if not isinstance(performance, Performance):
+        raise FacePoserError(f"A motion is a Performance, not {performance!r:.60}.")
+    wanted, found = len(model.neutral()), performance.coefficients.shape[1]
+    if found != wanted:
+        raise FacePoserError(
+            f"The motion has {found} coefficients and '{model.subject.title}' has {wanted}: it is of another face, "
+            "which transfer_to takes it from."
+        )
+    if not np.isfinite(performance.coefficients).all():
+        raise FacePoserError("The motion has coefficients that are no numbers.")
+    return performance
+
+
+def check_constraint(constraint: Constraint) -> None:
+    """Refuse a constraint that a session's file could not hold.
+
+    Raises:
+        FacePoserError: Naming what is wrong with it.
+    """
+    constraint_from_json(constraint.to_json(), f"The {constraint.kind} constraint")
