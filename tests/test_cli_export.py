@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from faceposer.animation.keyframes import Key, Keyframes
 from faceposer.cli import main
 from faceposer.geometry.gltf_io import read_gltf
 from faceposer.geometry.mesh_io import read_mesh
@@ -14,6 +15,7 @@ from faceposer.interchange.export import write
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
 from faceposer.model.subject_file import load_subject
+from faceposer.session.document import Document, write_document
 from faceposer.training.capture import read_capture
 
 Capture = pytest.CaptureFixture[str]
@@ -79,6 +81,29 @@ def test_an_animation_goes_out_at_another_rate(low: FaceModel, take: Path, tmp_p
     np.testing.assert_allclose(last, low.instance(low.coefficients_of({"jawOpen": 1.0})), atol=0.1)
 
 
+def test_what_the_timeline_of_a_session_plays_goes_out(
+    low: FaceModel, take: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    keys, jaw = tmp_path / "keys.json", low.coefficients_of({"jawOpen": 1.0})
+    keyframes = Keyframes((Key.of(0, 0.0 * jaw), Key.of(10, jaw)), 24.0, 13)
+    write_document(keys, Document("low", keyframes=keyframes, frame=10, animated=True).starting_from(jaw).posed(jaw))
+    assert run("export", keys, "-o", tmp_path / "a.json") == 0
+    assert "13 frames at 24 a second" in capsys.readouterr().out
+    data = json.loads((tmp_path / "a.json").read_text())
+    opening = [frame[data["names"].index("jawOpen")] for frame in data["frames"]]
+    assert (data["rate"], len(opening)) == (24, 13)
+    assert opening[0] == pytest.approx(0.0, abs=0.02)
+    assert 0.3 < opening[5] < 0.7
+    assert opening[10:] == pytest.approx([1.0] * 3, abs=0.02)
+    assert run("export", keys, "-o", tmp_path / "yawn", "--sequence", "ply", "--fps", 4) == 0
+    assert len(list((tmp_path / "yawn").iterdir())) == 3
+    assert run("export", keys, "-o", tmp_path / "b.json", "--still") == 0
+    assert len(json.loads((tmp_path / "b.json").read_text())["frames"]) == 1
+    assert run("export", keys, "-o", tmp_path / "b.obj") == 0
+    np.testing.assert_allclose(read_mesh(tmp_path / "b.obj").vertices, low.instance(jaw), atol=1e-4)
+    assert run("export", keys, "-o", tmp_path / "c.glb", "--fps", 240, "--animation", take) == 0
+
+
 def test_a_pose_comes_from_a_file(low: FaceModel, take: Path, tmp_path: Path, capsys: Capture) -> None:
     assert run("export", "low", "--pose", take, "--frame", 16, "-o", tmp_path / "a.obj") == 0
     assert "Frame 16 of 16." in capsys.readouterr().out
@@ -94,7 +119,8 @@ def test_a_pose_comes_from_a_file(low: FaceModel, take: Path, tmp_path: Path, ca
         (("low", "-o", "{out}/a.fbx"), "must end in one of .obj, .ply, .glb"),
         (("low", "-o", "{out}/none/a.glb"), "does not exist"),
         (("low", "-o", "{out}/a.obj", "--frame", "2"), "give that, too"),
-        (("low", "-o", "{out}/a", "--sequence", "obj"), "give one with --animation"),
+        (("low", "-o", "{out}/a", "--sequence", "obj"), "'low' has none; give one with --animation"),
+        (("low", "-o", "{out}/a", "--sequence", "obj", "--pose", "{take}"), "leave out --pose and --still"),
         (("low", "-o", "{out}/none/a", "--sequence", "obj", "--animation", "{take}"), "does not exist"),
         (("low", "-o", "{out}/a.obj", "--animation", "{take}"), "--sequence obj"),
         (("low", "-o", "{out}/a.png", "--animation", "{take}"), "shows one pose"),

@@ -66,16 +66,40 @@ def test_photo_refuses_in_one_sentence_and_writes_nothing(
     few = tmp_path / "few.json"
     data = json.loads(pins.read_text())
     few.write_text(json.dumps(data | {"pins": data["pins"][:3]}))
-    out = tmp_path / "out.json"
+    outside = tmp_path / "outside.json"
+    pinned = [data["pins"][0], data["pins"][1] | {"pixel": [401, 20]}, *data["pins"][2:]]
+    outside.write_text(json.dumps(data | {"pins": pinned}))
+    cut = tmp_path / "cut.jpg"
+    Image.effect_noise((400, 300), 50).convert("RGB").save(cut)
+    cut.write_bytes(cut.read_bytes()[:-9000])
+    out, before = tmp_path / "out.json", (photo.read_bytes(), pins.read_bytes())
     for arguments, words in (
         (("man", photo, "--pins", few, "-o", out), "its camera takes 4"),
         (("man", tmp_path / "none.jpg", "--pins", pins, "-o", out), "There is no photo"),
         (("man", photo, "--pins", tmp_path / "none.json", "-o", out), "cannot be read"),
         (("man", photo, "--pins", pins, "-o", out, "--focal", -3), "focal length"),
         (("nobody", photo, "--pins", pins, "-o", out), "no subject"),
+        (("man", photo, "--pins", pins, "-o", pins), "is what is read"),
+        (("man", photo, "--pins", pins, "-o", out, "--render", photo), "is what is read"),
+        (("man", photo, "--pins", outside, "-o", out), "pins[1] at (401, 20), outside of the photo of 400 x 300"),
+        (("man", cut, "--pins", pins, "-o", out), "cut.jpg' cannot be read"),
     ):
         assert run("photo", *arguments) == 2
         told = capsys.readouterr()
         assert words in told.err
         assert told.err.count("\n") == 1
         assert not out.exists()
+        assert (photo.read_bytes(), pins.read_bytes()) == before
+
+
+def test_pins_that_no_view_shows_are_told(files: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
+    photo, pins = files
+    out = tmp_path / "out.json"
+    assert run("photo", "man", photo, "--pins", pins, "-o", out) == 0
+    assert "No view of the face" not in capsys.readouterr().out
+    data = json.loads(pins.read_text())
+    turned = [pin["pixel"] for pin in data["pins"]][::-1]
+    shuffled = [pin | {"pixel": pixel} for pin, pixel in zip(data["pins"], turned, strict=True)]
+    pins.write_text(json.dumps(data | {"pins": shuffled}))
+    assert run("photo", "man", photo, "--pins", pins, "-o", out) == 0
+    assert "No view of the face shows these pins" in capsys.readouterr().out

@@ -17,6 +17,11 @@ T = TypeVar("T")
 _LARGEST_SIDE = 16384
 
 
+def _shown(value: object) -> str:
+    """Return the beginning of how Python writes ``value``, in one line."""
+    return " ".join(repr(value).split())[:60]
+
+
 def one_of(value: T, choices: Sequence[T], what: str) -> T:
     """Return ``value`` if it is one of ``choices``.
 
@@ -24,7 +29,7 @@ def one_of(value: T, choices: Sequence[T], what: str) -> T:
         FacePoserError: Naming ``what`` it is for.
     """
     if value not in choices:
-        raise FacePoserError(f"{what} is one of {', '.join(map(repr, choices))}, not {value!r:.60}.")
+        raise FacePoserError(f"{what} is one of {', '.join(map(repr, choices))}, not {_shown(value)}.")
     return value
 
 
@@ -49,7 +54,7 @@ def number(value: float, least: float, most: float, what: str) -> float:
     except (TypeError, ValueError):
         found = math.nan
     if not least <= found <= most:
-        raise FacePoserError(f"{what} is a number from {least:g} to {most:g}, not {value!r:.60}.")
+        raise FacePoserError(f"{what} is a number from {least:g} to {most:g}, not {_shown(value)}.")
     return found
 
 
@@ -61,7 +66,7 @@ def frame_number(frame: int) -> int:
     """
     whole = isinstance(frame, (int, np.integer)) and not isinstance(frame, bool)
     if not whole or not 0 <= frame < LONGEST:
-        raise FacePoserError(f"A frame is a whole number from 0 to {LONGEST - 1}, not {frame!r:.60}.")
+        raise FacePoserError(f"A frame is a whole number from 0 to {LONGEST - 1}, not {_shown(frame)}.")
     return int(frame)
 
 
@@ -78,7 +83,7 @@ def picture_size(size: tuple[int, int]) -> tuple[int, int]:
         good = False
     if not good:
         raise FacePoserError(
-            f"The size of a picture is (width, height) in whole pixels from 1 to {_LARGEST_SIDE}, not {size!r:.60}."
+            f"The size of a picture is (width, height) in whole pixels from 1 to {_LARGEST_SIDE}, not {_shown(size)}."
         )
     return int(width), int(height)
 
@@ -90,7 +95,7 @@ def known_camera(camera: object) -> Camera:
         FacePoserError: If not.
     """
     if not isinstance(camera, Camera):
-        raise FacePoserError(f"A camera is what Face.camera() returns, not {camera!r:.60}.")
+        raise FacePoserError(f"A camera is what Face.camera() returns, not {_shown(camera)}.")
     return camera
 
 
@@ -101,7 +106,7 @@ def performance_of(performance: Performance, model: FaceModel) -> Performance:
         FacePoserError: If not.
     """
     if not isinstance(performance, Performance):
-        raise FacePoserError(f"A motion is a Performance, not {performance!r:.60}.")
+        raise FacePoserError(f"A motion is a Performance, not {_shown(performance)}.")
     wanted, found = len(model.neutral()), performance.coefficients.shape[1]
     if found != wanted:
         raise FacePoserError(

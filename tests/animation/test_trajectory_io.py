@@ -3,6 +3,7 @@
 import contextlib
 import json
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -107,6 +108,20 @@ def test_places_in_the_space_of_the_face_are_taken_as_they_are(subject: Subject,
     assert read.rate == 30.0
     with pytest.raises(FacePoserError, match="not in its space; give a marker map"):
         read_trajectories(table(tmp_path / "b.csv", NAMES, positions * 10.0), subject)
+    path = tmp_path / "c.json"
+    path.write_text(json.dumps(trajectories_to_json(replace(read, positions=positions * 10.0))))
+    with pytest.raises(FacePoserError, match="not in its space; give them in the face's centimetres"):
+        read_trajectories(path, subject)
+
+
+def test_the_face_lies_before_the_camera(subject: Subject, tmp_path: Path) -> None:
+    view = read_camera(camera_file(tmp_path / "camera.json"), subject)
+    path = table(tmp_path / "a.csv", NAMES, np.ones((3, 4, 2)))
+    read_trajectories(path, subject, camera=view)
+    for depth in (0.0, -100.0):
+        behind = replace(view, translation=np.array([0.0, 0.0, depth]))
+        with pytest.raises(FacePoserError, match="behind it or all around it"):
+            read_trajectories(path, subject, camera=behind)
 
 
 def captured(subject: Subject, n_frames: int = 6) -> tuple[np.ndarray, np.ndarray]:
@@ -234,6 +249,9 @@ def test_wrong_json_is_refused_with_its_file_and_place(
         ("a.csv", "frame,8.3.x\n0,1\n", "has no column 8.3.y"),
         ("a.csv", "frame,8.3.x,8.3.y\n0,1,abc\n", "'abc' in column 8.3.y"),
         ("a.csv", "frame,8.3.x,8.3.y\n0,,\n", "No point is seen"),
+        ("a.csv", "frame,8.3.x,8.3.y\n0,1,2\n1,1e30,2\n", r"has 8.3 at 1e\+30 in its frame 2"),
+        ("a.csv", "time,8.3.x,8.3.y\n1,1,2\n0,1,2\n", "Line 3 of .* has the time 0 after 1"),
+        ("a.csv", "time,8.3.x,8.3.y\n0,1,2\n1e-9,1,2\n", r"has 1e\+09 frames a second by its times"),
         ("a.csv", "frame,lip.x,lip.y\n0,1,2\n", "lip, which is no feature point of man"),
         ("a.csv", "frame,8.3.x,8.3.y\n", "no frame below its header"),
         ("a.csv", "", "no header"),

@@ -12,7 +12,7 @@ import pytest
 import faceposer
 from faceposer.api import Face
 from faceposer.geometry.mesh_io import read_mesh
-from faceposer.geometry.picking import SurfacePoints
+from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.session.document import read_document
 from faceposer.session.opening import open_session
 
@@ -235,13 +235,49 @@ def test_a_picture_comes_as_an_array_and_as_a_file(face: Face, tmp_path: Path) -
         ("face.remove(other)", "does not pull"),
         ("setattr(face, 'prior_weight', -1.0)", "prior weight"),
         ("setattr(face, 'prior', 'none')", "The prior is one of"),
+        ("face.set_distance('8.3', '8.4', nan)", "distance constraint.target must be a number"),
+        ("face.set_distance('8.3', '8.4', -5)", "distance constraint.target must be a number"),
+        ("face.drag('8.3', (1e15, 1))", "point constraint.target"),
+        ("face.drag('8.3', (1, 2), camera='front')", "A camera is what Face.camera()"),
+        ("face.stroke([(480, 500)] * 2, [(480, 500)] * 2, width=0)", "stroke constraint.width"),
+        ("face.stroke([(480, 500)] * 2, [(480, 500)] * 2, shape='x')", "stroke constraint.shape"),
+        ("face.stroke([(480, 500)] * 2, [(480, 500)] * 2, energy='x')", "stroke constraint.energy"),
+        ("face.look(nan)", "An angle is a number"),
+        ("face.set_weights({'jawOpen': nan})", "weight of 'jawOpen' is a number"),
+        ("face.set_weights({'jawOpen': 1e300})", "weight of 'jawOpen' is a number"),
+        ("face.apply_pose('anger', regions=['nose'])", "A region is one of 'brows'"),
+        ("face.apply_pose('anger', side='up')", "A side is one of"),
+        ("face.apply_pose('anger', blend='mul')", "The blend is one of"),
+        ("face.mirror('up')", "is one of 'left', 'right'"),
+        ("face.camera('up')", "A view is one of 'front'"),
+        ("face.camera('front', (0, 5))", "The size of a picture"),
+        ("face.camera('front', (nan, 5))", "The size of a picture"),
+        ("face.render(size=(100000, 100000))", "The size of a picture"),
+        ("face.render('face.jpg')", "must end in '.png'"),
+        ("face.render(shading='x')", "The shading is one of"),
+        ("face.pixel(SurfacePoint(10**8, (1.0, 0.0, 0.0)))", "The place is not on 'Man'"),
+        ("face.set_key(-1)", "A frame is a whole number"),
+        ("face.set_key(1.5)", "A frame is a whole number"),
+        ("face.set_key('a')", "A frame is a whole number"),
+        ("face.play(Performance(np.zeros((2, 3)), 30.0))", "it is of another face"),
+        ("face.play(np.zeros((2, 3)))", "A motion is a Performance"),
+        ("face.export('face.glb', Performance(np.zeros((2, 3)), 30.0))", "it is of another face"),
+        ("face.export('face.gif', turn=nan)", "seconds of a turn"),
+        ("face.export('face.obj', turn=3)", "turns in films"),
+        ("face.follow('none.csv', smoothness=-1)", "The smoothness is a number"),
+        ("face.transfer_to('woman', method='x')", "The method is one of"),
+        ("face.transfer_to('woman', pairs=['8.3'])", "Pairs are"),
     ],
 )
-def test_errors_are_one_sentence_and_nothing_is_left(do: str, sentence: str, tmp_path: Path) -> None:
+def test_errors_are_one_sentence_and_nothing_is_left(
+    do: str, sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     face = faceposer.load("man")
     other = faceposer.load("man").drag("8.3", (1, 2))
     with pytest.raises(faceposer.FacePoserError) as refused:
-        eval(do, {"face": face, "faceposer": faceposer, "other": other})
+        names = {"face": face, "faceposer": faceposer, "other": other, "nan": float("nan"), "np": np}
+        eval(do, names | {"SurfacePoint": SurfacePoint, "Performance": faceposer.Performance})
     assert sentence in str(refused.value)
     assert "\n" not in str(refused.value)
     assert face.constraints == ()

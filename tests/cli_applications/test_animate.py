@@ -85,6 +85,9 @@ def test_options_reach_the_solver(jaw: Path, tmp_path: Path, monkeypatch: pytest
         (["man", "jaw.csv", "-o", "a.json", "--markers", "none.json"], "marker map 'none.json' cannot be used"),
         (["man", "jaw.csv", "-o", "a.json", "--smoothness", "-1"], "not a number from 0"),
         (["man", "jaw.csv", "-o", "a.json", "--rate", "nan"], "not a number from 0.001"),
+        (["man", "jaw.csv", "-o", "a.json", "--rate", "1001"], "not a number from 0.001 to 1000"),
+        (["man", "jaw.csv", "-o", "jaw.csv", "--camera", "camera.json"], "is what is read"),
+        (["man", "jaw.csv", "-o", "camera.json", "--camera", "camera.json"], "is what is read"),
     ],
 )
 def test_what_it_cannot_use_gets_one_sentence(

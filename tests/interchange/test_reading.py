@@ -162,6 +162,7 @@ GOOD = {"format": "faceposer.weights", "version": 1, "rate": 30, "names": ["jawO
         ({"version": 2}, "version is 2"),
         ({"names": []}, "'names' must be"),
         ({"names": ["jawOpen", "jawOpen"]}, "'jawOpen' twice"),
+        ({"names": ["jawOpen", "JawOpen"]}, "the shape jawOpen twice with different weights"),
         ({"names": ["hat", "scarf"]}, "none of the shapes of Low-poly head"),
         ({"frames": []}, "'frames' must be"),
         ({"frames": [[0, 1], [0]]}, r"frames\[1\] must be a list of 2 weights"),
@@ -180,7 +181,7 @@ def test_broken_weights_get_one_sentence(change: dict[str, object], said: str, l
     with pytest.raises(FacePoserError, match=said) as error:
         read_performance(path, low)
     assert str(path) in str(error.value)
-    assert str(error.value).endswith((".", "face."))
+    assert str(error.value).endswith(".")
 
 
 @pytest.mark.parametrize(
@@ -212,5 +213,7 @@ def test_resampling_keeps_time_ends_and_straight_lines() -> None:
     np.testing.assert_allclose(film.coefficients[:, 0], np.arange(25) * 30.0 / 24.0)
     np.testing.assert_allclose(film.coefficients[-1], [30.0, -60.0])
     assert len(resampled(ramp, 60.0)) == 61
+    with pytest.raises(FacePoserError, match=r"3e\+10 seconds at 24 frames a second are too many"):
+        resampled(Performance(ramp.coefficients, 1e-9), 24.0)
     still = resampled(Performance(np.ones((1, 2)), 30.0), 24.0)
     assert (len(still), still.rate) == (1, 24.0)

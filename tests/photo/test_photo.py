@@ -99,6 +99,15 @@ def test_pictures_are_brought_down_and_lose_their_transparency(tmp_path: Path) -
     assert pixels[12, 40].min() > 30
 
 
+@pytest.mark.parametrize(("kind", "white"), [(np.uint16, 65535.0), (np.float32, 1.0), (np.float32, 200.0)])
+def test_pictures_of_more_than_8_bits_keep_their_tones(kind: type, white: float, tmp_path: Path) -> None:
+    ramp = np.tile(np.linspace(0.0, white, 64), (8, 1)).astype(kind)
+    path = tmp_path / ("a.png" if kind is np.uint16 else "a.tif")
+    Image.fromarray(ramp).save(path)
+    top = 200.0 if white == 200.0 else 255.0
+    np.testing.assert_allclose(read_photo(path)[3, :, 1], np.linspace(0.0, top, 64), atol=1.0)
+
+
 def test_what_cannot_be_read_is_said_in_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(name: str) -> str:
         with pytest.raises(FacePoserError) as raised:

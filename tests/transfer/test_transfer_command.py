@@ -101,6 +101,21 @@ def test_a_session_goes_over_with_all_its_keys(tmp_path: Path, model: FaceModel)
 
     assert run("transfer", source, "low", "-o", film, "--method", "weights") == 0
     assert len(film.read_text().splitlines()) == 1 + 25
+    mesh = tmp_path / "low.obj"
+    assert run("transfer", source, "low", "-o", mesh) == 0
+    np.testing.assert_allclose(read_mesh(mesh).vertices, session.model.instance(found.keys[1].pose), atol=0.05)
+
+
+@pytest.mark.parametrize("arguments", [("{a}", "woman", "-o", "{a}"), ("{a}", "low", "--pairs", "{p}", "-o", "{p}")])
+def test_what_is_read_is_never_overwritten(
+    arguments: tuple[str, ...], tmp_path: Path, smile: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pairs = tmp_path / "pairs.json"
+    pairs.write_text(json.dumps(pairs_to_json(PAPER_PAIRS)))
+    before = smile.read_bytes(), pairs.read_bytes()
+    assert run("transfer", *(word.format(a=smile, p=pairs) for word in arguments)) == 2
+    assert "is what is read; give the output another name" in capsys.readouterr().err
+    assert (smile.read_bytes(), pairs.read_bytes()) == before
 
 
 def test_the_pairs_of_a_file_are_those_that_count(tmp_path: Path, smile: Path) -> None:

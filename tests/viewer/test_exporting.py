@@ -175,6 +175,8 @@ def test_what_cannot_be_written_gets_a_sentence(low: FaceModel, yawn: Performanc
     long = Performance(np.zeros((20_000, low.n_coefficients)), 1.0)
     with pytest.raises(FacePoserError, match="too long"):
         write(tmp_path / "a.gif", low, long, Look(SMALL, rate=25.0))
+    with pytest.raises(FacePoserError, match="A GIF shows a frame for 655 seconds at most"):
+        write(tmp_path / "a.gif", low, low.neutral(), Look(SMALL, turn=2000.0, rate=0.001))
     with pytest.raises(FacePoserError, match=r"A GIF of 1000 frames of 2000x2000 is too large"):
         write(tmp_path / "a.gif", low, low.neutral(), Look((2000, 2000), turn=40.0, rate=25.0))
     write(tmp_path / "a.ply", low, low.neutral())
