@@ -275,9 +275,10 @@ def test_errors_are_one_sentence_and_nothing_is_left(
     monkeypatch.chdir(tmp_path)
     face = faceposer.load("man")
     other = faceposer.load("man").drag("8.3", (1, 2))
+    names = {"face": face, "faceposer": faceposer, "other": other, "nan": float("nan"), "np": np}
+    names |= {"SurfacePoint": SurfacePoint, "Performance": faceposer.Performance}
     with pytest.raises(faceposer.FacePoserError) as refused:
-        names = {"face": face, "faceposer": faceposer, "other": other, "nan": float("nan"), "np": np}
-        eval(do, names | {"SurfacePoint": SurfacePoint, "Performance": faceposer.Performance})
+        eval(do, names)
     assert sentence in str(refused.value)
     assert "\n" not in str(refused.value)
     assert face.constraints == ()
