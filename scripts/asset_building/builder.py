@@ -10,6 +10,8 @@ from scripts.asset_building.eyes import build_eye, place_eye
 from scripts.asset_building.halves import in_halves
 from scripts.asset_building.head import LASH_RING, LID_RINGS, Skin, cut_skin, ordered_ring, split_uv
 from scripts.asset_building.identity import NECK_TOP, Recipe, close_lips, identity_vertices, level_neck
+from scripts.asset_building.jaw import jaw_hinge
+from scripts.asset_building.jaw_skin import JawSkin, jaw_skin
 from scripts.asset_building.landmarks import feature_points, regions
 from scripts.asset_building.lashes import build_lashes
 from scripts.asset_building.lids import close_exactly, keep_clear, socket_ids, tuck_socket
@@ -56,7 +58,9 @@ class Builder:
         self.skin: Skin = cut_skin(self.base, self.mirror)
         self.place: Floats = self.skin.fine.matrix @ self.rest[self.skin.base_ids]
         units = {name: 10.0 * source.face_unit(name, len(self.rest)) for name in ARKIT_SHAPES}
-        self.units = sculpted(even_units(units, self.mirror), self.rest)
+        even_source = even_units(units, self.mirror)
+        self.units = sculpted(even_source, self.rest, self.skin)
+        self.jaw: JawSkin = jaw_skin(self.skin, self.rest, even_source[ARKIT_SHAPES.index("jawOpen")])
         rest_skin = self.rest[self.skin.base_ids]
         old = Layout(self.skin.base_uv, self.skin.base_quad_uvs)
         self.layout = unwrap_skin(rest_skin, self.skin.quads, old, texel_density(rest_skin))
@@ -95,6 +99,9 @@ class Builder:
         """
         vertices = self._skin_vertices(everyone, recipe)
         eyeballs = [self.eyeball(side, vertices) for side in SIDES]
+        units = units.copy()
+        opening = self.jaw.opening(everyone[self.skin.base_ids], jaw_hinge(everyone))
+        units[ARKIT_SHAPES.index("jawOpen"), self.skin.base_ids] = opening
         skin = self._skin(vertices, units, eyeballs)
         pieces = [skin, *(build_eye(eye.side, eye.centre, eye.radius, ARKIT_SHAPES) for eye in eyeballs)]
         for jaw, arch in (("upper", UPPER), ("lower", LOWER)):
