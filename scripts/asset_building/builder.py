@@ -17,6 +17,7 @@ from scripts.asset_building.lashes import build_lashes
 from scripts.asset_building.lids import close_exactly, keep_clear, socket_ids, tuck_socket
 from scripts.asset_building.looks import LOOKS
 from scripts.asset_building.mouth import LOWER, UPPER, build_jaw, build_tongue
+from scripts.asset_building.mouth_shapes import around_lips, closed_again
 from scripts.asset_building.piece import Floats, Ints, Joined, Piece, join
 from scripts.asset_building.sculpting import sculpted
 from scripts.asset_building.skin_texture import hair_depth
@@ -99,9 +100,7 @@ class Builder:
         """
         vertices = self._skin_vertices(everyone, recipe)
         eyeballs = [self.eyeball(side, vertices) for side in SIDES]
-        units = units.copy()
-        opening = self.jaw.opening(everyone[self.skin.base_ids], jaw_hinge(everyone))
-        units[ARKIT_SHAPES.index("jawOpen"), self.skin.base_ids] = opening
+        units = self._opened(everyone, units)
         skin = self._skin(vertices, units, eyeballs)
         pieces = [skin, *(build_eye(eye.side, eye.centre, eye.radius, ARKIT_SHAPES) for eye in eyeballs)]
         for jaw, arch in (("upper", UPPER), ("lower", LOWER)):
@@ -112,6 +111,16 @@ class Builder:
             ring, lid = self._lash_ring(eye.side)
             pieces.append(build_lashes(eye.side, skin.vertices, skin.shapes, ring, lid, eye.centre, recipe.lash_length))
         return pieces
+
+    def _opened(self, everyone: Floats, units: Floats) -> Floats:
+        """Return ``units`` with the skin's jawOpen about the head's own hinge, and the mouthClose that goes with it."""
+        ids, result = self.skin.base_ids, units.copy()
+        opens, closes = ARKIT_SHAPES.index("jawOpen"), ARKIT_SHAPES.index("mouthClose")
+        opening = self.jaw.opening(everyone[ids], jaw_hinge(everyone))
+        lips = around_lips(self.skin, self.rest[ids])
+        result[opens, ids] = opening
+        result[closes, ids] = closed_again(units[closes, ids], units[opens, ids], opening, lips)
+        return result
 
     def group(self, name: str) -> Ints:
         """Return the vertices of the base mesh's group ``name``, rising, shape (n,)."""

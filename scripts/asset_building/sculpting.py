@@ -6,7 +6,7 @@ from faceposer.model.subject import ARKIT_SHAPES
 from scripts.asset_building.brow_shapes import lowered_brow, wrinkled_nose
 from scripts.asset_building.head import Skin
 from scripts.asset_building.mouth_rings import mouth_rings
-from scripts.asset_building.mouth_shapes import drawn_down
+from scripts.asset_building.mouth_shapes import around_lips, drawn_down, pushed_forward
 from scripts.asset_building.piece import Floats
 from scripts.asset_building.smile_shapes import smiles, squints
 
@@ -30,6 +30,8 @@ def sculpted(units: Floats, rest: Floats, skin: Skin) -> Floats:
     for side in _SIDES:
         for name, function in (("browDown", lowered_brow), ("noseSneer", wrinkled_nose), ("mouthFrown", drawn_down)):
             result[row[name + side], ids] = function(units[row[name + side], ids], control)
+    forward = row["jawForward"]
+    result[forward, ids] = pushed_forward(units[forward, ids], around_lips(skin, control))
     lid = units[row["eyeSquintLeft"], ids]
     for name, pair in (("mouthSmile", smiles(skin, control, rings)), ("cheekSquint", squints(skin, control, lid))):
         for side, offsets in zip(_SIDES, pair, strict=True):

@@ -14,17 +14,19 @@ from scripts.asset_building.piece import Floats, Ints
 from scripts.asset_building.smoothest import smoothest
 
 #: How far the corner of the mouth goes, and the middle of the lips with both sides.
-_CORNER, _MIDDLE = (0.72, 1.02, -0.5), (0.0, 0.26, -0.06)
+_CORNER, _MIDDLE = (0.72, 1.0, -0.5), (0.0, 0.32, -0.08)
 #: Rings around the lips' contact up to the border of the red, and how much that comes nearer to the contact on either lip.
-_LIP_RINGS, _THINNER = 5, (0.13, 0.08)
+_LIP_RINGS, _THINNER = 5, (0.09, 0.15)
 #: Half the width over which the sides of a smile share the middle, and how far one side alone draws it along.
 _SHARED, _DRAWN = 1.7, 0.13
 #: Places that a smile takes along, each with the way it goes and the radius in which it is held to that.
 _CHEEK = (
-    ((4.3, 69.2, 13.6), (0.14, 0.62, 0.34), 0.7),
+    ((4.3, 69.2, 13.6), (0.14, 0.62, 0.42), 0.7),
     ((5.4, 68.9, 12.5), (0.24, 0.48, 0.24), 0.6),
-    ((3.3, 69.0, 14.2), (0.10, 0.42, 0.22), 0.5),
-    ((3.4, 67.6, 14.0), (0.62, 0.94, -0.10), 0.35),
+    ((3.3, 68.9, 14.2), (0.12, 0.50, 0.40), 0.4),
+    ((2.6, 67.9, 14.4), (0.30, 0.46, -0.20), 0.3),
+    ((3.0, 67.4, 14.3), (0.46, 0.74, -0.30), 0.3),
+    ((3.7, 68.1, 14.0), (0.36, 0.80, 0.22), 0.3),
     ((4.4, 67.4, 13.2), (0.50, 0.90, 0.16), 0.4),
     ((2.0, 68.5, 14.7), (0.17, 0.16, -0.02), 0.3),
     ((3.4, 71.2, 14.0), (0.02, 0.16, 0.10), 0.5),
@@ -37,10 +39,12 @@ _SQUINT = (
     ((5.5, 69.2, 12.4), (0.06, 0.52, 0.16), 0.6),
     ((3.1, 69.7, 14.4), (0.12, 0.36, 0.14), 0.5),
     ((4.3, 70.6, 13.7), (0.06, 0.52, 0.20), 0.6),
-    ((3.1, 71.1, 14.1), (0.06, 0.42, 0.14), 0.4),
+    ((3.1, 71.2, 14.1), (0.06, 0.34, 0.14), 0.4),
     ((5.6, 71.3, 12.4), (0.0, 0.42, 0.06), 0.5),
     ((4.6, 67.4, 13.0), (0.04, 0.34, 0.04), 0.5),
 )
+#: Share of eyeSquint in it.
+_LID = 0.5
 
 
 def smiles(skin: Skin, control: Floats, rings: MouthRings) -> tuple[Floats, Floats]:
@@ -72,10 +76,10 @@ def squints(skin: Skin, control: Floats, lower_lid: Floats) -> tuple[Floats, Flo
     """
     given = _still(skin, control)
     x, y, z = control.T
-    given[(y > 71.9) | (y < 66.6) | (np.abs(x) < 1.2)] = 0.0
+    given[(y > 72.3) | (y < 66.6) | (np.abs(x) < 1.2)] = 0.0
     _hold(given, skin, control, _SQUINT)
     both = _symmetric(skin, smoothest(skin, control, given, np.zeros_like(given), 2e-3))
-    left = both * (x > 0.0)[:, None] + 0.5 * lower_lid * ((y > 71.0) & (z > 12.0))[:, None]
+    left = both * (x > 0.0)[:, None] + _LID * lower_lid
     return left, left[skin.mirror] * [-1.0, 1.0, 1.0]
 
 
