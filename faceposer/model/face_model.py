@@ -1,6 +1,6 @@
 """A subject with the subspace of its expressions and the density over it: all that a solve needs to know of a face."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Literal
@@ -15,6 +15,7 @@ from faceposer.model.expression_statistics import ExpressionStatistics, load_exp
 from faceposer.model.local_moments import RigDensity
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.pca import RigSubspace, rig_pca, smallest_reaching, unreached
+from faceposer.model.shape_names import halves_of, weight_map
 from faceposer.model.split_shapes import split_to_match
 from faceposer.model.subject import Subject
 
@@ -131,7 +132,8 @@ class FaceModel:
         """Return the coefficients, shape (r,), nearest to the face with the rig ``weights``.
 
         Args:
-            weights: Shape (S,) in the order of the subject's shapes, or values by name, the rest being zero.
+            weights: Shape (S,) in the order of the subject's shapes, or values by name, the rest being zero; the whole
+                name of a shape that the subject has in halves, as browInnerUp, means both.
 
         Raises:
             KeyError: If a name is not one of the subject's shapes.
@@ -139,9 +141,10 @@ class FaceModel:
         if isinstance(weights, Mapping):
             vector = np.zeros(len(self.subject.shape_names))
             for name, value in weights.items():
-                if name not in self.subject.shape_names:
+                own = [name] if name in self.subject.shape_names else halves_of(name)
+                if not own or any(shape not in self.subject.shape_names for shape in own):
                     raise KeyError(name)
-                vector[self.subject.shape_names.index(name)] = value
+                vector[[self.subject.shape_names.index(shape) for shape in own]] += value
         else:
             vector = np.asarray(weights, dtype=np.float64)
         coefficients: Array = self.subspace.projection @ vector
@@ -225,6 +228,16 @@ def gram_of_shapes(subject: Subject) -> Array:
     """Return the inner products of the ``subject``'s shapes in its unit squared, summed over vertices, shape (S, S)."""
     flat = np.ascontiguousarray(subject.shapes, dtype=np.float32).reshape(len(subject.shapes), -1)
     gram: Array = (flat @ flat.T).astype(np.float64)
+    return gram
+
+
+def gram_of_weights(subject: Subject, names: Sequence[str]) -> Array:
+    """Return the inner products of what weights called ``names`` move on the ``subject``, shape (S', S').
+
+    The subject may have the halves of a shape that is named as a whole.
+    """
+    lift = weight_map(subject.shape_names, names)
+    gram: Array = lift.T @ gram_of_shapes(subject) @ lift
     return gram
 
 

@@ -17,7 +17,7 @@ from scripts.asset_building.lashes import build_lashes
 from scripts.asset_building.lids import close_exactly, keep_clear, socket_ids, tuck_socket
 from scripts.asset_building.looks import LOOKS
 from scripts.asset_building.mouth import LOWER, UPPER, build_jaw, build_tongue
-from scripts.asset_building.mouth_shapes import around_lips, closed_again
+from scripts.asset_building.mouth_shapes import LIP_REACH, MOUTH_REACH, around_lips, closed_again
 from scripts.asset_building.piece import Floats, Ints, Joined, Piece, join
 from scripts.asset_building.sculpting import sculpted
 from scripts.asset_building.skin_texture import hair_depth
@@ -117,9 +117,9 @@ class Builder:
         ids, result = self.skin.base_ids, units.copy()
         opens, closes = ARKIT_SHAPES.index("jawOpen"), ARKIT_SHAPES.index("mouthClose")
         opening = self.jaw.opening(everyone[ids], jaw_hinge(everyone))
-        lips = around_lips(self.skin, self.rest[ids])
+        lips, near = (around_lips(self.skin, self.rest[ids], reach) for reach in (LIP_REACH, MOUTH_REACH))
         result[opens, ids] = opening
-        result[closes, ids] = closed_again(units[closes, ids], units[opens, ids], opening, lips)
+        result[closes, ids] = closed_again(units[closes, ids], units[opens, ids], opening, lips, near)
         return result
 
     def group(self, name: str) -> Ints:

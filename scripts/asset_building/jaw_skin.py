@@ -1,9 +1,9 @@
-"""How the skin follows the lower jaw when it opens and when it goes forward.
+"""How the skin follows the lower jaw when it opens.
 
-The mandible is rigid, so the skin over it turns with it; the skull's skin stays; between them each vertex turns by a share
-of the jaw's angle. The shares are the smoothest function on the mesh, in the sense of least squares of its Laplacian
-(Botsch and Kobbelt, "An intuitive framework for real-time freeform modeling", 2004), with given values on chin, lips and
-skull, and drawn weakly to how far the source's skin follows its jaw everywhere else.
+The mandible is rigid, so the skin over it turns with it; the skull's skin stays; between them each vertex turns by a
+share of the jaw's angle. The shares are the smoothest function on the mesh (`smoothest`) with given values on chin,
+lips and skull, and are drawn weakly to how far the source's skin follows its jaw everywhere else. The corners of the
+mouth come nearer to each other, so that the lips keep about their length.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from scripts.asset_building.piece import Floats
 from scripts.asset_building.smoothest import smoothest
 
 #: Share of the jaw's turn at the corners of the mouth, in the middle of the upper lip and of the lower lip.
-_CORNER, _UPPER, _LOWER = 0.17, 0.02, 0.97
+_CORNER, _UPPER, _LOWER = 0.145, 0.02, 0.97
 #: Rings around the lips' contact that make up the lips, whose sections stay rigid.
 _LIP_RINGS = 4
 #: How much narrower the mouth is at full opening, and how far around it, in centimetres.
@@ -64,6 +64,7 @@ def jaw_skin(skin: Skin, rest: Floats, source: Floats) -> JawSkin:
     given = np.full(len(control), np.nan)
     given[(y > 71.3) | (z < 4.5)] = 0.0
     given[~inside & (y < 60.8)] = 0.0
+    given[~inside & (y > 68.1) & (np.abs(x) < 1.9) & (z > 13.5)] = 0.0
     given[inside & ((y > 67.2) | (z < 6.5))] = 0.0
     given[inside & (y < 65.4) & (z > 11.0) & (np.abs(x) < 2.4)] = 1.0
     chin = ~inside & (y < 64.4) & (y > 61.6) & (z > np.interp(np.abs(x), [0.0, 2.0, 4.2], [13.3, 12.6, 10.8]))
@@ -74,13 +75,13 @@ def jaw_skin(skin: Skin, rest: Floats, source: Floats) -> JawSkin:
     share = 0.5 * (free + free[skin.mirror])
     middle = control[skin.lip_contact].mean(axis=0)
     beside = np.linalg.norm((control - middle) * [0.55, 1.0, 0.45], axis=1)
-    narrowing = _NARROWER * (1.0 - ramp(0.6, _REACH, beside)) * np.minimum(np.abs(x) / np.abs(x[skin.lip_contact]).max(), 1.0)
+    narrowing = (
+        _NARROWER * (1.0 - ramp(0.6, _REACH, beside)) * np.minimum(np.abs(x) / np.abs(x[skin.lip_contact]).max(), 1.0)
+    )
     return JawSkin(np.clip(share, 0.0, 1.0), narrowing)
 
 
 def _lips(rings: MouthRings) -> Floats:
     """Return the share of each vertex of the loop of contact, shape (L,)."""
     s = rings.along
-    return np.where(
-        rings.lower, _CORNER + (_LOWER - _CORNER) * (1.0 - s**2.7), _UPPER + (_CORNER - _UPPER) * s**1.7
-    )
+    return np.where(rings.lower, _CORNER + (_LOWER - _CORNER) * (1.0 - s**2.5), _UPPER + (_CORNER - _UPPER) * s**1.7)

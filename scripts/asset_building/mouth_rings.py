@@ -28,9 +28,7 @@ class MouthRings:
     lower: NDArray[np.bool_]
 
     def spread(self, values: Floats, count: int) -> tuple[Ints, Floats]:
-        """Return the vertices of the first ``count`` rings and their values, carried outwards from those of the
-        loop, shape (L,) or (L, k).
-        """
+        """Return vertices of the first ``count`` rings with ``values`` of the loop, (L,) or (L, k), taken outwards."""
         ids, result = [self.rings[0]], [values]
         for ring, parents in zip(self.rings[1:count], self.parents[: count - 1], strict=True):
             ids.append(ring)

@@ -1,7 +1,5 @@
 """Corrects the source's face units, shape by shape, on the base mesh that they were made for."""
 
-import numpy as np
-
 from faceposer.model.subject import ARKIT_SHAPES
 from scripts.asset_building.brow_shapes import lowered_brow, wrinkled_nose
 from scripts.asset_building.head import Skin

@@ -1,7 +1,7 @@
-"""Sculpts mouthSmile and cheekSquint anew: where lips, cheeks and lids go is written down, the skin between follows smoothly.
+"""Sculpts mouthSmile and cheekSquint anew: where lips, cheeks and lids go is given, the skin between follows smoothly.
 
-Zygomaticus major draws the corner of the mouth up, out and back around the teeth; the lips are drawn thin along them, the
-upper one up; the cheek is pushed up and forward into a mound, whose border towards the lips is the nasolabial fold.
+Zygomaticus major draws the corner of the mouth up, out and back around the teeth; the lips are drawn thin along them,
+the upper one up; the cheek is pushed up and forward into a mound, whose border towards the lips is the nasolabial fold.
 Orbicularis oculi lifts the cheek's upper part and the lower lid. Places are those of the base mesh; all in centimetres.
 """
 
@@ -15,7 +15,7 @@ from scripts.asset_building.smoothest import smoothest
 
 #: How far the corner of the mouth goes, and the middle of the lips with both sides.
 _CORNER, _MIDDLE = (0.72, 1.0, -0.5), (0.0, 0.32, -0.08)
-#: Rings around the lips' contact up to the border of the red, and how much that comes nearer to the contact on either lip.
+#: Rings around the lips' contact up to the border of the red, and how far this comes nearer to it on either lip.
 _LIP_RINGS, _THINNER = 5, (0.09, 0.15)
 #: Half the width over which the sides of a smile share the middle, and how far one side alone draws it along.
 _SHARED, _DRAWN = 1.7, 0.13
@@ -29,6 +29,7 @@ _CHEEK = (
     ((3.7, 68.1, 14.0), (0.36, 0.80, 0.22), 0.3),
     ((4.4, 67.4, 13.2), (0.50, 0.90, 0.16), 0.4),
     ((2.0, 68.5, 14.7), (0.17, 0.16, -0.02), 0.3),
+    ((1.75, 69.0, 14.9), (0.12, 0.08, 0.0), 0.25),
     ((3.4, 71.2, 14.0), (0.02, 0.16, 0.10), 0.5),
     ((4.6, 70.6, 13.5), (0.06, 0.30, 0.20), 0.5),
     ((4.4, 65.2, 12.6), (0.34, 0.52, -0.10), 0.4),
@@ -75,7 +76,7 @@ def squints(skin: Skin, control: Floats, lower_lid: Floats) -> tuple[Floats, Flo
         lower_lid: How eyeSquintLeft moves the skin, shape (C, 3), of which the lower lid takes a share.
     """
     given = _still(skin, control)
-    x, y, z = control.T
+    x, y, _ = control.T
     given[(y > 72.3) | (y < 66.6) | (np.abs(x) < 1.2)] = 0.0
     _hold(given, skin, control, _SQUINT)
     both = _symmetric(skin, smoothest(skin, control, given, np.zeros_like(given), 2e-3))
@@ -84,7 +85,7 @@ def squints(skin: Skin, control: Floats, lower_lid: Floats) -> tuple[Floats, Flo
 
 
 def _still(skin: Skin, control: Floats) -> Floats:
-    """Return the values given on the mesh: zero where no muscle of the mouth and the cheeks reaches, else NaN, (C, 3)."""
+    """Return what is given on the mesh: zero where no muscle of mouth and cheeks reaches, else NaN, shape (C, 3)."""
     x, y, z = control.T
     inside = np.isin(np.arange(len(control)), np.unique(skin.quads[skin.in_mouth]))
     given = np.full_like(control, np.nan)

@@ -11,8 +11,8 @@ from scripts.asset_building.piece import Floats
 def smoothest(skin: Skin, control: Floats, given: Floats, target: Floats, nearness: float) -> Floats:
     """Return the values on the mesh whose Laplacian is least in the sense of least squares.
 
-    They minimise |L f|² + nearness · |f - target|², L the Laplacian with weights of one over the edges' lengths, under the
-    values that are given (Botsch and Kobbelt, "An intuitive framework for real-time freeform modeling", 2004).
+    They minimise |L f|² + nearness · |f - target|², L the Laplacian with weights of one over the edges' lengths, under
+    the values that are given (Botsch and Kobbelt, "An intuitive framework for real-time freeform modeling", 2004).
 
     Args:
         skin: The mesh.
