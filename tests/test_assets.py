@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from faceposer.geometry.camera import OrbitView
 from faceposer.geometry.picking import pick
+from faceposer.model.shape_names import SPLIT_SHAPES, whole_of
 from faceposer.model.subject import ARKIT_SHAPES, Part, Subject
 from faceposer.model.subject_file import load_subject
 from faceposer.resources import asset_path
@@ -126,8 +127,10 @@ def test_sizes_are_those_of_a_head(subject: Subject) -> None:
     assert 13 < width < 18
 
 
-def test_shapes_are_the_52_of_arkit_in_order(subject: Subject) -> None:
-    assert subject.shape_names == ARKIT_SHAPES
+def test_shapes_are_those_of_arkit_in_order_two_of_them_in_halves(subject: Subject) -> None:
+    assert tuple(dict.fromkeys(map(whole_of, subject.shape_names))) == ARKIT_SHAPES
+    assert set(subject.shape_names) - set(ARKIT_SHAPES) == set(SPLIT_SHAPES)
+    assert len(subject.shape_names) == 54
     assert len(set(ARKIT_SHAPES)) == 52
     assert np.linalg.norm(subject.shapes, axis=2).max(axis=1).min() > 0.1, "none is empty"
 

@@ -15,6 +15,8 @@ _INWARDS = 0.42
 _ALONG, _DOWN = (0.0, 0.8, 1.6, 2.6, 3.6, 4.8, 5.8), (1.5, 1.54, 1.53, 1.22, 0.92, 0.66, 0.5)
 #: Between these heights the upper lid's skin, which keeps its movement, becomes the brow's.
 _LID, _BROW = 73.3, 74.7
+#: How much further than in the source frontalis raises the inner brow.
+_RAISED = 1.45
 #: What is left of noseSneer above the upper of these heights; below the lower one, all of it is.
 _SNEER_LEFT, _NOSE, _GLABELLA = 0.2, 72.6, 74.3
 
@@ -27,6 +29,11 @@ def lowered_brow(unit: Floats, rest: Floats) -> Floats:
     result[:, 0] *= 1.0 + share * (_INWARDS - 1.0)
     result[:, 1] *= 1.0 + share * (down - 1.0)
     return result
+
+
+def raised_brow(unit: Floats, rest: Floats) -> Floats:
+    """Return the offsets of browInnerUp, shape (N, 3), from the source's ``unit`` on the mesh ``rest``."""
+    return unit * (1.0 + (_RAISED - 1.0) * ramp(_LID, _BROW, rest[:, 1]))[:, None]
 
 
 def wrinkled_nose(unit: Floats, rest: Floats) -> Floats:

@@ -6,6 +6,7 @@ from scipy.spatial import cKDTree
 from scripts.asset_building.falloff import ramp
 from scripts.asset_building.head import Skin
 from scripts.asset_building.piece import Floats
+from scripts.asset_building.smoothest import smoothest
 
 #: How much further depressor anguli oris draws the corner of the mouth down than in the source, and the heights between
 #: which the factor falls to 1, so that nose and cheekbone keep what they have.
@@ -14,6 +15,8 @@ _FURTHER, _MOUTH, _NOSE = 1.85, 66.8, 68.8
 LIP_REACH, MOUTH_REACH = (1.0, 2.8), (4.5, 7.0)
 #: What the lips do not have of the jaw's way down and forward, so that they stay shut and behind the chin.
 _LESS = (0.0, 0.8, 0.15)
+#: How much the offsets on the cheeks keep to the source's beside smoothness.
+_EVENNESS = 0.006
 
 
 def drawn_down(unit: Floats, control: Floats) -> Floats:
@@ -43,3 +46,19 @@ def closed_again(closing: Floats, source_opening: Floats, opening: Floats, lips:
         near: The same, on all that their closing moves.
     """
     return closing * near[:, None] + lips[:, None] * (source_opening - opening)
+
+
+def even_cheeks(skin: Skin, control: Floats, units: Floats) -> Floats:
+    """Return ``units``, offsets of the ``control`` vertices, shape (S, C, 3), evened out over the cheeks.
+
+    Beside the mouth the source's shapes end along one edge loop, where the skin would stand up in a streak.
+    """
+    x, y, z = control.T
+    away = cKDTree(control[skin.lip_contact]).query(control)[0]
+    inside = np.isin(np.arange(len(control)), np.unique(skin.quads[skin.in_mouth]))
+    cheeks = ~inside & (away > 0.9) & (away < 5.5) & (np.abs(x) > 2.2) & (y < 70.5) & (y > 62.0) & (z > 7.0)
+    flat = units.transpose(1, 0, 2).reshape(len(control), -1)
+    given = np.where(cheeks[:, None], np.nan, flat)
+    evened = smoothest(skin, control, given, flat, _EVENNESS)
+    result: Floats = evened.reshape(len(control), -1, 3).transpose(1, 0, 2)
+    return result

@@ -1,14 +1,22 @@
 """Corrects the source's face units, shape by shape, on the base mesh that they were made for."""
 
+import numpy as np
+
 from faceposer.model.subject import ARKIT_SHAPES
-from scripts.asset_building.brow_shapes import lowered_brow, wrinkled_nose
+from scripts.asset_building.brow_shapes import lowered_brow, raised_brow, wrinkled_nose
 from scripts.asset_building.head import Skin
 from scripts.asset_building.mouth_rings import mouth_rings
-from scripts.asset_building.mouth_shapes import around_lips, drawn_down, pushed_forward
+from scripts.asset_building.mouth_shapes import around_lips, drawn_down, even_cheeks, pushed_forward
 from scripts.asset_building.piece import Floats
 from scripts.asset_building.smile_shapes import smiles, squints
 
 _SIDES = ("Left", "Right")
+#: Shapes that pull the cheeks along.
+_PULL_CHEEKS = tuple(
+    name + side
+    for name in ("mouthFrown", "mouthPress", "mouthStretch", "mouthDimple", "mouth", "jaw")
+    for side in _SIDES
+)
 #: Rings of the control mesh around the lips' contact that shapes speak of.
 _MOUTH_RINGS = 5
 
@@ -24,10 +32,14 @@ def sculpted(units: Floats, rest: Floats, skin: Skin) -> Floats:
     result = units.copy()
     row = {name: k for k, name in enumerate(ARKIT_SHAPES)}
     ids, control = skin.base_ids, rest[skin.base_ids]
+    pulled = [row[name] for name in _PULL_CHEEKS]
+    result[np.ix_(pulled, ids)] = even_cheeks(skin, control, units[np.ix_(pulled, ids)])
     rings = mouth_rings(skin, control, _MOUTH_RINGS)
     for side in _SIDES:
         for name, function in (("browDown", lowered_brow), ("noseSneer", wrinkled_nose), ("mouthFrown", drawn_down)):
-            result[row[name + side], ids] = function(units[row[name + side], ids], control)
+            result[row[name + side], ids] = function(result[row[name + side], ids], control)
+    inner = row["browInnerUp"]
+    result[inner, ids] = raised_brow(units[inner, ids], control)
     forward = row["jawForward"]
     result[forward, ids] = pushed_forward(units[forward, ids], around_lips(skin, control))
     lid = units[row["eyeSquintLeft"], ids]

@@ -174,6 +174,15 @@ def test_weights_and_poses_are_what_the_face_starts_from(face: Face) -> None:
     assert face.weights["browDownLeft"] < 0.2, "constraints pull from the new start"
 
 
+def test_the_name_of_a_whole_sets_both_halves(face: Face) -> None:
+    face.set_weights({"browInnerUp": 0.8, "cheekPuffLeft": 0.5})
+    for name, weight in {"browInnerUpLeft": 0.8, "browInnerUpRight": 0.8, "cheekPuffLeft": 0.5}.items():
+        assert face.weights[name] == pytest.approx(weight, abs=0.05), name
+    assert face.weights["cheekPuffRight"] < 0.1
+    face.set_weights({"browInnerUpLeft": 0.8})
+    assert face.weights["browInnerUpRight"] < 0.1
+
+
 def test_own_poses_go_round(face: Face, own_folder: Path) -> None:
     face.set_weights({"mouthSmileLeft": 0.7})
     path = face.save_pose("Half a smile")

@@ -20,6 +20,7 @@ from faceposer.interchange.glb import write_glb
 from faceposer.interchange.gltf_builder import GltfBuilder
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
+from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
 from faceposer.training.rigs import RigOptions, subject_from_rig
 from tests.interchange.gltf_checks import check
@@ -75,7 +76,7 @@ def test_the_structure_is_as_the_standard_asks(animated: Path, low: FaceModel) -
     document = check(animated)
     names = [list(mesh["extras"]["targetNames"]) for mesh in document["meshes"] if "extras" in mesh]
     assert names
-    assert all(name == list(low.subject.shape_names) for name in names)
+    assert all(name == [*low.subject.shape_names, "browInnerUp", "cheekPuff"] for name in names)
     assert [mesh["name"] for mesh in document["meshes"]] == [part.name for part in low.subject.parts]
     assert document["asset"]["generator"].startswith("Face Poser")
     assert document["asset"]["copyright"] == " ".join(low.subject.credits.split())
@@ -115,7 +116,21 @@ def test_a_pose_is_the_default_weights(low: FaceModel, tmp_path: Path) -> None:
     reader = Reader(tmp_path / "a.glb")
     assert not reader.file.animations
     np.testing.assert_allclose(reader.soup(), expected_soup(low, pose), atol=2e-6)
-    np.testing.assert_allclose(reader.soup(np.zeros(52)), expected_soup(low, low.neutral()), atol=2e-6)
+    np.testing.assert_allclose(reader.soup(np.zeros(56)), expected_soup(low, low.neutral()), atol=2e-6)
+
+
+def test_what_halves_have_in_common_is_under_arkits_name(low: FaceModel, tmp_path: Path) -> None:
+    pose = low.coefficients_of({"browInnerUpLeft": 0.9, "browInnerUpRight": 0.4, "cheekPuff": 0.5})
+    write_glb(tmp_path / "a.glb", low, pose)
+    reader = Reader(tmp_path / "a.glb")
+    names = reader.file.meshes[0].extras["targetNames"]
+    weights = dict(zip(names, reader.file.meshes[0].weights, strict=True))
+    assert {name for name in ARKIT_SHAPES if name not in names} == set()
+    assert weights["browInnerUp"] == pytest.approx(0.4, abs=0.05)
+    assert weights["browInnerUpLeft"] == pytest.approx(0.5, abs=0.1)
+    assert weights["browInnerUpRight"] == pytest.approx(0.0, abs=1e-9)
+    assert weights["cheekPuff"] == pytest.approx(0.5, abs=0.05)
+    np.testing.assert_allclose(reader.soup(), expected_soup(low, pose), atol=2e-6)
 
 
 def test_normals_turn_with_the_shapes(animated: Path, low: FaceModel) -> None:
@@ -164,10 +179,12 @@ def test_trimesh_opens_it(animated: Path, low: FaceModel) -> None:
 
 def test_our_own_reader_has_the_same_shapes_and_parts(animated: Path, low: FaceModel) -> None:
     morphs, subject = read_gltf(animated), low.subject
-    assert tuple(morphs.targets) == subject.shape_names
+    assert tuple(morphs.targets) == (*subject.shape_names, "browInnerUp", "cheekPuff")
     assert [group.name for group in morphs.mesh.groups] == [part.name for part in subject.parts]
     assert morphs.textures == dict(subject.textures)
     corners = morphs.mesh.triangles()
+    halves = morphs.targets["browInnerUpLeft"] + morphs.targets["browInnerUpRight"]
+    np.testing.assert_allclose(morphs.targets["browInnerUp"], halves, atol=1e-6)
     np.testing.assert_allclose(morphs.mesh.vertices[corners], 0.01 * subject.vertices[subject.triangles], atol=1e-6)
     for name, shape in zip(subject.shape_names, subject.shapes, strict=True):
         np.testing.assert_allclose(morphs.targets[name][corners], 0.01 * shape[subject.triangles], atol=1e-6)
@@ -179,7 +196,7 @@ def test_it_trains_the_same_face_again(animated: Path, low: FaceModel) -> None:
     # Training makes all heads alike in size.
     scales = np.ptp(again.vertices, axis=0) / np.ptp(low.subject.vertices, axis=0)
     np.testing.assert_allclose(scales, scales[0], rtol=0.02)
-    for name in ("jawOpen", "mouthSmileLeft", "browInnerUp"):
+    for name in ("jawOpen", "mouthSmileLeft", "browInnerUpLeft"):
         ours = low.subject.shapes[low.subject.shape_names.index(name)]
         theirs = again.shapes[again.shape_names.index(name)]
         assert np.linalg.norm(theirs, axis=1).max() == pytest.approx(
@@ -192,7 +209,8 @@ def test_other_subjects_are_well_formed(name: str, tmp_path: Path) -> None:
     model = build_face_model(load_subject(name))
     write_glb(tmp_path / "a.glb", model, Performance(np.zeros((2, model.n_coefficients)), 30.0))
     document = check(tmp_path / "a.glb")
-    assert document["meshes"][0]["extras"]["targetNames"] == list(model.subject.shape_names)
+    wholes = [] if name == "creature" else ["browInnerUp", "cheekPuff"]
+    assert document["meshes"][0]["extras"]["targetNames"] == [*model.subject.shape_names, *wholes]
 
 
 @pytest.mark.skipif(

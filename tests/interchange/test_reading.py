@@ -10,15 +10,19 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.geometry.obj_io import write_obj
 from faceposer.interchange.export import write
+from faceposer.interchange.glb import write_glb
 from faceposer.interchange.meshes import write_posed_obj, write_posed_ply
 from faceposer.interchange.reading import read_performance, read_pose
 from faceposer.interchange.sampling import resampled
 from faceposer.interchange.weights_json import read_weights
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
+from faceposer.model.shape_names import weight_map
+from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
 from faceposer.training.progress import Progress
 from faceposer.training.rigs import RigOptions, subject_from_morphs
+from tests.rigs import with_wholes
 from tests.training.faces import morph_mesh, rotation
 
 
@@ -106,7 +110,9 @@ def test_a_mesh_that_is_no_pose_is_refused(
 @pytest.mark.parametrize("suffix", [".csv", ".json"])
 def test_weights_are_the_performance_again(suffix: str, low: FaceModel, tmp_path: Path) -> None:
     rng = np.random.default_rng(8)
-    inside = rng.uniform(0.0, 1.0, (7, len(low.subject.shape_names))) * (rng.random((7, 52)) < 0.3)
+    inside = rng.uniform(0.0, 1.0, (7, 52)) * (rng.random((7, 52)) < 0.3)
+    # Live Link Face has one value for both sides of browInnerUp and cheekPuff.
+    inside = inside @ weight_map(low.subject.shape_names, ARKIT_SHAPES).T
     performance = Performance.from_weights(low, inside, 24.0)
     path = tmp_path / f"a{suffix}"
     write(path, low, performance)
@@ -133,6 +139,27 @@ def test_a_pose_in_json_is_one_frame_without_a_rate(low: FaceModel, tmp_path: Pa
     assert data["frames"][0][data["names"].index("jawOpen")] == pytest.approx(0.4, abs=0.02)
     with pytest.raises(FacePoserError, match="a single frame"):
         read_pose(tmp_path / "a.json", low, 1)
+
+
+def test_halves_and_wholes_in_files_are_understood_on_every_rig(low: FaceModel, tmp_path: Path) -> None:
+    whole = build_face_model(with_wholes(low.subject))
+
+    def read(model: FaceModel, **weights: float) -> np.ndarray:
+        data = {"format": "faceposer.weights", "version": 1, "names": [*weights], "frames": [[*weights.values()]]}
+        (tmp_path / "a.json").write_text(json.dumps(data))
+        pose = read_pose(tmp_path / "a.json", model)
+        assert pose.note == ""
+        return pose.coefficients
+
+    def same(model: FaceModel, pose: np.ndarray, **weights: float) -> None:
+        assert distance(model, pose, model.coefficients_of(weights)) < 1e-6
+
+    same(low, read(low, browInnerUp=0.6), browInnerUpLeft=0.6, browInnerUpRight=0.6)
+    same(whole, read(whole, browInnerUpLeft=0.8, browInnerUpRight=0.4), browInnerUp=0.6)
+    same(low, read(low, browInnerUp=0.3, browInnerUpLeft=0.2), browInnerUpLeft=0.5, browInnerUpRight=0.3)
+    pose = low.coefficients_of({"browInnerUpLeft": 0.9, "browInnerUpRight": 0.3, "cheekPuff": 0.5, "jawOpen": 0.2})
+    write_glb(tmp_path / "a.glb", low, pose)
+    assert distance(low, read_pose(tmp_path / "a.glb", low).coefficients, pose) < 1e-4
 
 
 def test_modes_beyond_one_come_back(tmp_path: Path) -> None:

@@ -4,11 +4,20 @@ import os
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.gltf_io import read_gltf
-from faceposer.model.shape_names import SPLIT_SHAPES, canonical_shape, match_arkit
+from faceposer.model.shape_names import (
+    SPLIT_SHAPES,
+    canonical_shape,
+    halves_of,
+    makers,
+    match_arkit,
+    weight_map,
+    whole_of,
+)
 from faceposer.model.subject import ARKIT_SHAPES
 
 SIDEWAYS = {"jawLeft", "jawRight", "mouthLeft", "mouthRight"}
@@ -149,3 +158,26 @@ def test_a_real_rig() -> None:
     assert set(match.shapes.values()) == set(ARKIT_SHAPES)
     assert match.shapes["mouthSmile_L"] == "mouthSmileLeft"
     assert not match.missing
+
+
+def test_halves_and_wholes_know_each_other() -> None:
+    assert halves_of("browInnerUp") == ("browInnerUpLeft", "browInnerUpRight")
+    assert halves_of("jawOpen") == halves_of("mouthSmile") == halves_of("browInnerUpLeft") == ()
+    assert [whole_of(name) for name in ("cheekPuffRight", "mouthSmileLeft", "jawOpen")] == [
+        *("cheekPuff", "mouthSmileLeft", "jawOpen")
+    ]
+    rig = ("jawOpen", "browInnerUpLeft", "browInnerUpRight", "cheekPuff")
+    assert makers("browInnerUp", rig) == ("browInnerUpLeft", "browInnerUpRight")
+    assert makers("cheekPuffLeft", rig) == makers("cheekPuff", rig) == ("cheekPuff",)
+    assert makers("browInnerUpLeft", rig) == ("browInnerUpLeft",)
+    assert makers("tongueOut", rig) == makers("mouthSmile", ("mouthSmileLeft", "mouthSmileRight")) == ()
+
+
+def test_weights_go_from_one_set_of_names_to_another() -> None:
+    rig = ("jawOpen", "browInnerUpLeft", "browInnerUpRight", "cheekPuff", "ears")
+    to_rig, back = weight_map(rig, ARKIT_SHAPES), weight_map(ARKIT_SHAPES, rig)
+    frame = np.zeros(52)
+    frame[[ARKIT_SHAPES.index(name) for name in ("jawOpen", "browInnerUp", "cheekPuff")]] = 0.2, 0.6, 0.4
+    assert (to_rig @ frame).tolist() == [0.2, 0.6, 0.6, 0.4, 0.0]
+    assert (back @ (to_rig @ frame)).tolist() == frame.tolist()
+    assert (back @ [0.0, 1.0, 0.0, 0.0, 1.0])[ARKIT_SHAPES.index("browInnerUp")] == 0.5

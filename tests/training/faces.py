@@ -10,6 +10,7 @@ from faceposer.geometry.obj_io import write_obj
 from faceposer.geometry.polygon_mesh import Group, MorphMesh, PolygonMesh
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import load_subject
+from tests.rigs import with_wholes
 
 BASE = "low"
 Array = NDArray[np.float64]
@@ -17,7 +18,8 @@ Array = NDArray[np.float64]
 
 @lru_cache(maxsize=1)
 def base() -> Subject:
-    return load_subject(BASE)
+    """The head with ARKit's 52 shapes, as most rigs have them."""
+    return with_wholes(load_subject(BASE))
 
 
 def rotation(seed: int) -> Array:

@@ -17,6 +17,7 @@ from faceposer.transfer.ranges import measure_ranges, scaled
 from faceposer.transfer.terms import PairPoints, RigWeightTerm, SpaceDistanceTerm
 from faceposer.transfer.transfer import TransferCancelled, make_transfer, transfer_performance
 from faceposer.transfer.weights import WeightMap, WeightTransfer
+from tests.rigs import with_wholes
 
 SMILE = {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8, "cheekSquintLeft": 0.5, "cheekSquintRight": 0.5}
 SURPRISE = {"jawOpen": 0.5, "browInnerUp": 0.9, "browOuterUpLeft": 0.9, "browOuterUpRight": 0.9, "eyeWideLeft": 0.7}
@@ -163,20 +164,27 @@ def test_weights_are_the_same_by_name_and_stay_within_limits(model: FaceModel, l
 
 
 def test_halves_of_a_shape_become_the_whole_and_the_other_way(model: FaceModel) -> None:
-    man = model.subject
-    row = man.shape_names.index("browInnerUp")
+    whole = with_wholes(model.subject)
     halved = replace(
-        man,
-        shape_names=(*man.shape_names[:row], "browInnerUpLeft", *man.shape_names[row + 1 :], "browInnerUp_R"),
-        shapes=np.concatenate([man.shapes, man.shapes[row : row + 1]]),
-        shape_limits=np.concatenate([man.shape_limits, man.shape_limits[row : row + 1]]),
+        model.subject,
+        shape_names=tuple(name.replace("browInnerUpRight", "browInnerUp_R") for name in model.subject.shape_names),
     )
-    whole_to_halves, halves_to_whole = WeightMap(man, halved), WeightMap(halved, man)
-    assert whole_to_halves.matrix[[row, -1], row].tolist() == [1.0, 1.0]
-    assert halves_to_whole.matrix[row, [row, -1]].tolist() == [0.5, 0.5]
+    row = whole.shape_names.index("browInnerUp")
+    halves = [halved.shape_names.index(name) for name in ("browInnerUpLeft", "browInnerUp_R")]
+    whole_to_halves, halves_to_whole = WeightMap(whole, halved), WeightMap(halved, whole)
+    assert whole_to_halves.matrix[halves, row].tolist() == [1.0, 1.0]
+    assert halves_to_whole.matrix[row, halves].tolist() == [0.5, 0.5]
     assert not whole_to_halves.missing
-    fewer = replace(man, shapes=man.shapes * (np.arange(52) != row)[:, None, None].astype(np.float32))
-    assert WeightMap(man, fewer).missing == ("browInnerUp",)
+    fewer = replace(whole, shapes=whole.shapes * (np.arange(52) != row)[:, None, None].astype(np.float32))
+    assert WeightMap(whole, fewer).missing == ("browInnerUp",)
+
+
+def test_a_pose_goes_from_halves_to_a_whole_and_back(model: FaceModel) -> None:
+    whole = build_face_model(with_wholes(model.subject))
+    back = WeightTransfer(model, whole).pose(model.coefficients_of({"browInnerUpLeft": 1.0, "jawOpen": 0.4}))
+    assert error(whole, back, whole.coefficients_of({"browInnerUp": 0.5, "jawOpen": 0.4})) < 0.05
+    there = WeightTransfer(whole, model).pose(whole.coefficients_of({"browInnerUp": 0.7}))
+    assert error(model, there, model.coefficients_of({"browInnerUpLeft": 0.7, "browInnerUpRight": 0.7})) < 0.05
 
 
 def test_what_cannot_be_carried_over_is_said_in_a_sentence(model: FaceModel, creature: FaceModel) -> None:

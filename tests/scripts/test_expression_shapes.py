@@ -1,0 +1,151 @@
+"""How far and which way the shipped heads' re-sculpted shapes move, in millimetres."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from faceposer.model.subject import Subject
+from faceposer.model.subject_file import load_subject
+
+Array = NDArray[np.float64]
+PEOPLE = ("man", "woman")
+
+
+@pytest.fixture(scope="module", params=(*PEOPLE, "low"))
+def subject(request: pytest.FixtureRequest) -> Subject:
+    return load_subject(request.param)
+
+
+@pytest.fixture(scope="module", params=PEOPLE)
+def person(request: pytest.FixtureRequest) -> Subject:
+    return load_subject(request.param)
+
+
+def shape(subject: Subject, name: str) -> Array:
+    """Return the offsets of the shape ``name`` in millimetres, shape (N, 3)."""
+    return 10.0 * subject.shapes[subject.shape_names.index(name)].astype(np.float64)
+
+
+def move(subject: Subject, name: str, point: str) -> Array:
+    return shape(subject, name)[subject.feature_points[point]]
+
+
+#: Points along the inner edges of upper and lower lip, from the right corner to the left one.
+UPPER_LIP, LOWER_LIP = ("2.5", "2.7", "2.2", "2.6", "2.4"), ("2.5", "2.9", "2.3", "2.8", "2.4")
+
+
+def length(points: Array) -> float:
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+
+def test_every_shape_is_the_mirror_image_of_its_partner(subject: Subject) -> None:
+    distance, across = cKDTree(subject.vertices).query(subject.vertices * np.float32([-1, 1, 1]))
+    assert distance.max() < 1e-4
+    for name in subject.shape_names:
+        other = name.replace("Left", "?").replace("Right", "Left").replace("?", "Right")
+        mirrored = shape(subject, other)[across] * [-1.0, 1.0, 1.0]
+        assert np.abs(shape(subject, name) - mirrored).max() < 0.02, name
+
+
+@pytest.mark.parametrize("whole", ["browInnerUp", "cheekPuff"])
+def test_halves_move_their_side_alone(subject: Subject, whole: str) -> None:
+    left, right = (np.linalg.norm(shape(subject, whole + side), axis=1) for side in ("Left", "Right"))
+    x = subject.vertices[:, 0]
+    assert not left[x < -2.3].any()
+    assert not right[x > 2.3].any()
+    far = np.abs(x) > 2.3
+    assert left[x > 2.3].max() > 2.0
+    np.testing.assert_allclose((left + right)[far], np.maximum(left, right)[far])
+    if whole == "browInnerUp":
+        assert left[subject.feature_points["4.1"]] > 5.0
+        assert right[subject.feature_points["4.1"]] == 0.0
+
+
+def test_brow_down_lowers_the_inner_brow(subject: Subject) -> None:
+    inwards, up, _ = move(subject, "browDownLeft", "4.1") * [-1.0, 1.0, 1.0]
+    assert -7.2 < up < -5.8
+    assert 0.0 < inwards < -up / 3.0
+    assert -move(subject, "browDownLeft", "4.5")[1] < 0.6 * -up, "most at its inner end"
+    assert move(subject, "browDownLeft", "3.1")[1] > -1.2, "the lid stays open"
+    assert np.linalg.norm(move(subject, "noseSneerLeft", "4.1")) < 1.2
+    assert move(subject, "noseSneerLeft", "9.1")[1] > 3.0
+
+
+def test_the_frown_draws_the_corner_down(subject: Subject) -> None:
+    out, down, _ = move(subject, "mouthFrownLeft", "8.3") * [1.0, -1.0, 1.0]
+    assert 9.0 < down < 10.5
+    assert 0.0 < out < 0.4 * down
+    assert move(subject, "mouthFrownLeft", "8.7")[1] < -2.0
+    assert np.linalg.norm(move(subject, "mouthFrownLeft", "8.2")) < 1.0, "the middle of the lower lip stays"
+    assert np.linalg.norm(move(subject, "mouthFrownLeft", "8.4")) < 1.0
+
+
+def test_the_smile_takes_the_cheek_along(subject: Subject) -> None:
+    out, up, ahead = move(subject, "mouthSmileLeft", "8.3")
+    assert up > 7.5
+    assert out > 5.0
+    assert ahead < -3.0
+    cheek = move(subject, "mouthSmileLeft", "5.1")
+    assert cheek[1] > 4.0
+    assert cheek[2] > 1.0
+    both = [sum(move(subject, f"mouthSmile{side}", point)[1] for side in ("Left", "Right")) for point in ("2.2", "8.1")]
+    assert both[0] > 2.0, "the upper lip rises from the teeth"
+    assert both[0] > both[1], "and is thinner"
+    lid = move(subject, "cheekSquintLeft", "3.3")
+    assert lid[1] > 1.0
+    assert move(subject, "cheekSquintLeft", "5.3")[1] > 3.0
+
+
+def test_the_chin_goes_down_and_back_about_the_hinge(subject: Subject) -> None:
+    opened, rest = shape(subject, "jawOpen"), 10.0 * subject.vertices.astype(np.float64)
+    corner = move(subject, "jawOpen", "8.3")
+    assert 5.0 < -corner[1] < 6.3
+    points = [subject.feature_points[name] for name in ("2.10", "2.1", "2.11", "2.12")]
+    assert (opened[points, 1] < -15.0).all()
+    assert (opened[points, 2] < -25.0).all()
+    y, z = rest[points, 1:].T
+    dy, dz = opened[points, 1:].T
+    # Of a turn by an angle a: dy = (cos a - 1) y - sin a z + t, dz = sin a y + (cos a - 1) z + t'.
+    system = np.concatenate([np.stack([y, -z, np.ones(4), 0 * y], 1), np.stack([z, y, 0 * y, np.ones(4)], 1)])
+    found, *_ = np.linalg.lstsq(system, np.concatenate([dy, dz]), rcond=None)
+    assert np.degrees(np.arctan2(found[1], 1.0 + found[0])) == pytest.approx(22.0, abs=1.5)
+    assert np.hypot(found[1], 1.0 + found[0]) == pytest.approx(1.0, abs=0.03)
+    np.testing.assert_allclose(system @ found, np.concatenate([dy, dz]), atol=1.0)
+
+
+def test_the_lips_keep_their_length(person: Subject) -> None:
+    upper, lower = ([person.feature_points[name] for name in names] for names in (UPPER_LIP, LOWER_LIP))
+    rest = person.vertices.astype(np.float64)
+    at_rest = length(rest[upper]) + length(rest[lower])
+    lengths = []
+    for weight in np.linspace(0.0, 0.6, 7):
+        posed = rest + 0.1 * weight * shape(person, "jawOpen")
+        lengths.append((length(posed[upper]) + length(posed[lower])) / at_rest)
+    assert max(lengths) < 1.12
+    assert min(lengths) > 0.88
+    assert np.abs(np.diff(lengths, 2)).max() < 0.02, "smoothly"
+
+
+def test_closed_lips_stay_closed_over_a_jaw_that_opens(person: Subject) -> None:
+    for weight in (0.3, 0.6, 1.0):
+        gap = [move(person, "jawOpen", point)[1] + move(person, "mouthClose", point)[1] for point in ("2.2", "2.3")]
+        assert abs(weight * (gap[0] - gap[1])) < 1.5, weight
+
+
+def test_the_lower_lip_goes_forward_less_than_the_chin(subject: Subject) -> None:
+    chin, lip = (move(subject, "jawForward", point) for point in ("2.10", "8.2"))
+    assert chin[2] > 7.0
+    assert 0.6 * chin[2] < lip[2] < chin[2]
+    assert abs(lip[1]) < 0.5, "and the lips stay shut"
+
+
+def test_scalp_ears_and_neck_stay_where_they_are(subject: Subject) -> None:
+    rest = subject.vertices
+    skin = np.arange(*subject.part("skin").vertices)
+    base = skin[rest[skin, 1] < rest[skin, 1].min() + 2.0]
+    crown = skin[rest[skin, 1] > rest[subject.feature_points["11.1"], 1] + 2.0]
+    ears = np.concatenate([subject.regions["ear_left"], subject.regions["ear_right"]])
+    for name in subject.shape_names:
+        moved = np.linalg.norm(shape(subject, name), axis=1)
+        assert moved[np.concatenate([base, crown, ears])].max() < 0.5, name
