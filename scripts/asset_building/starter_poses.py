@@ -146,7 +146,7 @@ STARTERS = (
             "mouthPress": 0.3,
             "mouthRollLower": 0.25,
             "mouthRollUpper": 0.25,
-            "jawOpen": 0.045,
+            "jawOpen": 0.06,
         },
         {"mouthPress": 0.1, "mouthRollLower": 0.5, "mouthRollUpper": 0.5, "jawOpen": 0.06},
     ),

@@ -60,8 +60,8 @@ def test_it_follows_a_target_without_jumps(model: FaceModel) -> None:
 
 def test_regions_tell_of_each_other_only_as_far_as_they_must(model: FaceModel) -> None:
     names = list(model.subject.shape_names)
-    brow, mouth = (model.subspace.directions[names.index(name)] for name in ("browInnerUp", "mouthFrownLeft"))
-    rows, residual = asked(model, model.neutral(), browInnerUp=0.8)
+    brow, mouth = (model.subspace.directions[names.index(name)] for name in ("browInnerUpLeft", "mouthFrownLeft"))
+    rows, residual = asked(model, model.neutral(), browInnerUpLeft=0.8)
     tied = []
     for prior in ("regions", "whole"):
         covariance = centred_at(model, model.neutral(), prior).near(rows, residual).covariances[0]

@@ -162,7 +162,7 @@ def test_mirroring_leaves_the_eyes_looking_to_their_side(model: FaceModel) -> No
 
 def test_poses_fit_by_the_names_of_shapes(models: dict[str, FaceModel]) -> None:
     people, goblin = models["man"].subject, models["creature"].subject
-    own = pose_of(models["creature"], np.ones(58), "Mine")
+    own = pose_of(models["creature"], np.ones(models["creature"].n_coefficients), "Mine")
     assert weights_on(own, goblin) is not None
     assert weights_on(own, people) is None
     assert weights_on(replace(own, subject="another"), goblin) is None, "its modes are not those of another face"
