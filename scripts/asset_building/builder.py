@@ -10,7 +10,7 @@ from scripts.asset_building.eyes import build_eye, place_eye
 from scripts.asset_building.halves import in_halves
 from scripts.asset_building.head import LASH_RING, LID_RINGS, Skin, cut_skin, ordered_ring, split_uv
 from scripts.asset_building.identity import NECK_TOP, Recipe, close_lips, identity_vertices, level_neck
-from scripts.asset_building.jaw import jaw_hinge
+from scripts.asset_building.jaw import jaw_hinge, jaw_opening
 from scripts.asset_building.jaw_skin import JawSkin, jaw_skin
 from scripts.asset_building.landmarks import feature_points, regions
 from scripts.asset_building.lashes import build_lashes
@@ -61,7 +61,7 @@ class Builder:
         units = {name: 10.0 * source.face_unit(name, len(self.rest)) for name in ARKIT_SHAPES}
         even_source = even_units(units, self.mirror)
         self.units = sculpted(even_source, self.rest, self.skin)
-        self.jaw: JawSkin = jaw_skin(self.skin, self.rest, even_source[ARKIT_SHAPES.index("jawOpen")])
+        self.jaw_skin: JawSkin = jaw_skin(self.skin, self.rest, even_source[ARKIT_SHAPES.index("jawOpen")])
         rest_skin = self.rest[self.skin.base_ids]
         old = Layout(self.skin.base_uv, self.skin.base_quad_uvs)
         self.layout = unwrap_skin(rest_skin, self.skin.quads, old, texel_density(rest_skin))
@@ -113,10 +113,13 @@ class Builder:
         return pieces
 
     def _opened(self, everyone: Floats, units: Floats) -> Floats:
-        """Return ``units`` with the skin's jawOpen about the head's own hinge, and the mouthClose that goes with it."""
+        """Return ``units`` with jawOpen about the head's own hinge, and the skin's mouthClose that goes with it."""
         ids, result = self.skin.base_ids, units.copy()
         opens, closes = ARKIT_SHAPES.index("jawOpen"), ARKIT_SHAPES.index("mouthClose")
-        opening = self.jaw.opening(everyone[ids], jaw_hinge(everyone))
+        hinge = jaw_hinge(everyone)
+        for rigid in (self.group(_BANDS["lower"]), self.group("helper-tongue")):
+            result[opens, rigid] = jaw_opening(everyone[rigid], hinge)
+        opening = self.jaw_skin.opening(everyone[ids], hinge)
         lips, near = (around_lips(self.skin, self.rest[ids], reach) for reach in (LIP_REACH, MOUTH_REACH))
         result[opens, ids] = opening
         result[closes, ids] = closed_again(units[closes, ids], units[opens, ids], opening, lips, near)

@@ -21,8 +21,8 @@ from scripts.asset_building.smoothest import smoothest
 _CORNER, _UPPER, _LOWER = 0.145, 0.02, 0.97
 #: Rings around the lips' contact that make up the lips, whose sections stay rigid.
 _LIP_RINGS = 4
-#: How much narrower the mouth is at full opening, and how far around it, in centimetres.
-_NARROWER, _REACH = 0.2, 2.6
+#: How much narrower the mouth is at full opening, and how far around it, in centimetres, with factors on the distance.
+_NARROWER, _REACH, _MOUTH_FORM = 0.2, 2.6, (0.55, 1.0, 0.45)
 #: Weight of the source's own shares beside smoothness, where none is given.
 _SOURCE = 4e-4
 
@@ -55,30 +55,35 @@ def jaw_skin(skin: Skin, rest: Floats, source: Floats) -> JawSkin:
         source: Offsets of the source's jawOpen on it, shape (N, 3).
     """
     control = rest[skin.base_ids]
-    rings = mouth_rings(skin, control, _LIP_RINGS)
-    x, y, z = control.T
     full = jaw_opening(control, jaw_hinge(rest))
     followed = np.einsum("ij,ij->i", source[skin.base_ids], full) / np.maximum((full**2).sum(axis=1), 0.01)
-    inside = np.isin(np.arange(len(control)), np.unique(skin.quads[skin.in_mouth]))
+    given = _given(skin, control)[:, None]
+    free = smoothest(skin, control, given, np.clip(followed, 0.0, 1.0)[:, None], _SOURCE)[:, 0]
+    share = 0.5 * (free + free[skin.mirror])
+    lips = control[skin.lip_contact]
+    beside = np.linalg.norm((control - lips.mean(axis=0)) * _MOUTH_FORM, axis=1)
+    along = np.minimum(np.abs(control[:, 0]) / lips[:, 0].max(), 1.0)
+    return JawSkin(np.clip(share, 0.0, 1.0), _NARROWER * along * (1.0 - ramp(0.6, _REACH, beside)))
 
+
+def _given(skin: Skin, control: Floats) -> Floats:
+    """Return the shares that are given, NaN elsewhere, shape (C,), by places on the base mesh ``control``, (C, 3)."""
+    rings = mouth_rings(skin, control, _LIP_RINGS)
+    x, y, z = np.abs(control[:, 0]), control[:, 1], control[:, 2]
+    inside = np.isin(np.arange(len(control)), np.unique(skin.quads[skin.in_mouth]))
     given = np.full(len(control), np.nan)
-    given[(y > 71.3) | (z < 4.5)] = 0.0
-    given[~inside & (y < 60.8)] = 0.0
-    given[~inside & (y > 68.1) & (np.abs(x) < 1.9) & (z > 13.5)] = 0.0
+    # The skull above the cheekbones and behind the ears, the neck, the nose.
+    given[(y > 71.3) | (z < 4.5) | (~inside & (y < 60.8))] = 0.0
+    given[~inside & (y > 68.1) & (x < 1.9) & (z > 13.5)] = 0.0
+    # Palate and throat, and what lies on the mandible behind the lower lip.
     given[inside & ((y > 67.2) | (z < 6.5))] = 0.0
-    given[inside & (y < 65.4) & (z > 11.0) & (np.abs(x) < 2.4)] = 1.0
-    chin = ~inside & (y < 64.4) & (y > 61.6) & (z > np.interp(np.abs(x), [0.0, 2.0, 4.2], [13.3, 12.6, 10.8]))
-    given[chin & (np.abs(x) < 4.2)] = 1.0
+    given[inside & (y < 65.4) & (z > 11.0) & (x < 2.4)] = 1.0
+    # The chin, along the mandible as far as the corners of the mouth and beyond.
+    front = z > np.interp(x, [0.0, 2.0, 4.2], [13.3, 12.6, 10.8])
+    given[~inside & (y < 64.4) & (y > 61.6) & (x < 4.2) & front] = 1.0
     ids, values = rings.spread(_lips(rings), _LIP_RINGS)
     given[ids] = values
-    free = smoothest(skin, control, given[:, None], np.clip(followed, 0.0, 1.0)[:, None], _SOURCE)[:, 0]
-    share = 0.5 * (free + free[skin.mirror])
-    middle = control[skin.lip_contact].mean(axis=0)
-    beside = np.linalg.norm((control - middle) * [0.55, 1.0, 0.45], axis=1)
-    narrowing = (
-        _NARROWER * (1.0 - ramp(0.6, _REACH, beside)) * np.minimum(np.abs(x) / np.abs(x[skin.lip_contact]).max(), 1.0)
-    )
-    return JawSkin(np.clip(share, 0.0, 1.0), narrowing)
+    return given
 
 
 def _lips(rings: MouthRings) -> Floats:
