@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from faceposer.model.coupling import BROWS, GAZE, LIDS, learn_coupling, region_of_shape
 from faceposer.model.expression_statistics import ExpressionStatistics
+from faceposer.model.muscles import mirrored_pairs, muscle_of_shape
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.training.capture import Capture
 from faceposer.training.mfa import MixtureOfFactorAnalyzers
@@ -34,7 +35,9 @@ class Recipe:
         n_factors: Number q of factors of each.
         fit_shrinkage: Of the fit; see ``MixtureOfFactorAnalyzers``.
         blend: Share of the covariance of all examples in each component's, after the fit.
-        folds: Number of stretches of the performance, each left out once, on which the coupling of regions is judged.
+        folds: Number of stretches of the performance, each left out once, on which the coupling of muscles is judged.
+        believed: Share of the coupling found that is believed: one performer's habits are not everybody's.
+        n_kept: Number of examples that are kept as they are.
         seed: Of everything random.
     """
 
@@ -49,6 +52,8 @@ class Recipe:
     fit_shrinkage: float = 0.0
     blend: float = 0.0
     folds: int = 10
+    believed: float = 0.85
+    n_kept: int = 4000
     seed: int = 0
 
 
@@ -123,7 +128,8 @@ def couple(frames: Array, shape_names: Sequence[str], recipe: Recipe, metric: Ar
         tested = augment(stretch, shape_names, unseen)
         one, other = rng.integers(0, len(tested), (2, 2 * len(tested)))
         folds.append((augment(others, shape_names, learned), tested[one] - tested[other]))
-    return learn_coupling(folds, [region_of_shape(name) for name in shape_names], metric)
+    coupling = learn_coupling(folds, [muscle_of_shape(name) for name in shape_names], metric)
+    return recipe.believed * coupling + (1.0 - recipe.believed) * mirrored_pairs(shape_names)
 
 
 def fit_statistics(
@@ -156,9 +162,15 @@ def fit_statistics(
         examples.mean(axis=0),
         covariance,
         credits,
-        tuple(region_of_shape(name) for name in shape_names),
+        tuple(muscle_of_shape(name) for name in shape_names),
         coupling,
+        examples[_spaced(len(examples), recipe.n_kept)],
     )
+
+
+def _spaced(n: int, kept: int) -> NDArray[np.intp]:
+    """Return ``kept`` of the indices below ``n``, or all, evenly spaced."""
+    return np.linspace(0, n - 1, min(n, kept)).round().astype(np.intp)
 
 
 def learn_from_frames(
