@@ -7,6 +7,7 @@ import numpy as np
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.model.subject import ARKIT_SHAPES, Subject
 from scripts.asset_building.eyes import build_eye, place_eye
+from scripts.asset_building.halves import in_halves
 from scripts.asset_building.head import LASH_RING, LID_RINGS, Skin, cut_skin, ordered_ring, split_uv
 from scripts.asset_building.identity import NECK_TOP, Recipe, close_lips, identity_vertices, level_neck
 from scripts.asset_building.landmarks import feature_points, regions
@@ -15,6 +16,7 @@ from scripts.asset_building.lids import close_exactly, keep_clear, socket_ids, t
 from scripts.asset_building.looks import LOOKS
 from scripts.asset_building.mouth import LOWER, UPPER, build_jaw, build_tongue
 from scripts.asset_building.piece import Floats, Ints, Joined, Piece, join
+from scripts.asset_building.sculpting import sculpted
 from scripts.asset_building.skin_texture import hair_depth
 from scripts.asset_building.source import BaseMesh, Source
 from scripts.asset_building.symmetry import even, even_units
@@ -53,9 +55,8 @@ class Builder:
         self.mirror = source.mirror(len(self.rest))
         self.skin: Skin = cut_skin(self.base, self.mirror)
         self.place: Floats = self.skin.fine.matrix @ self.rest[self.skin.base_ids]
-        self.units = even_units(
-            {name: 10.0 * source.face_unit(name, len(self.rest)) for name in ARKIT_SHAPES}, self.mirror
-        )
+        units = {name: 10.0 * source.face_unit(name, len(self.rest)) for name in ARKIT_SHAPES}
+        self.units = sculpted(even_units(units, self.mirror), self.rest)
         rest_skin = self.rest[self.skin.base_ids]
         old = Layout(self.skin.base_uv, self.skin.base_quad_uvs)
         self.layout = unwrap_skin(rest_skin, self.skin.quads, old, texel_density(rest_skin))
@@ -66,6 +67,7 @@ class Builder:
         everyone = even(identity_vertices(self.source, self.rest, recipe), self.mirror)
         joined = join(self.pieces(everyone, self.units, recipe))
         points, titles = feature_points(self.skin, self.place, joined.parts)
+        names, shapes = in_halves(ARKIT_SHAPES, joined.shapes, joined.vertices[:, 0])
         return Subject(
             name=recipe.name,
             title=recipe.title,
@@ -74,8 +76,8 @@ class Builder:
             uv=joined.uv.astype(np.float32),
             polygon_uvs=joined.quad_uvs,
             parts=joined.parts,
-            shape_names=ARKIT_SHAPES,
-            shapes=joined.shapes.astype(np.float32),
+            shape_names=names,
+            shapes=shapes.astype(np.float32),
             regions=regions(self.skin, self.place, vertex_masks(self.source, self.skin), joined.parts),
             feature_points=points,
             feature_titles=titles,

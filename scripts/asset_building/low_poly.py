@@ -11,6 +11,7 @@ from faceposer.model.subject import ARKIT_SHAPES, Subject
 from scripts.asset_building.builder import CREDITS, SIDES, Builder, Eyeball, centred
 from scripts.asset_building.decimation import Decimation
 from scripts.asset_building.eyes import LOW_DETAIL, build_eye
+from scripts.asset_building.halves import in_halves
 from scripts.asset_building.head import LASH_RING, Skin, ordered_ring
 from scripts.asset_building.identity import Recipe, identity_vertices
 from scripts.asset_building.landmarks import feature_points, mirrored_ids, regions
@@ -91,6 +92,7 @@ def build_low(builder: Builder) -> Subject:
     named = regions(skin, place, masks, joined.parts)
     kept = {name: ids if name.startswith("eye_") else number[ids] for name, ids in named.items()}
     points, titles = feature_points(skin, place, joined.parts, mesh.kept)
+    names, shapes = in_halves(ARKIT_SHAPES, joined.shapes, joined.vertices[:, 0])
     textures = paint(builder.texels, LOOKS[LOW.name])
     wanted = {name: textures[name] for name in ("skin", "eye", "tongue")} | {"teeth": jpeg(paint_bands(), 90)}
     return Subject(
@@ -101,8 +103,8 @@ def build_low(builder: Builder) -> Subject:
         uv=joined.uv.astype(np.float32),
         polygon_uvs=joined.quad_uvs,
         parts=joined.parts,
-        shape_names=ARKIT_SHAPES,
-        shapes=joined.shapes.astype(np.float32),
+        shape_names=names,
+        shapes=shapes.astype(np.float32),
         regions={name: ids[ids >= 0] for name, ids in kept.items()},
         feature_points=points,
         feature_titles=titles,

@@ -1,0 +1,35 @@
+"""Re-sculpts what lowers the brows and wrinkles the nose; places are those of the base mesh, in centimetres.
+
+The source's browDown draws the inner brow as far inwards as down, and its noseSneer lowers the brow nearly as far as
+browDown does. Here the two are kept apart: procerus, depressor supercilii and corrugator lower the brow, most at its
+inner end, the last also drawing it towards the middle; what wrinkles the nose hardly reaches the brow.
+"""
+
+import numpy as np
+
+from scripts.asset_building.falloff import ramp
+from scripts.asset_building.piece import Floats
+
+#: Factor on the source's movement inwards, and how far down the brow goes along x, as factors on the source's.
+_INWARDS = 0.42
+_ALONG, _DOWN = (0.0, 0.8, 1.6, 2.6, 3.6, 4.8, 5.8), (1.5, 1.54, 1.53, 1.22, 0.92, 0.66, 0.5)
+#: Between these heights the upper lid's skin, which keeps its movement, becomes the brow's.
+_LID, _BROW = 73.3, 74.7
+#: What is left of noseSneer above the upper of these heights; below the lower one, all of it is.
+_SNEER_LEFT, _NOSE, _GLABELLA = 0.2, 72.6, 74.3
+
+
+def lowered_brow(unit: Floats, rest: Floats) -> Floats:
+    """Return the offsets of browDown of either side, shape (N, 3), from the source's ``unit`` on the mesh ``rest``."""
+    share = ramp(_LID, _BROW, rest[:, 1])
+    down = np.interp(np.abs(rest[:, 0]), _ALONG, _DOWN)
+    result = unit.copy()
+    result[:, 0] *= 1.0 + share * (_INWARDS - 1.0)
+    result[:, 1] *= 1.0 + share * (down - 1.0)
+    return result
+
+
+def wrinkled_nose(unit: Floats, rest: Floats) -> Floats:
+    """Return the offsets of noseSneer of either side, shape (N, 3), from the source's ``unit`` on the mesh ``rest``."""
+    faded: Floats = unit * (1.0 + ramp(_NOSE, _GLABELLA, rest[:, 1]) * (_SNEER_LEFT - 1.0))[:, None]
+    return faded
