@@ -44,7 +44,7 @@ if str(ROOT) not in sys.path:
 from faceposer.evaluation.feature_lines import FEATURE_LINES, feature_line, of_length, width_of
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.strokes import resampled, smoothed
-from faceposer.model.face_model import FaceModel, build_face_model, gram_of_shapes
+from faceposer.model.face_model import FaceModel, build_face_model, gram_of_named_shapes
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
 from faceposer.solve.constraints.stroke import StrokeConstraint, StrokeEnergy, as_pixels
@@ -211,7 +211,7 @@ def main() -> None:
     subject = load_subject(options.subject)
     if subject.shape_names != ARKIT_SHAPES:
         sys.exit(f"The frames do not fit the subject '{subject.name}': its shapes are not the 52 of ARKit.")
-    metric = gram_of_shapes(load_subject("man"))
+    metric = gram_of_named_shapes(load_subject("man"), ARKIT_SHAPES)
     model = build_face_model(subject, learn_from_frames(train, ARKIT_SHAPES, recipe, metric=metric))
     camera = OrbitView.preset(subject.vertices.min(axis=0), subject.vertices.max(axis=0)).camera(SIZE)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.model.expression_statistics import ExpressionStatistics
-from faceposer.model.face_model import FaceModel, build_face_model, gram_of_shapes
+from faceposer.model.face_model import FaceModel, build_face_model, gram_of_named_shapes
 from faceposer.model.subject import ARKIT_SHAPES, Subject
 from faceposer.model.subject_file import load_subject
 from faceposer.training.capture import Capture
@@ -67,7 +67,7 @@ class Setting:
     @cached_property
     def statistics(self) -> ExpressionStatistics:
         """What the recipe of the shipped prior learns from the captures."""
-        return learn(self.captures, self.recipe, metric=gram_of_shapes(load_subject("man")))
+        return learn(self.captures, self.recipe, metric=gram_of_named_shapes(load_subject("man"), ARKIT_SHAPES))
 
     @cached_property
     def model(self) -> FaceModel:

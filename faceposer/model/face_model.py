@@ -1,6 +1,6 @@
 """A subject with the subspace of its expressions and the density over it: all that a solve needs to know of a face."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Literal
@@ -237,6 +237,21 @@ def gram_of_shapes(subject: Subject) -> Array:
     """Return the inner products of the ``subject``'s shapes in its unit squared, summed over vertices, shape (S, S)."""
     flat = np.ascontiguousarray(subject.shapes, dtype=np.float32).reshape(len(subject.shapes), -1)
     gram: Array = (flat @ flat.T).astype(np.float64)
+    return gram
+
+
+def gram_of_named_shapes(subject: Subject, names: Sequence[str]) -> Array:
+    """Return the inner products of the ``subject``'s shapes called ``names``, (S, S); a whole is the sum of its halves.
+
+    Raises:
+        ValueError: If the subject has neither a shape nor its halves.
+    """
+    own = subject.shape_names
+    makes = np.zeros((len(names), len(own)))
+    for row, name in enumerate(names):
+        for made_of in (name,) if name in own else (name + "Left", name + "Right"):
+            makes[row, own.index(made_of)] = 1.0
+    gram: Array = makes @ gram_of_shapes(subject) @ makes.T
     return gram
 
 

@@ -31,8 +31,8 @@ _GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
 #: What else contracts, on the same side, for each unit of a shape: the orbicularis oculi in a felt smile (Ekman,
 #: Davidson and Friesen 1990: action units 6 and 12 together), the levator of the upper lid with the frontalis.
 CO_CONTRACTIONS: tuple[tuple[str, str, float], ...] = (
-    ("mouthSmile", "cheekSquint", 0.65),
-    ("mouthSmile", "eyeSquint", 0.30),
+    ("mouthSmile", "cheekSquint", 0.75),
+    ("mouthSmile", "eyeSquint", 0.35),
     ("browOuterUp", "eyeWide", 0.15),
 )
 # Correlations that remain between what the two sides of the face do, and between opposite brows.

@@ -13,6 +13,8 @@ from faceposer.solve.term import Array
 # A shape that moves a point by less than the first share of what it moves elsewhere cannot be meant by a pull on it;
 # from the second share on it can.
 _ALONG, _MEANT = 0.12, 0.35
+# A place that these shapes move by less than the first many centimetres hardly moves; by the second many, it does.
+_BONE_CM, _FLESH_CM = 0.08, 0.3
 # A pull is met nearly whole up to its reach, and not at all beyond.
 _SHARPNESS = 8.0
 # How far a weight without limits can go.
@@ -86,7 +88,8 @@ def reach_of_rows(
     free = np.concatenate([(upper - weights).clip(0.0, _FAR), -(weights - lower).clip(0.0, _FAR)])
     steps = np.concatenate([pixels, pixels], axis=1) * free[None, :, None]
     scale = np.sqrt(0.5 * np.einsum("nik,nik->n", by_place, by_place))
-    return Reach(steps, meant.max(axis=1, initial=0.0), scale)
+    own = np.sqrt(np.einsum("nw,nw->n", sizes * meant, sizes * meant))
+    return Reach(steps, _smooth_step((own - _BONE_CM) / (_FLESH_CM - _BONE_CM)), scale)
 
 
 def _smooth_step(t: Array) -> Array:
@@ -98,8 +101,8 @@ def _smooth_step(t: Array) -> Array:
 def limits_around(limits: Array, weights: Array) -> NDArray[np.float64]:
     """Return ``limits``, (W, 2), of rig weights widened to where the ``weights``, (W,), are.
 
-    A captured pose may go beyond what a rig's weights are meant for; as a start it stays as it is. Where both limits are
-    the same, there are none, and those returned are infinite.
+    A captured pose may go beyond what a rig's weights are meant for; as a start it stays as it is. Where both limits
+    are the same, there are none, and those returned are infinite.
     """
     lower, upper = limits.T
     bounded = upper > lower

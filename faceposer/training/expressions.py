@@ -37,6 +37,7 @@ class Recipe:
         blend: Share of the covariance of all examples in each component's, after the fit.
         folds: Number of stretches of the performance, each left out once, on which the coupling of muscles is judged.
         believed: Share of the coupling found that is believed: one performer's habits are not everybody's.
+        others: Share of examples made of performances of other people, where there are any.
         n_kept: Number of examples that are kept as they are.
         seed: Of everything random.
     """
@@ -53,6 +54,7 @@ class Recipe:
     blend: float = 0.0
     folds: int = 10
     believed: float = 0.85
+    others: float = 0.25
     n_kept: int = 4000
     seed: int = 0
 
@@ -174,15 +176,24 @@ def _spaced(n: int, kept: int) -> NDArray[np.intp]:
 
 
 def learn_from_frames(
-    frames: Array, shape_names: Sequence[str], recipe: Recipe, credits: str = "", metric: Array | None = None
+    frames: Array,
+    shape_names: Sequence[str],
+    recipe: Recipe,
+    credits: str = "",
+    metric: Array | None = None,
+    others: Sequence[Array] = (),
 ) -> ExpressionStatistics:
-    """Return the statistics of cleaned ``frames``, (F, S), in their order; see ``learn``."""
-    examples = augment(frames, shape_names, recipe)
+    """Return the statistics of cleaned ``frames``, (F, S), in their order, and of the ``others``; see ``learn``."""
+    examples = augment(with_others(frames, others, recipe), shape_names, recipe)
     return fit_statistics(examples, shape_names, recipe, credits, couple(frames, shape_names, recipe, metric))
 
 
 def learn(
-    captures: Sequence[Capture], recipe: Recipe | None = None, credits: str = "", metric: Array | None = None
+    captures: Sequence[Capture],
+    recipe: Recipe | None = None,
+    credits: str = "",
+    metric: Array | None = None,
+    others: Sequence[Sequence[Capture]] = (),
 ) -> ExpressionStatistics:
     """Return the statistics of performances by ``recipe``, each with a rest of its own.
 
@@ -194,6 +205,8 @@ def learn(
         recipe: How they are learned from.
         credits: Where they come from.
         metric: Inner products of a face's shapes, shape (S, S), to measure errors by; see ``learn_coupling``.
+        others: Performances of other people, a sequence for each. ``recipe.others`` of the examples are made of these,
+            each person counting alike; the coupling is learned from ``captures`` alone.
 
     Raises:
         ValueError: If there is no capture.
@@ -202,8 +215,20 @@ def learn(
     if not captures:
         raise ValueError("at least one capture is needed")
     shape_names = shapes_of(captures)
-    frames = np.concatenate([clean(capture.with_shapes(shape_names), recipe) for capture in captures])
-    return learn_from_frames(frames, shape_names, recipe, credits, metric)
+
+    def frames_of(takes: Sequence[Capture]) -> Array:
+        return np.concatenate([clean(take.with_shapes(shape_names), recipe) for take in takes])
+
+    frames = frames_of(captures)
+    return learn_from_frames(frames, shape_names, recipe, credits, metric, [frames_of(takes) for takes in others])
+
+
+def with_others(frames: Array, others: Sequence[Array], recipe: Recipe) -> Array:
+    """Return ``frames``, (F, S), with those of ``others`` repeated so that they make up ``recipe.others`` of all."""
+    if not others or recipe.others <= 0:
+        return frames
+    wanted = round(recipe.others / (1.0 - recipe.others) * len(frames) / len(others))
+    return np.concatenate([frames, *(other[np.arange(wanted) % len(other)] for other in others)])
 
 
 def shapes_of(captures: Sequence[Capture]) -> tuple[str, ...]:
