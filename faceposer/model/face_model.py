@@ -16,7 +16,7 @@ from faceposer.model.expression_statistics import ExpressionStatistics, load_exp
 from faceposer.model.local_moments import RigDensity
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.motion_samples import MotionSamples, sample_motion
-from faceposer.model.muscles import co_contraction, side_factors
+from faceposer.model.muscles import co_contraction, independence
 from faceposer.model.pca import RigSubspace, rig_pca, smallest_reaching, unreached
 from faceposer.model.split_shapes import split_to_match
 from faceposer.model.subject import Subject
@@ -219,7 +219,7 @@ def build_face_model(
         subject.shape_limits[moving_rows].astype(np.float64),
         moving_rows,
         tuple(statistics.regions[column] for column in kept),
-        statistics.factors[np.ix_(kept, kept)] * side_factors(kept_names),
+        statistics.factors[np.ix_(kept, kept)] * independence(kept_names),
         co_contraction(kept_names),
         None if statistics.examples is None else statistics.examples[:, kept],
     )
