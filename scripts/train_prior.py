@@ -5,7 +5,8 @@
     FACEPOSER_CAPTURES=FOLDER python scripts/train_prior.py --check    # learn and compare with what is there
 
 Of the first performer only take 3 is used, so that take 4 can judge what ships. A quarter of the examples is made of
-two other performers' takes; what is learned without them is judged by leaving whole performers out (docs/evaluation.md).
+two other performers' takes; what can be learned without them is judged by leaving whole performers out
+(docs/evaluation.md).
 """
 
 import os

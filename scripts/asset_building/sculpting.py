@@ -1,7 +1,7 @@
 """Corrects the source's face units, shape by shape, on the base mesh that they were made for."""
 
 from faceposer.model.subject import ARKIT_SHAPES
-from scripts.asset_building.brow_shapes import lowered_brow, wrinkled_nose
+from scripts.asset_building.brow_shapes import lowered_brow, raised_brow, wrinkled_nose
 from scripts.asset_building.head import Skin
 from scripts.asset_building.mouth_rings import mouth_rings
 from scripts.asset_building.mouth_shapes import around_lips, drawn_down, pushed_forward
@@ -9,6 +9,12 @@ from scripts.asset_building.piece import Floats
 from scripts.asset_building.smile_shapes import smiles, squints
 
 _SIDES = ("Left", "Right")
+_CORRECTIONS = {
+    "browDown": lowered_brow,
+    "browOuterUp": raised_brow,
+    "noseSneer": wrinkled_nose,
+    "mouthFrown": drawn_down,
+}
 #: Rings of the control mesh around the lips' contact that shapes speak of.
 _MOUTH_RINGS = 5
 
@@ -26,8 +32,10 @@ def sculpted(units: Floats, rest: Floats, skin: Skin) -> Floats:
     ids, control = skin.base_ids, rest[skin.base_ids]
     rings = mouth_rings(skin, control, _MOUTH_RINGS)
     for side in _SIDES:
-        for name, function in (("browDown", lowered_brow), ("noseSneer", wrinkled_nose), ("mouthFrown", drawn_down)):
+        for name, function in _CORRECTIONS.items():
             result[row[name + side], ids] = function(units[row[name + side], ids], control)
+    inner = row["browInnerUp"]
+    result[inner, ids] = raised_brow(units[inner, ids], control)
     forward = row["jawForward"]
     result[forward, ids] = pushed_forward(units[forward, ids], around_lips(skin, control))
     lid = units[row["eyeSquintLeft"], ids]
