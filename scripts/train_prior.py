@@ -4,7 +4,9 @@
     FACEPOSER_CAPTURES=FOLDER python scripts/train_prior.py            # learn and write
     FACEPOSER_CAPTURES=FOLDER python scripts/train_prior.py --check    # learn and compare with what is there
 
-Only take 3 is used, so that what ships is just what docs/results.md judges on take 4.
+Of the first performer only take 3 is used, so that take 4 can judge what ships. A quarter of the examples is made of
+two other performers' takes; what can be learned without them is judged by leaving whole performers out
+(docs/evaluation.md).
 """
 
 import os
@@ -20,16 +22,21 @@ from pathlib import Path
 
 import numpy as np
 
+from faceposer.evaluation.takes import steady
 from faceposer.model.expression_statistics import load_expression_statistics
 from faceposer.model.face_model import gram_of_weights
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
 from faceposer.resources import asset_path
 from faceposer.training.capture import read_capture
-from faceposer.training.expressions import learn
+from faceposer.training.expressions import Recipe, learn
 
 TAKE = "alex_rom_3.csv"
-CREDITS = "Learned from facial capture (c) 2021 Alexandre Donciu-Julin, MIT licence; see assets/README.md."
+OTHERS = ("jmtechart_myslate_3.csv", "llv_dao.csv")
+CREDITS = (
+    "Learned from facial captures (c) 2021 Alexandre Donciu-Julin and (c) 2023 JMTechArt, MIT licence, and (c) 2021 "
+    "blurryroots innovation qanat OUe, BSD 2-clause licence; see assets/README.md."
+)
 TOLERANCE = 1e-3
 
 
@@ -44,15 +51,20 @@ def main() -> None:
     began = time.perf_counter()
     # What regions tell of each other is judged by what can be seen of it on a face; the man's is an ordinary one.
     metric = gram_of_weights(load_subject("man"), ARKIT_SHAPES)
-    statistics = learn([read_capture(Path(folder) / TAKE)], credits=CREDITS, metric=metric)
-    print(f"learned from {TAKE} in {time.perf_counter() - began:.1f} s")
+    statistics = learn(
+        [read_capture(Path(folder) / TAKE)],
+        credits=CREDITS,
+        metric=metric,
+        others=[[steady(Path(folder) / name, Recipe().jump)] for name in OTHERS],
+    )
+    print(f"learned from {', '.join((TAKE, *OTHERS))} in {time.perf_counter() - began:.1f} s")
     path = asset_path("expressions.npz")
     if not options.check:
         statistics.save(path)
         print(f"{path} written, {path.stat().st_size / 1024:.0f} kB")
         return
     committed = load_expression_statistics(path)
-    for name in ("weights", "means", "covariances", "mean", "covariance", "coupling"):
+    for name in ("weights", "means", "covariances", "mean", "covariance", "coupling", "examples"):
         difference = float(np.abs(getattr(statistics, name) - getattr(committed, name)).max())
         print(f"{name}: largest difference {difference:.2g}")
         if difference > TOLERANCE:

@@ -64,3 +64,12 @@ class VertexNormals:
         squared = np.einsum("ij,ij->i", normals, normals)
         normals *= (1.0 / np.sqrt(np.maximum(squared, np.float32(1e-30))))[:, None]
         return normals
+
+
+def vertex_areas(vertices: Floats, triangles: Ints) -> NDArray[np.float64]:
+    """Return the area around each of the ``vertices``, (N, 3): a third of that of each of its ``triangles``, (N,)."""
+    corners = vertices[triangles].astype(np.float64)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = 0.5 * np.sqrt(np.einsum("ij,ij->i", cross, cross))
+    shares = np.repeat(areas / 3.0, 3)
+    return np.bincount(np.ravel(triangles), shares, minlength=len(vertices)).astype(np.float64)

@@ -12,6 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.model.muscles import nearest_correlation
+
 Array = NDArray[np.float64]
 #: Examples to learn from, (n, S), and changes between unseen ones to predict, (m, S).
 Fold = tuple[Array, Array]
@@ -70,7 +72,7 @@ def learn_coupling(folds: Sequence[Fold], regions: Sequence[str], metric: Array 
             ]
             factors[a, b] = factors[b, a] = _cautious_factor(np.array(gains))
     index = [names.index(region) for region in regions]
-    return _nearest_correlation(factors)[np.ix_(index, index)]
+    return nearest_correlation(factors)[np.ix_(index, index)]
 
 
 def _gain(fold: Fold, seen: NDArray[np.intp], unseen: NDArray[np.intp], metric: Array) -> Array:
@@ -90,12 +92,3 @@ def _cautious_factor(gains: Array) -> float:
     excess = errors - errors[:, [int(errors.mean(axis=0).argmin())]]
     allowed = excess.std(axis=0, ddof=1) / np.sqrt(len(gains))
     return float(_GRID[np.flatnonzero(excess.mean(axis=0) <= allowed + 1e-12)[0]])
-
-
-def _nearest_correlation(factors: Array) -> Array:
-    """Return ``factors`` without negative eigenvalues, scaled to a unit diagonal."""
-    values, axes = np.linalg.eigh(factors)
-    nearest = (axes * np.maximum(values, 0.0)) @ axes.T
-    scale = 1.0 / np.sqrt(np.diag(nearest))
-    matrix: Array = nearest * np.outer(scale, scale)
-    return matrix

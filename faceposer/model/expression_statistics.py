@@ -35,6 +35,7 @@ class ExpressionStatistics:
         regions: The region of the face that each weight belongs to; if left out, all belong to one.
         coupling: How far the weights of different regions tell of each other, a correlation matrix of shape (S, S)
             (``faceposer.model.coupling``); if None, regions are independent.
+        examples: Some of the examples themselves, shape (n, S), or None if they were not kept.
 
     Raises:
         ValueError: If the arrays do not fit together.
@@ -49,6 +50,7 @@ class ExpressionStatistics:
     credits: str
     regions: tuple[str, ...] = ()
     coupling: Array | None = None
+    examples: Array | None = None
 
     def __post_init__(self) -> None:
         if not self.regions:
@@ -71,6 +73,9 @@ class ExpressionStatistics:
             if value.shape != shape or not np.isfinite(value).all():
                 raise ValueError(f"{name} must be finite and of shape {shape}, not {value.shape}")
         _check_correlation(self.factors)
+        kept = self.examples
+        if kept is not None and (kept.ndim != 2 or kept.shape[1] != n_shapes or not np.isfinite(kept).all()):
+            raise ValueError(f"examples must be finite and of {n_shapes} columns, not of shape {kept.shape}")
 
     @property
     def factors(self) -> Array:
@@ -79,14 +84,17 @@ class ExpressionStatistics:
         return self.coupling
 
     def as_members(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Return what JSON holds of it, and its arrays in single precision, for the file of a subject."""
+        """Return what JSON holds of it, and its arrays, for the file of a subject.
+
+        The arrays are in single precision, but for the examples, which half precision is enough for.
+        """
         texts: dict[str, Any] = {}
         arrays: dict[str, NDArray[Any]] = {}
         for field in fields(self):
             value = getattr(self, field.name)
             if isinstance(value, np.ndarray):
-                arrays[field.name] = value.astype(np.float32)
-            else:
+                arrays[field.name] = value.astype(np.float16 if field.name == "examples" else np.float32)
+            elif value is not None:
                 texts[field.name] = list(value) if isinstance(value, tuple) else value
         return texts, arrays
 
@@ -105,7 +113,10 @@ class ExpressionStatistics:
         return cls(**known)
 
     def save(self, path: Path) -> None:
-        """Write the statistics to ``path``, single precision."""
+        """Write the statistics to ``path``, in single precision, the examples in half."""
+        arrays: dict[str, Any] = {name: getattr(self, name).astype(np.float32) for name in (*_ARRAYS, "coupling")}
+        if self.examples is not None:
+            arrays["examples"] = self.examples.astype(np.float16)
         temporary = path.with_name(path.name + ".tmp")
         with temporary.open("wb") as file:
             np.savez_compressed(
@@ -113,7 +124,7 @@ class ExpressionStatistics:
                 shape_names=np.array(self.shape_names),
                 credits=np.array(self.credits),
                 regions=np.array(self.regions),
-                **{name: getattr(self, name).astype(np.float32) for name in (*_ARRAYS, "coupling")},
+                **arrays,
             )
         temporary.replace(path)
 
@@ -139,8 +150,7 @@ def load_expression_statistics(path: Path | None = None) -> ExpressionStatistics
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             arrays = {name: data[name].astype(np.float64) for name in _ARRAYS}
             names = tuple(str(name) for name in data["shape_names"])
-            if "coupling" in data:
-                arrays["coupling"] = data["coupling"].astype(np.float64)
+            arrays |= {name: data[name].astype(np.float64) for name in ("coupling", "examples") if name in data}
             regions = tuple(str(region) for region in data["regions"]) if "regions" in data else ()
             return ExpressionStatistics(names, credits=str(data["credits"]), regions=regions, **arrays)
     except (OSError, ValueError, KeyError, EOFError) as error:

@@ -10,10 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
+from faceposer.geometry.mesh import vertex_areas
 from faceposer.geometry.picking import SurfacePoints, pick_pixels
 from faceposer.model.expression_statistics import ExpressionStatistics, load_expression_statistics
 from faceposer.model.local_moments import RigDensity
 from faceposer.model.mixture import GaussianMixture
+from faceposer.model.motion_samples import MotionSamples, sample_motion
+from faceposer.model.muscles import co_contraction, independence
 from faceposer.model.pca import RigSubspace, rig_pca, smallest_reaching, unreached
 from faceposer.model.shape_names import halves_of, weight_map
 from faceposer.model.split_shapes import split_to_match
@@ -64,6 +67,11 @@ class FaceModel:
     @cached_property
     def _flat_neutral(self) -> NDArray[np.float32]:
         return np.ascontiguousarray(self.subject.vertices, dtype=np.float32).ravel()
+
+    @cached_property
+    def motion_samples(self) -> MotionSamples:
+        """Places spread over the skin by which the motion of the whole face is measured."""
+        return sample_motion(self.subject, self.rig_density)
 
     def neutral(self) -> Array:
         """Return the coefficients of the neutral face: zeros, shape (r,)."""
@@ -206,13 +214,17 @@ def build_face_model(
     mixture = GaussianMixture(statistics.weights, statistics.means, statistics.covariances)
     moving = [(row, column) for row, column in zip(rows, columns, strict=True) if plain_gram[row, row] > 0]
     moving_rows, kept = (np.array(indices, dtype=np.intp) for indices in zip(*moving, strict=True))
+    kept_names = [subject.shape_names[row] for row in moving_rows]
     rig_density = RigDensity(
         GaussianMixture(statistics.weights, statistics.means[:, kept], statistics.covariances[:, kept[:, None], kept]),
         subspace.directions[moving_rows],
         subspace.projection[:, moving_rows],
         subject.shape_limits[moving_rows].astype(np.float64),
+        moving_rows,
         tuple(statistics.regions[column] for column in kept),
-        statistics.factors[np.ix_(kept, kept)],
+        statistics.factors[np.ix_(kept, kept)] * independence(kept_names),
+        co_contraction(kept_names),
+        None if statistics.examples is None else statistics.examples[:, kept],
     )
     return FaceModel(
         subject,
@@ -247,10 +259,7 @@ def _vertex_metric(subject: Subject) -> NDArray[np.float32]:
     In the plain metric the jaw and the eyeballs have nearly all the variance, and a brow is dropped as noise
     (Blanz and Vetter weigh segments for the same reason).
     """
-    corners = subject.vertices[subject.triangles].astype(np.float64)
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = 0.5 * np.sqrt(np.einsum("ij,ij->i", cross, cross))
-    area = np.bincount(subject.triangles.ravel(), np.repeat(areas / 3.0, 3), minlength=len(subject.vertices))
+    area = vertex_areas(subject.vertices, subject.triangles)
     motion = np.einsum("snd,snd->n", subject.shapes, subject.shapes) / len(subject.shapes)
     weights = area / (motion + _STILL_MOTION**2)
     metric: NDArray[np.float32] = (weights / weights.sum()).astype(np.float32)

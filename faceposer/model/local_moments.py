@@ -30,77 +30,97 @@ class RigDensity:
         directions: Weights per coefficient, shape (W, r).
         projection: Coefficients per weight, shape (r, W).
         limits: Least and greatest value of each weight, shape (W, 2); the same twice where there are none.
-        regions: Name of the region of the face that each weight belongs to.
-        coupling: Factors on what the weights of different regions tell of each other, a correlation matrix of shape
-            (W, W); within a region nothing is damped.
+        shape_rows: Index of each weight's shape among the face's, shape (W,).
+        regions: Name of the region of the face, or of the muscle, that each weight belongs to.
+        coupling: Factors on what the weights tell of each other, a correlation matrix of shape (W, W).
+        along: L, shape (W, W): what contracts along with each weight; a Gaussian over single muscles' weights with
+            covariance C becomes one with L C L^T.
+        examples: Weights that stand for the mixture, shape (n, W); draws from it if None.
     """
 
     mixture: GaussianMixture
     directions: Array
     projection: Array
     limits: Array
+    shape_rows: NDArray[np.intp]
     regions: tuple[str, ...]
     coupling: Array
+    along: Array
+    examples: Array | None = None
 
     @cached_property
     def draws(self) -> Array:
-        """Expressions drawn from the mixture, always the same, their weights within the limits, shape (n, W)."""
-        rng = np.random.default_rng(0)
-        drawn = self.mixture.draws(_DRAWS, rng)
+        """The examples, or draws from the mixture, always the same, their weights within the limits, shape (n, W)."""
+        given = self.examples
+        drawn = self.mixture.draws(_DRAWS, np.random.default_rng(0)) if given is None else given.copy()
         lower, upper = self.limits.T
         bounded = upper > lower
         drawn[:, bounded] = drawn[:, bounded].clip(lower[bounded], upper[bounded])
         return drawn
 
-    def seen_from(self, start: Array, whole: bool = False) -> "LocalMoments":
+    def seen_from(self, start: Array, wholeness: float = 0.0) -> "LocalMoments":
         """Return how the density looks from the pose with coefficients ``start``, shape (r,); see ``LocalMoments``."""
-        return LocalMoments(self, start, whole)
+        return LocalMoments(self, start, wholeness)
 
 
 class LocalMoments:
-    """A density of natural expressions as it looks from one pose, in the light of constraints.
+    """A density of natural expressions as it looks from one pose, given constraints.
 
-    The start pose is the peak of every density that this returns, so that a face nobody pulls stays as it is. The
-    spread about it is the second moment of those draws from the mixture that come nearest to the constraints, weighed
-    as in locally weighted regression (Cleveland 1979; tricube of the root energy relative to that of the k-th
-    nearest). It follows the targets without jumps.
+    The start pose is the peak of the density where nothing pulls, so that a face nobody touches stays as it is. The
+    spread about it is the second moment of those examples that come nearest to the constraints, weighed as in locally
+    weighted regression (Cleveland 1979; tricube of the root energy relative to that of the k-th nearest): with M the
+    moment, F the coupling, L what contracts along and e a faint variance, the covariance of the rig weights is
+    L (F o M) L^T + e I. It follows the targets without jumps.
+
+    Wholeness s from 0 to 1 goes over to the expressions of the examples as they are: F becomes F + s (1 - F),
+    L becomes I + (1 - s) (L - I), and the peak moves by s g towards the mean of the nearest examples, where
+    g = E / (E + E0) and E is the constraints' energy at the start, so that the peak stays where nothing pulls.
 
     Attributes:
-        share: Of the draws that the constraints leave: small enough to be specific, large enough to be smooth.
+        share: Of the examples that the constraints leave: small enough to be specific, large enough to be smooth.
+        notable: E0: the energy of constraints that a hand's tremor makes.
     """
 
     share: ClassVar[float] = 1.0 / 6.0
+    notable: ClassVar[float] = 8.0
 
-    def __init__(self, density: RigDensity, start: Array, whole: bool = False) -> None:
+    def __init__(self, density: RigDensity, start: Array, wholeness: float = 0.0) -> None:
         """Look at ``density`` from the pose with coefficients ``start``, shape (r,).
 
         Args:
             density: Of natural expressions.
             start: The pose that an untouched face has.
-            whole: Whether regions tell of each other all that the mixture says, or only as far as ``coupling`` allows.
+            wholeness: From 0, muscles tell of each other as far as ``coupling`` allows, to 1, all that examples say.
         """
         self._directions = density.directions
         self._offsets = density.draws - density.directions @ start
         self._coefficients = np.ascontiguousarray(self._offsets @ density.projection.T, dtype=np.float32)
-        self._factors = np.ones_like(density.coupling) if whole else density.coupling
+        self._factors = density.coupling + wholeness * (1.0 - density.coupling)
+        self._along = density.along + wholeness * (np.eye(len(density.along)) - density.along)
+        self._wholeness = wholeness
         moments = np.mean(self._offsets * self._offsets, axis=0)
         self._faint = _FAINT * float(moments.mean()) + 1e-12
         self._start = start
 
     def near(self, rows: Array, residual: Array) -> GaussianMixture:
-        """Return one Gaussian about the start, from the draws z where |``rows`` z + ``residual``|^2 is least.
+        """Return one Gaussian, from the examples z where |``rows`` z + ``residual``|^2 is least.
 
         Args:
-            rows: Derivatives of the constraints' residuals by the coefficients at the start, each divided by its
-                standard deviation, shape (m, r).
+            rows: Derivatives of the constraints' residuals with respect to the coefficients at the start, each divided
+                by its standard deviation, shape (m, r).
             residual: The residuals at the start, divided likewise, shape (m,).
         """
         offsets, shares = self.nearest(rows, residual)
+        shift = None
+        if self._wholeness > 0.0 and len(rows):
+            energy = float(residual @ residual)
+            shift = self._wholeness * energy / (energy + self.notable) * (shares @ offsets)
+            offsets = offsets - shift
         weighted = offsets * np.sqrt(shares)[:, None]
-        return self.gaussian(weighted.T @ weighted)
+        return self.gaussian(weighted.T @ weighted, shift)
 
     def nearest(self, rows: Array, residual: Array) -> tuple[Array, Array]:
-        """Return the draws nearest to the constraints, less the start, (n, W), and their shares of 1, (n,)."""
+        """Return the examples nearest to the constraints, less the start, (n, W), and their shares of 1, (n,)."""
         if not len(rows):
             return self._offsets, np.full(len(self._offsets), 1.0 / len(self._offsets))
         off = self._coefficients @ rows.T.astype(np.float32)
@@ -119,7 +139,7 @@ class LocalMoments:
             moment: About the mean.
             shift: Of the mean from the start, in the weights, shape (W,); none if None.
         """
-        damped = self._factors * moment
+        damped = self._along @ (self._factors * moment) @ self._along.T
         damped[np.diag_indices_from(damped)] += self._faint
         root = np.linalg.cholesky(damped)
         # In the face's subspace a Gaussian over the weights is the Gaussian of what its coefficients reach.

@@ -4,8 +4,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from faceposer.model.expression_statistics import ExpressionStatistics
+
+Array = NDArray[np.float64]
 
 _SIDES = ("Left", "Right")
 # How far the halves differ, as a share of the variance of the whole, and at least: nothing is known of it.
@@ -47,4 +50,13 @@ def _with_halves(statistics: ExpressionStatistics, whole: str, halves: tuple[str
         covariance=covariance,
         regions=tuple(statistics.regions[i] for i in order),
         coupling=statistics.factors[np.ix_(order, order)],
+        examples=None if statistics.examples is None else _halved(statistics.examples[:, order], column),
     )
+
+
+def _halved(examples: Array, column: int) -> Array:
+    """Return ``examples`` whose ``column`` and last column, both the whole's weight, differ, always in the same way."""
+    difference = np.sqrt(_DIFFER) * np.random.default_rng(column).uniform(-1.0, 1.0, len(examples))
+    whole = examples[:, column]
+    examples[:, column], examples[:, -1] = whole * (1.0 + difference), whole * (1.0 - difference)
+    return examples

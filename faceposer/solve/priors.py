@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from faceposer.model.face_model import FaceModel
 from faceposer.model.local_moments import LocalMoments
 from faceposer.model.mixture import GaussianMixture
-from faceposer.solve.term import Array, PoseState
+from faceposer.solve.term import Array, PoseState, ResidualTerm
 
 #: How a face is judged: region by region, as a whole, or by the mixture as it was learned, as the paper does.
 Prior = Literal["regions", "whole", "plain"]
@@ -17,6 +17,8 @@ PRIORS: tuple[Prior, ...] = get_args(Prior)
 
 # How far outside its limits a rig weight may stray, as a standard deviation and a share of their distance.
 _BOUND_SCALE = 0.05
+# How far apart the eyes may look, in rig weights, as a standard deviation: about half a degree.
+_GAZE_SIGMA = 0.015
 
 
 class MixturePrior:
@@ -44,10 +46,11 @@ class WeightBounds:
     mixture of Gaussians can say so: seen from the start pose it takes a movement and its opposite for equally likely.
     """
 
-    def __init__(self, directions: Array, limits: ArrayLike, weight: float = 1.0) -> None:
+    def __init__(self, directions: Array, limits: ArrayLike, weight: float = 1.0, start: Array | None = None) -> None:
         """Keep the rig weights ``directions @ p``, ``directions`` being (S, r), within ``limits`` of shape (S, 2).
 
-        Where the two limits of a shape are the same, nothing is bounded.
+        Where the two limits of a shape are the same, nothing is bounded. Limits are widened to the weights of the pose
+        ``start``, shape (r,), if that is given.
         """
         lower, upper = np.asarray(limits, dtype=np.float64).T
         bounded = upper > lower
@@ -55,6 +58,10 @@ class WeightBounds:
         self._scale = _BOUND_SCALE * (self._upper - self._lower)
         self._directions = directions[bounded]
         self._weight = weight
+        if start is not None:
+            # A captured pose that leaves the limits is a pose all the same: as a start it stays as it is.
+            weights = self._directions @ start
+            self._lower, self._upper = np.minimum(self._lower, weights), np.maximum(self._upper, weights)
 
     def _excess(self, state: PoseState) -> Array:
         weights = self._directions @ state.p
@@ -75,7 +82,49 @@ class WeightBounds:
         return product
 
 
-def centred_at(model: FaceModel, start: Array, prior: Prior = "regions") -> LocalMoments:
+class ParallelGaze(ResidualTerm):
+    """w / sigma^2 |A (p - p0)|^2, A p being how far the eyes look apart, in rig weights: across, and up or down.
+
+    Eyes look at one place. The capture measures each eye by itself, and its noise would make a face squint.
+    """
+
+    def __init__(self, apart: Array, start: Array, weight: float = 1.0) -> None:
+        """Keep ``apart @ p`` as it is at the pose ``start``, shape (r,), for what `gaze_differences` returns."""
+        super().__init__(np.full(len(apart), weight / _GAZE_SIGMA**2))
+        self._apart = apart
+        self._wanted = apart @ start
+
+    def residual(self, state: PoseState) -> Array:
+        """Return the change of both differences, shape (2,)."""
+        residual: Array = self._apart @ state.p - self._wanted
+        return residual
+
+    def jacobian(self, state: PoseState) -> Array:
+        """Return the derivatives, shape (2, r)."""
+        return self._apart
+
+
+def gaze_differences(model: FaceModel) -> Array:
+    """Return A, (2, r): the differences between the eyes' looks across and upwards, in rig weights.
+
+    A character that lacks some of the eight eyeLook shapes has none, (0, r).
+    """
+    names = model.subject.shape_names
+    if not all(f"eyeLook{way}{side}" in names for way in ("In", "Out", "Up", "Down") for side in ("Left", "Right")):
+        return np.zeros((0, model.n_coefficients))
+
+    def direction(name: str) -> Array:
+        row: Array = model.subspace.directions[names.index(name)]
+        return row
+
+    across = direction("eyeLookOutLeft") - direction("eyeLookInLeft")
+    across = across - (direction("eyeLookInRight") - direction("eyeLookOutRight"))
+    upwards = direction("eyeLookUpLeft") - direction("eyeLookDownLeft")
+    upwards = upwards - (direction("eyeLookUpRight") - direction("eyeLookDownRight"))
+    return np.stack([across, upwards])
+
+
+def centred_at(model: FaceModel, start: Array, prior: Prior = "regions", wholeness: float = 0.0) -> LocalMoments:
     """Return the model's density as it looks from the pose ``start``.
 
     The mode of a learned density is its performer's habitual face, not the pose that the user starts from, so that
@@ -86,11 +135,12 @@ def centred_at(model: FaceModel, start: Array, prior: Prior = "regions") -> Loca
     Args:
         model: The face and its density.
         start: Coefficients of the pose to start from, shape (r,).
-        prior: "regions" to damp what regions of the face tell of each other, "whole" not to.
+        prior: "regions" to damp what muscles tell of each other, "whole" not to.
+        wholeness: See ``LocalMoments``; "whole" means 1.
     """
-    return _centred_at(model, start.tobytes(), prior)
+    return _centred_at(model, start.tobytes(), 1.0 if prior == "whole" else wholeness)
 
 
 @lru_cache(maxsize=8)
-def _centred_at(model: FaceModel, start_bytes: bytes, prior: Prior) -> LocalMoments:
-    return model.rig_density.seen_from(np.frombuffer(start_bytes), whole=prior == "whole")
+def _centred_at(model: FaceModel, start_bytes: bytes, wholeness: float) -> LocalMoments:
+    return model.rig_density.seen_from(np.frombuffer(start_bytes), wholeness)

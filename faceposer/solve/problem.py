@@ -9,10 +9,21 @@ from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.model.mixture import GaussianMixture
 from faceposer.solve.constraints.gaze import GazeConstraint
+from faceposer.solve.constraints.point import PointTerm
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
-from faceposer.solve.priors import MixturePrior, Prior, WeightBounds, centred_at
+from faceposer.solve.least_motion import Evidence, LeastMotion
+from faceposer.solve.priors import MixturePrior, ParallelGaze, Prior, WeightBounds, centred_at, gaze_differences
+from faceposer.solve.reach import limits_around
 from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, ResidualTerm, Term
 
+#: Spread of a pull that a new session has, from 0 (local) to 1 (the whole face).
+SPREAD = 0.5
+# Factors on the prior's weight, of the Gaussian and of the bounds.
+_GAUSSIAN, _BOUNDS = 0.7, 1.5
+# Least motion: its strength at a spread of 0, and how fast it falls with the spread, 5 (1 - spread)^1.74.
+_MOTION, _MOTION_POWER = 5.0, 1.74
+# From this spread on the prior goes over to the examples' own expressions.
+_WHOLE_FROM = 0.75
 # Keeps the problem bounded where neither a constraint nor the prior says anything, far below what either says.
 _RIDGE = 1e-6
 
@@ -53,6 +64,7 @@ class PoseProblem:
         evidence: Sequence[Term] = (),
         held: Sequence[Term] = (),
         offset: ArrayLike | None = None,
+        spread: float = SPREAD,
     ) -> None:
         """Gather the problem.
 
@@ -69,6 +81,8 @@ class PoseProblem:
                 they look at the coefficients alone.
             held: Likewise, but what they ask for tells nothing of the rest of the face, as where the eyes look.
             offset: What is added to the start without a price, as gaze is, shape (r,).
+            spread: How much of the face follows a pull, from 0, as little as explains it, to 1, all that usually moves
+                along in what was learned from.
 
         Raises:
             ValueError: If a constraint names a place that the face does not have.
@@ -93,42 +107,45 @@ class PoseProblem:
                 # Where the eyes look tells nothing of the face.
                 pulls += terms if kind is not GazeConstraint else []
         self.terms += [*evidence, *held]
-        if mixture is None and prior == "plain":
-            mixture = model.mixture
+        centred = mixture is None and prior != "plain"
         # Nothing pulls: seen from the start, the start is the least of all energies.
-        self.at_rest = mixture is None and len(self.terms) == 1
-        self.mixture = mixture or self._seen_from(begin, prior, pulls)
-        if prior_weight > 0:
+        self.at_rest = centred and len(self.terms) == 1
+        self.mixture = model.mixture if mixture is None else mixture
+        if centred:
+            self._take_up_prior(begin, prior, spread, pulls)
+        elif prior_weight > 0:
             self.terms.append(MixturePrior(self.mixture, prior_weight))
-            if mixture is None:
-                self.terms.append(WeightBounds(model.subspace.directions, model.subject.shape_limits, prior_weight))
+        if mixture is None and prior_weight > 0:
+            self.terms.append(ParallelGaze(gaze_differences(model), self.start, prior_weight))
 
-    def _seen_from(self, begin: Array, prior: Prior, pulls: Sequence[Term]) -> GaussianMixture:
-        """Return the model's density as it looks from the pose ``begin``, in the light of the terms ``pulls``.
+    def _take_up_prior(self, begin: Array, prior: Prior, spread: float, pulls: Sequence[Term]) -> None:
+        """Add the terms of the model's density as it looks from the pose ``begin``, given the terms ``pulls``.
 
         What moves the start keeps the prior as it was seen from before: only its place moves along.
         """
+        density = self.model.rig_density
         state = self.state(self.start)
-        rows: list[Array] = [np.zeros((0, len(begin)))]
-        residuals: list[Array] = [np.zeros(0)]
+        limits = limits_around(density.limits, density.directions @ self.start)
         for term in pulls:
-            if isinstance(term, ResidualTerm):
-                roots = np.sqrt(term.weights)
-                rows.append(roots[:, None] * term.jacobian(state))
-                residuals.append(roots * term.residual(state))
-            else:
-                slope, curvature = term.value_and_gradient(state)[1], term.curvature(state)
-                faint = 1e-9 * np.trace(curvature) / len(begin) + 1e-12
-                lower = np.linalg.cholesky(0.5 * curvature + faint * np.eye(len(begin)))
-                rows.append(lower.T)
-                residuals.append(np.asarray(np.linalg.solve(lower, 0.5 * slope), dtype=np.float64))
-        stacked, off = np.concatenate(rows), np.concatenate(residuals)
-        if len(off) > len(begin) + 1:
-            # Only the products matter: hundreds of rows of a stroke are as good as one more than there are columns.
-            reduced: Array = np.asarray(np.linalg.qr(np.column_stack([stacked, off]), mode="r"))
-            stacked, off = reduced[:, :-1], reduced[:, -1]
-        mixture = centred_at(self.model, begin, prior).near(stacked, off)
-        return mixture if self.start is begin else mixture.moved_by(self.start - begin)
+            if isinstance(term, PointTerm):
+                term.limit(self.model, state, limits)
+        rows, residual = _linearised(pulls, state)
+        wholeness = max(0.0, (spread - _WHOLE_FROM) / (1.0 - _WHOLE_FROM))
+        self.mixture = centred_at(self.model, begin, prior, wholeness).near(rows, residual)
+        if self.start is not begin:
+            self.mixture = self.mixture.moved_by(self.start - begin)
+        weight = self.prior_weight
+        if weight <= 0:
+            return
+        self.terms.append(MixturePrior(self.mixture, _GAUSSIAN * weight))
+        strength = _MOTION * weight * (1.0 - spread) ** _MOTION_POWER
+        if strength > 0 and len(rows) and prior == "regions":
+            evidence = Evidence(rows.T @ rows, rows.T @ residual)
+            precision = 0.5 * _GAUSSIAN * weight * self.mixture.precisions[0]
+            self.terms.append(LeastMotion(self.model, self.start, evidence, precision, strength, limits))
+        self.terms.append(
+            WeightBounds(self.model.subspace.directions, self.model.subject.shape_limits, _BOUNDS * weight, self.start)
+        )
 
     def state(self, p: Array) -> PoseState:
         """Return the anchored points at coefficients ``p`` of shape (r,)."""
@@ -153,11 +170,12 @@ class PoseProblem:
         """Return each component's mean given the constraints, linearised at the start pose, shape (K, r)."""
         state = self.state(self.start)
         others = [term for term in self.terms if not isinstance(term, MixturePrior)]
+        priors = sum(t.weight for t in self.terms if isinstance(t, MixturePrior) and t.mixture is self.mixture)
         curvature = np.sum([term.curvature(state) for term in others], axis=0)
         gradient = np.sum([term.value_and_gradient(state)[1] for term in others], axis=0)
-        if self.prior_weight <= 0:
+        if priors <= 0:
             return (self.start - np.linalg.solve(curvature, gradient))[None]
-        precisions = self.prior_weight * self.mixture.precisions
+        precisions = priors * self.mixture.precisions
         towards = np.einsum("kij,kj->ki", precisions, self.mixture.means - self.start)
         steps = np.linalg.solve(curvature + precisions, (towards - gradient)[:, :, None])
         means: Array = self.start + steps[:, :, 0]
@@ -190,3 +208,27 @@ def gather(model: FaceModel, constraints: Sequence[Constraint]) -> tuple[Anchore
         tuple((camera, np.concatenate(indices)) for camera, indices in views.items()),
     )
     return anchored, slots
+
+
+def _linearised(terms: Sequence[Term], state: PoseState) -> tuple[Array, Array]:
+    """Return J, (m, r), and r, (m,), with the sum of the ``terms`` about |J d + r|^2 for a change d from ``state``."""
+    n = len(state.p)
+    rows: list[Array] = [np.zeros((0, n))]
+    residuals: list[Array] = [np.zeros(0)]
+    for term in terms:
+        if isinstance(term, ResidualTerm):
+            roots = np.sqrt(term.weights)
+            rows.append(roots[:, None] * term.jacobian(state))
+            residuals.append(roots * term.residual(state))
+        else:
+            slope, curvature = term.value_and_gradient(state)[1], term.curvature(state)
+            faint = 1e-9 * np.trace(curvature) / n + 1e-12
+            lower = np.linalg.cholesky(0.5 * curvature + faint * np.eye(n))
+            rows.append(lower.T)
+            residuals.append(np.asarray(np.linalg.solve(lower, 0.5 * slope), dtype=np.float64))
+    stacked, off = np.concatenate(rows), np.concatenate(residuals)
+    if len(off) > n + 1:
+        # Only the products matter: hundreds of rows of a stroke are as good as one more than there are columns.
+        reduced: Array = np.asarray(np.linalg.qr(np.column_stack([stacked, off]), mode="r"))
+        stacked, off = reduced[:, :-1], reduced[:, -1]
+    return stacked, off

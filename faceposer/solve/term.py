@@ -47,6 +47,11 @@ class PoseState:
         """World positions, shape (n, 3)."""
         return self._anchored.neutral + (self._anchored.rows @ self.p).reshape(-1, 3)
 
+    def anchored_at(self, indices: Indices) -> tuple[Array, Array]:
+        """Return the derivatives of the points ``indices``, (k, 3, r), and their neutral positions, (k, 3)."""
+        rows = self._anchored.rows.reshape(len(self._anchored.neutral), 3, -1)
+        return rows[indices], self._anchored.neutral[indices]
+
     @cached_property
     def _projection(self) -> tuple[Array, Array]:
         points, views = self.points, self._anchored.views
@@ -64,8 +69,7 @@ class PoseState:
 
     def pixel_jacobian(self, indices: Indices) -> Array:
         """Return the derivatives of the pixels ``indices`` by the coefficients, shape (k, 2, r) (paper, eq. (22))."""
-        rows = self._anchored.rows.reshape(len(self._anchored.neutral), 3, -1)[indices]
-        jacobian: Array = self._projection[1][indices] @ rows
+        jacobian: Array = self._projection[1][indices] @ self.anchored_at(indices)[0]
         return jacobian
 
     def pull_back(self, indices: Indices, by_pixel: Array) -> Array:

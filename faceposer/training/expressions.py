@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from faceposer.model.coupling import BROWS, GAZE, LIDS, learn_coupling, region_of_shape
 from faceposer.model.expression_statistics import ExpressionStatistics
+from faceposer.model.muscles import mirrored_pairs, muscle_of_shape
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.training.capture import Capture
 from faceposer.training.mfa import MixtureOfFactorAnalyzers
@@ -34,7 +35,10 @@ class Recipe:
         n_factors: Number q of factors of each.
         fit_shrinkage: Of the fit; see ``MixtureOfFactorAnalyzers``.
         blend: Share of the covariance of all examples in each component's, after the fit.
-        folds: Number of stretches of the performance, each left out once, on which the coupling of regions is judged.
+        folds: Number of stretches of the performance, each left out once, on which the coupling of muscles is judged.
+        believed: Share of the coupling found that is believed: one performer's habits are not everybody's.
+        others: Share of examples made of performances of other people, where there are any.
+        n_kept: Number of examples that are kept as they are.
         seed: Of everything random.
     """
 
@@ -49,6 +53,9 @@ class Recipe:
     fit_shrinkage: float = 0.0
     blend: float = 0.0
     folds: int = 10
+    believed: float = 0.85
+    others: float = 0.25
+    n_kept: int = 4000
     seed: int = 0
 
 
@@ -123,7 +130,8 @@ def couple(frames: Array, shape_names: Sequence[str], recipe: Recipe, metric: Ar
         tested = augment(stretch, shape_names, unseen)
         one, other = rng.integers(0, len(tested), (2, 2 * len(tested)))
         folds.append((augment(others, shape_names, learned), tested[one] - tested[other]))
-    return learn_coupling(folds, [region_of_shape(name) for name in shape_names], metric)
+    coupling = learn_coupling(folds, [muscle_of_shape(name) for name in shape_names], metric)
+    return recipe.believed * coupling + (1.0 - recipe.believed) * mirrored_pairs(shape_names)
 
 
 def fit_statistics(
@@ -156,21 +164,36 @@ def fit_statistics(
         examples.mean(axis=0),
         covariance,
         credits,
-        tuple(region_of_shape(name) for name in shape_names),
+        tuple(muscle_of_shape(name) for name in shape_names),
         coupling,
+        examples[_spaced(len(examples), recipe.n_kept)],
     )
 
 
+def _spaced(n: int, kept: int) -> NDArray[np.intp]:
+    """Return ``kept`` of the indices below ``n``, or all, evenly spaced."""
+    return np.linspace(0, n - 1, min(n, kept)).round().astype(np.intp)
+
+
 def learn_from_frames(
-    frames: Array, shape_names: Sequence[str], recipe: Recipe, credits: str = "", metric: Array | None = None
+    frames: Array,
+    shape_names: Sequence[str],
+    recipe: Recipe,
+    credits: str = "",
+    metric: Array | None = None,
+    others: Sequence[Array] = (),
 ) -> ExpressionStatistics:
-    """Return the statistics of cleaned ``frames``, (F, S), in their order; see ``learn``."""
-    examples = augment(frames, shape_names, recipe)
+    """Return the statistics of cleaned ``frames``, (F, S), in their order, and of the ``others``; see ``learn``."""
+    examples = augment(with_others(frames, others, recipe), shape_names, recipe)
     return fit_statistics(examples, shape_names, recipe, credits, couple(frames, shape_names, recipe, metric))
 
 
 def learn(
-    captures: Sequence[Capture], recipe: Recipe | None = None, credits: str = "", metric: Array | None = None
+    captures: Sequence[Capture],
+    recipe: Recipe | None = None,
+    credits: str = "",
+    metric: Array | None = None,
+    others: Sequence[Sequence[Capture]] = (),
 ) -> ExpressionStatistics:
     """Return the statistics of performances by ``recipe``, each with a rest of its own.
 
@@ -182,6 +205,8 @@ def learn(
         recipe: How they are learned from.
         credits: Where they come from.
         metric: Inner products of a face's shapes, shape (S, S), to measure errors by; see ``learn_coupling``.
+        others: Performances of other people, a sequence for each. ``recipe.others`` of the examples are made of these,
+            each person counting alike; the coupling is learned from ``captures`` alone.
 
     Raises:
         ValueError: If there is no capture.
@@ -190,8 +215,20 @@ def learn(
     if not captures:
         raise ValueError("at least one capture is needed")
     shape_names = shapes_of(captures)
-    frames = np.concatenate([clean(capture.with_shapes(shape_names), recipe) for capture in captures])
-    return learn_from_frames(frames, shape_names, recipe, credits, metric)
+
+    def frames_of(takes: Sequence[Capture]) -> Array:
+        return np.concatenate([clean(take.with_shapes(shape_names), recipe) for take in takes])
+
+    frames = frames_of(captures)
+    return learn_from_frames(frames, shape_names, recipe, credits, metric, [frames_of(takes) for takes in others])
+
+
+def with_others(frames: Array, others: Sequence[Array], recipe: Recipe) -> Array:
+    """Return ``frames``, (F, S), with those of ``others`` repeated so that they make up ``recipe.others`` of all."""
+    if not others or recipe.others <= 0:
+        return frames
+    wanted = round(recipe.others / (1.0 - recipe.others) * len(frames) / len(others))
+    return np.concatenate([frames, *(other[np.arange(wanted) % len(other)] for other in others)])
 
 
 def shapes_of(captures: Sequence[Capture]) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.geometry.mesh import vertex_areas
 from faceposer.training.frames import FrameStore
 from faceposer.training.segments import Segments
 from faceposer.training.streaming_pca import Components, Region, regional_pca, scores_of
@@ -59,10 +60,7 @@ def local_metric(vertices: Array, triangles: NDArray[np.integer], motion: Array)
         triangles: Vertex ids, shape (T, 3).
         motion: Mean squared displacement of each vertex, shape (N,).
     """
-    corners = vertices[triangles]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = 0.5 * np.sqrt(np.einsum("ij,ij->i", cross, cross))
-    area = np.bincount(np.ravel(triangles), np.repeat(areas / 3.0, 3), minlength=len(vertices))
+    area = vertex_areas(vertices, triangles)
     # A vertex at which all triangles are flat must not weigh nothing: displacements are divided by the weights again.
     area = np.maximum(area, _LEAST_AREA * area.mean())
     still = _STILL**2 * max(float(motion.max(initial=0.0)), np.finfo(float).tiny)

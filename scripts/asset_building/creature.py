@@ -85,8 +85,6 @@ _SWELLS = (
 _MOUTH_NARROWER, _MOUTH_SHALLOWER, _TEETH_BACK = 0.38, 0.40, 0.25
 #: The skin is subdivided where edges are longer than this, in centimetres, and along the lids' edges and the lips.
 _LONGEST_EDGE = 1.4
-#: How much further the outer brows rise than a person's would: no hair marks them.
-_BROWS_UP = 1.35
 #: How far around its large eyeballs, in centimetres, skin is kept off them.
 _LID_REACH = 2.2
 #: Turn of the left ear for each unit at full strength, as a rotation vector in degrees.
@@ -110,7 +108,6 @@ def build_creature(
     everyone, free = _creature_vertices(builder)
     head = builder.rest[:, 1] > 55.0
     units = fitted_units(builder.rest, everyone, builder.units, head)
-    units[[name.startswith("browOuterUp") for name in ARKIT_SHAPES]] *= _BROWS_UP
     pieces = builder.pieces(everyone, units, CREATURE)
     skin = builder.skin
     weights = np.stack([_unit_weights(expression) for expression in expressions.values()])

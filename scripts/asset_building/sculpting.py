@@ -17,6 +17,13 @@ _PULL_CHEEKS = tuple(
     for name in ("mouthFrown", "mouthPress", "mouthStretch", "mouthDimple", "mouth", "jaw")
     for side in _SIDES
 )
+#: What makes a shape of either side from the source's.
+_CORRECTIONS = {
+    "browDown": lowered_brow,
+    "browOuterUp": raised_brow,
+    "noseSneer": wrinkled_nose,
+    "mouthFrown": drawn_down,
+}
 #: Rings of the control mesh around the lips' contact that shapes speak of.
 _MOUTH_RINGS = 5
 
@@ -36,7 +43,7 @@ def sculpted(units: Floats, rest: Floats, skin: Skin) -> Floats:
     result[np.ix_(pulled, ids)] = even_cheeks(skin, control, units[np.ix_(pulled, ids)])
     rings = mouth_rings(skin, control, _MOUTH_RINGS)
     for side in _SIDES:
-        for name, function in (("browDown", lowered_brow), ("noseSneer", wrinkled_nose), ("mouthFrown", drawn_down)):
+        for name, function in _CORRECTIONS.items():
             result[row[name + side], ids] = function(result[row[name + side], ids], control)
     inner = row["browInnerUp"]
     result[inner, ids] = raised_brow(units[inner, ids], control)

@@ -63,7 +63,7 @@ STARTERS = (
         "Sadness",
         "Inner brows raised and drawn together, corners of the lips down, chin up: FACS action units 1 + 4 + 15 + 17.",
         {
-            "browInnerUp": 1.0,
+            "browInnerUp": 0.9,
             "browDown": 0.1,
             "mouthFrown": 0.6,
             "mouthShrugLower": 0.45,
@@ -78,8 +78,8 @@ STARTERS = (
         "Surprise",
         "Brows raised, eyes wide, jaw dropped: FACS action units 1 + 2 + 5 + 26.",
         {
-            "browInnerUp": 0.85,
-            "browOuterUp": 0.95,
+            "browInnerUp": 0.75,
+            "browOuterUp": 0.75,
             "eyeWide": 0.8,
             "jawOpen": 0.55,
             "mouthFunnel": 0.15,
@@ -92,8 +92,8 @@ STARTERS = (
         "Brows raised and drawn together, eyes wide, lids tense, lips stretched: FACS action units 1 + 2 + 4 + 5 + 7 + "
         "20 + 26.",
         {
-            "browInnerUp": 0.95,
-            "browOuterUp": 0.35,
+            "browInnerUp": 0.8,
+            "browOuterUp": 0.25,
             "browDown": 0.1,
             "eyeWide": 0.95,
             "eyeSquint": 0.1,

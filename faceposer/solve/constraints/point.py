@@ -14,6 +14,7 @@ from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.switches import KEYS, Switches, switches_from_json
+from faceposer.solve.reach import reach_of_rows
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 
 # How far a hand misses the pixel that it means, in pixels: sigma of eq. (9).
@@ -102,7 +103,23 @@ class PointTerm(ResidualTerm):
         """Prepare the term for ``constraints`` whose points have the indices ``points`` in the state."""
         super().__init__(np.repeat([constraint.weight / SIGMA_PX**2 for constraint in constraints], 2))
         self._targets = np.array([constraint.target for constraint in constraints])
+        self._cameras = [constraint.camera for constraint in constraints]
         self._points = points
+
+    def limit(self, model: FaceModel, state: PoseState, limits: Array) -> None:
+        """Bring targets that no face reaches from the ``state`` back to its reach (``faceposer.solve.reach``).
+
+        Args:
+            model: The face.
+            state: The pose that the pulls start from.
+            limits: Of the weights of the model's density there, shape (W, 2).
+        """
+        here = state.pixels[self._points]
+        rows, neutral = state.anchored_at(self._points)
+        for camera in dict.fromkeys(self._cameras):
+            seen = [i for i, own in enumerate(self._cameras) if own == camera]
+            reach = reach_of_rows(model, state.p, rows[seen], neutral[seen], camera, limits)
+            self._targets[seen] = here[seen] + reach.limited(self._targets[seen] - here[seen])
 
     def residual(self, state: PoseState) -> Array:
         """Return pixel minus target, shape (2 n,)."""

@@ -1,0 +1,83 @@
+"""Places spread evenly over a face's skin: how much of the face a pose moves, at the cost of a few of its vertices."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.geometry.mesh import vertex_areas
+from faceposer.model.local_moments import RigDensity
+from faceposer.model.subject import Subject
+
+Array = NDArray[np.float64]
+
+_SAMPLES = 150
+# Skin that no shape moves by more than this share of what moves most counts as bone.
+_STILL = 1e-3
+#: Centimetres of motion are meant for a head of this height from chin to crown.
+HEAD_CM = 22.0
+
+
+@dataclass(frozen=True, eq=False)
+class MotionSamples:
+    """How n places of the skin move with the coefficients of a face, in centimetres on a head of ``HEAD_CM``.
+
+    Attributes:
+        vertices: Shape (n,).
+        areas: Share of the moving skin that each stands for, shape (n,), summing to 1.
+        rows: Displacements by the coefficients, coordinates stacked, shape (3 n, r).
+        single: The same, but of the muscles behind a pose alone: what others contract along with them is not counted
+            (X = S L^-1 D with the shapes' displacements S, L of ``RigDensity.along`` and the weights' directions D).
+        largest: Largest displacement that each shape of the density makes anywhere on the skin, shape (W,).
+        scale: Centimetres on such a head for each unit of the face.
+    """
+
+    vertices: NDArray[np.intp]
+    areas: Array
+    rows: Array
+    single: Array
+    largest: Array
+    scale: float
+
+
+def sample_motion(subject: Subject, density: RigDensity) -> MotionSamples:
+    """Return places on the moving skin of ``subject``, chosen by farthest points, and what they stand for."""
+    scale = HEAD_CM / max(subject.height, 1e-9)
+    moved = density.shape_rows
+    offsets = subject.shapes[moved]
+    motion = np.sqrt(np.einsum("snd,snd->sn", offsets, offsets))
+    skin = np.zeros(len(subject.vertices), dtype=bool)
+    for part in subject.parts:
+        if part.material == "skin":
+            skin[slice(*part.vertices)] = True
+    if not skin.any():
+        skin[:] = True
+    largest = scale * motion[:, skin].max(axis=1).astype(np.float64)
+    most = motion.max(axis=0)
+    skin &= most > _STILL * most.max()
+    ids = np.flatnonzero(skin)
+    areas = vertex_areas(subject.vertices, subject.triangles)[ids]
+    places = subject.vertices[ids].astype(np.float64)
+    chosen, owners = _farthest(places, areas, min(_SAMPLES, len(ids)))
+    shares = np.bincount(owners, areas, minlength=len(chosen))
+    vertices = ids[chosen]
+    moves = scale * offsets[:, vertices].astype(np.float64).transpose(1, 2, 0).reshape(-1, len(moved))
+    single = moves @ np.linalg.solve(density.along, density.directions)
+    return MotionSamples(
+        vertices, shares / shares.sum(), moves @ density.directions, np.ascontiguousarray(single), largest, scale
+    )
+
+
+def _farthest(places: Array, areas: Array, n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return ``n`` of the ``places``, (m, 3), each farthest from those before, and which of them owns each place."""
+    chosen = np.empty(n, dtype=np.intp)
+    chosen[0] = int(np.argmax(areas))
+    owners = np.zeros(len(places), dtype=np.intp)
+    nearest = np.full(len(places), np.inf)
+    for i in range(n):
+        if i:
+            chosen[i] = int(np.argmax(nearest))
+        distance = np.linalg.norm(places - places[chosen[i]], axis=1)
+        owners[distance < nearest] = i
+        nearest = np.minimum(nearest, distance)
+    return chosen, owners
