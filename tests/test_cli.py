@@ -54,7 +54,7 @@ def test_solve_writes_the_mesh_and_the_report(model: FaceModel, smile: Path, tmp
     }
     assert [set(entry) for entry in report["constraints"]] == [{"type", "residual_px"}] * 2
     assert max(entry["residual_px"] for entry in report["constraints"]) < 3
-    assert len(report["weights"]) == 52
+    assert len(report["weights"]) == 54
     assert min(report["weights"]["mouthSmileLeft"], report["weights"]["mouthSmileRight"]) > 0.2
     expected = model.instance(np.array(report["coefficients"]))
     height = np.ptp(model.subject.vertices[:, 1])

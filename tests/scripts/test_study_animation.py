@@ -13,6 +13,7 @@ import pytest
 from faceposer.geometry.camera import OrbitView
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
+from faceposer.model.shape_names import weight_map
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.training.expressions import Recipe
 from scripts import study_animation
@@ -26,14 +27,19 @@ ROOT = Path(__file__).resolve().parents[2]
 def study(model: FaceModel) -> Study:
     vertices = model.subject.vertices
     camera = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0)).camera((800, 800))
-    setting: Any = SimpleNamespace(model=model, camera=camera, recipe=Recipe(), rig_weights=lambda frames: frames)
+    setting: Any = SimpleNamespace(
+        model=model, camera=camera, recipe=Recipe(), rig_weights=lambda frames: rig(model, frames)
+    )
     return Study(setting)
+
+
+def rig(model: FaceModel, frames: np.ndarray) -> np.ndarray:
+    return frames @ weight_map(model.subject.shape_names, ARKIT_SHAPES).T
 
 
 def test_measures_of_the_truth_and_of_a_face_that_stays(study: Study) -> None:
     model = study.model
-    assert model.subject.shape_names == ARKIT_SHAPES
-    true = weights(30, 0)
+    true = rig(model, weights(30, 0))
     same = study.measures(Performance.from_weights(model, true, 30.0), true)
     assert same["error"] < 0.05 * same["of neutral"]
     assert same["jerk"] == pytest.approx(same["jerk of truth"], rel=0.1)
@@ -43,7 +49,7 @@ def test_measures_of_the_truth_and_of_a_face_that_stays(study: Study) -> None:
 
 
 def test_a_case_is_followed_as_it_says(study: Study) -> None:
-    runs = [weights(20, seed) for seed in range(2)]
+    runs = [rig(study.model, weights(20, seed)) for seed in range(2)]
     problem = study_animation.following._Frames.problem
     near, neutral = (Case("", {}, from_neutral=flag).run(study, runs) for flag in (False, True))
     rough = Case("", {"smoothness": 0.0}).run(study, runs)
@@ -54,7 +60,7 @@ def test_a_case_is_followed_as_it_says(study: Study) -> None:
 
 
 def test_gaps_and_jumps_are_where_they_are_said_to_be(study: Study) -> None:
-    tracks = study.tracked(weights(200, 0), 0.0)
+    tracks = study.tracked(rig(study.model, weights(200, 0)), 0.0)
     gaps = ~with_gaps(tracks).seen
     assert gaps[100:130].all()
     assert 0.1 < gaps[:100].mean() < 0.25

@@ -94,7 +94,7 @@ def test_undo_comes_back_to_the_frame_of_the_edit(session: Session) -> None:
     assert animation.shown == "between"
     session.redo()
     assert animation.frame == 20
-    assert weights(session)["browInnerUp"] == pytest.approx(0.9, abs=0.05)
+    assert weights(session)["browInnerUpLeft"] == pytest.approx(0.9, abs=0.05)
     assert animation.shown == "key"
 
 
