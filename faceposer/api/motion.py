@@ -77,6 +77,7 @@ class InMotion:
             smoothness=smoothness,
             prior_weight=document.prior_weight,
             prior=document.prior,
+            spread=document.spread,
             start=document.start,
         )
 
