@@ -14,7 +14,7 @@ from faceposer.model.performance import Performance
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.priors import MixturePrior, Prior
-from faceposer.solve.problem import SPREAD, PoseProblem
+from faceposer.solve.problem import RECORDED_SPREAD, PoseProblem
 from faceposer.solve.term import Array
 
 # So many frames are made smooth together, of which the last ones, that later frames still have a say in, are done again
@@ -32,7 +32,7 @@ def follow(
     smoothness: float = 1.0,
     prior_weight: float = 1.0,
     prior: Prior = "regions",
-    spread: float = SPREAD,
+    spread: float = RECORDED_SPREAD,
     start: ArrayLike | None = None,
     constraints: Sequence[Constraint] = (),
     look_ahead: bool = True,
@@ -52,7 +52,7 @@ def follow(
         smoothness: Weight of the changes of velocity, at least 0; ``smoothness_metric`` has its unit.
         prior_weight: Weight of the prior, at least 0.
         prior: How the prior judges; see ``PoseProblem``.
-        spread: How much of the face follows a few points; see ``PoseProblem``.
+        spread: How much of the face follows its points; see ``PoseProblem``.
         start: The pose before the first frame, which the face comes back to where nothing tells otherwise, shape (r,);
             the neutral face if None.
         constraints: What holds in all frames besides.

@@ -50,7 +50,7 @@ def add_parser(commands: Any) -> None:
         default="regions",
         help="judge region by region, the face as a whole, or by the mixture as it was learned (default: regions)",
     )
-    add_spread(parser, "0.5")
+    add_spread(parser, "1, for what was recorded from a real face")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
     from faceposer.animation.trajectory_io import read_camera, read_trajectories
     from faceposer.geometry.marker_map import read_marker_map
     from faceposer.session.opening import load_model
-    from faceposer.solve.problem import SPREAD
+    from faceposer.solve.problem import RECORDED_SPREAD
     from faceposer.viewer.exporting import write
 
     model = load_model(options.subject)
@@ -87,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
             smoothness=options.smoothness,
             prior_weight=options.prior_weight,
             prior=options.prior,
-            spread=SPREAD if options.spread is None else options.spread,
+            spread=RECORDED_SPREAD if options.spread is None else options.spread,
             on_frame=lambda frame, _pose: line.show(f"Frame {frame + 1} of {n_frames}"),
         )
         write(options.output, model, performance, progress=line.share)

@@ -84,8 +84,8 @@ def expression_constraints(
     for i in pinned(photo, model)[0]:
         pin = photo.pins[i]
         pixels[pin.place] = np.asarray(pin.pixel) * scale
-    spread = _FEATURE_SPREAD * _HEAD_PX
-    weight = SIGMA_PX**2 / (SIGMA_PX**2 + spread**2)
+    variance = SIGMA_PX**2 + (_FEATURE_SPREAD * _HEAD_PX) ** 2
+    weight = SIGMA_PX**2 / variance
     pupils = {pupil for pupil, _ in PUPILS}
     places = [place for place in pixels if place not in pupils and rigidity(place, model) < 0.3]
     points = [
@@ -108,7 +108,7 @@ def expression_constraints(
             if not group:
                 continue
             middle = np.mean([off[i] for i in group], axis=0)
-            offset = middle * group_variance / (group_variance + (SIGMA_PX**2 + spread**2) / len(group))
+            offset = middle * group_variance / (group_variance + variance / len(group))
             for i in group:
                 u, v = (targets[i] - offset).tolist()
                 shifted[i] = replace(points[i], target=(u, v))

@@ -19,6 +19,8 @@ from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, Resi
 
 #: Spread of a pull that a new session has, from 0 (local) to 1 (the whole face).
 SPREAD = 0.5
+#: Spread of what was measured on a real face, as recorded trajectories are: all of it moved, not what an artist meant.
+RECORDED_SPREAD = 1.0
 # Factors on the prior's weight, of the Gaussian and of the bounds.
 _GAUSSIAN, _BOUNDS = 0.7, 1.5
 # Least motion: its strength at a spread of 0, and how fast it falls with the spread, 5 (1 - spread)^1.74.

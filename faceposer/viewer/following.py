@@ -17,7 +17,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.priors import Prior
-from faceposer.solve.problem import SPREAD
+from faceposer.solve.problem import RECORDED_SPREAD, SPREAD
 from faceposer.viewer.actions import Action, Submenu
 from faceposer.viewer.features import Feature
 from faceposer.viewer.overlay_trajectories import TrajectoryPainter
@@ -308,7 +308,8 @@ class Following(Feature):
             constraints,
             document.prior_weight,
             document.prior,
-            document.spread,
+            # Drawn by hand, the ways of a few points mean what a drag means; from a file they are a real face's.
+            RECORDED_SPREAD if first is None else document.spread,
         )
         self.job = FollowingJob(request, self._wake)
         self.app.redraw()
