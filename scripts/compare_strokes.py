@@ -44,7 +44,8 @@ if str(ROOT) not in sys.path:
 from faceposer.evaluation.feature_lines import FEATURE_LINES, feature_line, of_length, width_of
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.strokes import resampled, smoothed
-from faceposer.model.face_model import FaceModel, build_face_model, gram_of_named_shapes
+from faceposer.model.face_model import FaceModel, build_face_model, gram_of_weights
+from faceposer.model.shape_names import weight_map
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
 from faceposer.solve.constraints.stroke import StrokeConstraint, StrokeEnergy, as_pixels
@@ -209,9 +210,10 @@ def main() -> None:
     recipe = replace(Recipe(), n_examples=options.examples)
     train, test = (clean(read_capture(Path(folder) / take), recipe) for take in (TRAIN, TEST))
     subject = load_subject(options.subject)
-    if subject.shape_names != ARKIT_SHAPES:
-        sys.exit(f"The frames do not fit the subject '{subject.name}': its shapes are not the 52 of ARKit.")
-    metric = gram_of_named_shapes(load_subject("man"), ARKIT_SHAPES)
+    lift = weight_map(subject.shape_names, ARKIT_SHAPES)
+    if not lift.any(axis=0).all():
+        sys.exit(f"The frames do not fit the subject '{subject.name}': it lacks some of ARKit's 52 shapes.")
+    metric = gram_of_weights(load_subject("man"), ARKIT_SHAPES)
     model = build_face_model(subject, learn_from_frames(train, ARKIT_SHAPES, recipe, metric=metric))
     camera = OrbitView.preset(subject.vertices.min(axis=0), subject.vertices.max(axis=0)).camera(SIZE)
 
@@ -220,7 +222,7 @@ def main() -> None:
     print(f"{'':33}{'3D error':>9}{'px':>7}{'worse':>7}{'ms':>7}{'evals':>7}  (3D error of the neutral face = 1)")
     for pixels in PIXELS:
         for situation in SITUATIONS:
-            trials = list(make_trials(model, test, camera, situation, pixels, options.poses, options.seed))
+            trials = list(make_trials(model, test @ lift.T, camera, situation, pixels, options.poses, options.seed))
             print(f"{pixels} pixels, {situation}, {len(trials)} frames")
             for name, method in methods.items():
                 found = judge(model, name, method, trials)

@@ -36,6 +36,7 @@ from faceposer.evaluation.trials import Cell, Trial, TrialMaker
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.local_moments import LocalMoments, RigDensity
 from faceposer.model.mixture import GaussianMixture
+from faceposer.model.shape_names import makers
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
@@ -176,7 +177,7 @@ def _apart(setting: Setting) -> FaceModel:
 def _examples(setting: Setting, number: int) -> FaceModel:
     """Return the model with examples of the take in place of draws from the mixture."""
     subject = setting.subject
-    moving = [i for i, name in enumerate(subject.shape_names) if name in ARKIT_SHAPES]
+    moving = [i for i, name in enumerate(subject.shape_names) if makers(name, ARKIT_SHAPES)]
     chosen = np.random.default_rng(0).choice(len(setting.examples), number, replace=False)
     examples = setting.rig_weights(setting.examples[chosen])[:, moving]
     width = len(setting.model.rig_density.regions)

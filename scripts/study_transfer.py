@@ -41,6 +41,7 @@ from faceposer.evaluation.takes import steady
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
+from faceposer.model.shape_names import weight_map
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
 from faceposer.training.expressions import Recipe, clean
@@ -93,8 +94,8 @@ def judged(model: FaceModel) -> NDArray[np.intp]:
 
 def weights_on(model: FaceModel, frame: Array) -> Array:
     """Return ``frame``, weights of ``ARKIT_SHAPES``, in the order of the model's shapes."""
-    values = dict(zip(ARKIT_SHAPES, frame.tolist(), strict=True))
-    return np.array([values.get(name, 0.0) for name in model.subject.shape_names])
+    weights: Array = weight_map(model.subject.shape_names, ARKIT_SHAPES) @ frame
+    return weights
 
 
 def relative(model: FaceModel, poses: list[Array], truths: list[Array]) -> float:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.model.expression_statistics import ExpressionStatistics
-from faceposer.model.face_model import FaceModel, build_face_model, gram_of_named_shapes
+from faceposer.model.face_model import FaceModel, build_face_model, gram_of_weights
+from faceposer.model.shape_names import weight_map
 from faceposer.model.subject import ARKIT_SHAPES, Subject
 from faceposer.model.subject_file import load_subject
 from faceposer.training.capture import Capture
@@ -67,7 +68,7 @@ class Setting:
     @cached_property
     def statistics(self) -> ExpressionStatistics:
         """What the recipe of the shipped prior learns from the captures."""
-        return learn(self.captures, self.recipe, metric=gram_of_named_shapes(load_subject("man"), ARKIT_SHAPES))
+        return learn(self.captures, self.recipe, metric=gram_of_weights(load_subject("man"), ARKIT_SHAPES))
 
     @cached_property
     def model(self) -> FaceModel:
@@ -77,7 +78,7 @@ class Setting:
     @cached_property
     def full(self) -> FaceModel:
         """The face with all its dimensions, principal components of plain squared distance first."""
-        return build_face_model(self.subject, self.plain(self.frames), len(ARKIT_SHAPES), "plain")
+        return build_face_model(self.subject, self.plain(self.frames), len(self.subject.shape_names), "plain")
 
     def plain(self, examples: Array) -> ExpressionStatistics:
         """Return the moments of ``examples``, shape (n, 52), with one Gaussian for a density."""
@@ -102,17 +103,9 @@ class Setting:
     def _fits(self) -> dict[tuple[int, int, int], tuple[Array, ExpressionStatistics]]:
         return {}
 
-    def columns(self) -> NDArray[np.intp]:
-        """Return, for each of the subject's shapes, the column of ``ARKIT_SHAPES``, -1 where it is none of them."""
-        return np.array(
-            [ARKIT_SHAPES.index(name) if name in ARKIT_SHAPES else -1 for name in self.subject.shape_names],
-            dtype=np.intp,
-        )
-
     def rig_weights(self, frames: Array) -> Array:
         """Return ``frames`` of ARKit's weights, shape (F, 52), as weights of the subject's shapes, (F, S)."""
-        columns = self.columns()
-        weights: Array = np.where(columns >= 0, frames[:, columns], 0.0)
+        weights: Array = frames @ weight_map(self.subject.shape_names, ARKIT_SHAPES).T
         return weights
 
     def vertices_of(self, weights: Array) -> NDArray[np.float32]:

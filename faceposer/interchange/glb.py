@@ -1,10 +1,11 @@
 """The face as binary glTF 2.0: its parts with textures, its shapes as morph targets, and a performance of them.
 
 Metres, y up, the face looks along +z, as the standard wants it. The weights of the targets are those of the rig that
-add up to the pose exactly; they may leave 0 to 1, which the standard allows.
+add up to the pose exactly; they may leave 0 to 1, which the standard allows. A shape in halves is there as a whole too,
+under the name that ARKit has for it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from faceposer.interchange.progress import Progress, no_progress
 from faceposer.model.face_model import FaceModel
 from faceposer.model.materials import BASE_COLOURS
 from faceposer.model.performance import Performance
+from faceposer.model.shape_names import halves_of, whole_of
 from faceposer.model.subject import Part, Subject
 
 METRES_PER_UNIT = 0.01
@@ -62,9 +64,9 @@ def write_glb(
     Raises:
         FacePoserError: If the file cannot be written, or would be too large.
     """
-    subject = model.subject
-    builder = GltfBuilder(_asset(subject))
     frames = motion.weights(model) if isinstance(motion, Performance) else model.weights_of(motion)[None]
+    subject, frames = _with_wholes(model.subject, frames)
+    builder = GltfBuilder(_asset(subject))
     normals = VertexNormals(subject.triangles, len(subject.vertices))
     at_rest = normals(subject.vertices)
     turned = _normal_offsets(subject, normals, at_rest, progress)
@@ -87,6 +89,30 @@ def write_glb(
         _animate(builder, moving, frames, motion.rate)
     with replacing(path, "model") as temporary:
         temporary.write_bytes(builder.to_bytes())
+
+
+def _with_wholes(subject: Subject, frames: NDArray[np.float64]) -> tuple[Subject, NDArray[np.float64]]:
+    """Return the ``subject`` with the whole of each shape that it has in halves, and weights of it, (F, S), to match.
+
+    The whole, which is the halves' sum, bears what both halves have in common, and the halves what is left.
+    """
+    names, shapes, weights = list(subject.shape_names), [*subject.shapes], [*frames.T]
+    for whole in dict.fromkeys(map(whole_of, subject.shape_names)):
+        halves = [names.index(half) for half in halves_of(whole) if half in names]
+        if len(halves) < 2 or whole in names:
+            continue
+        left, right = (weights[half] for half in halves)
+        common = np.where(left * right > 0, np.sign(left) * np.minimum(np.abs(left), np.abs(right)), 0.0)
+        for half in halves:
+            weights[half] = weights[half] - common
+        names.append(whole)
+        shapes.append(shapes[halves[0]] + shapes[halves[1]])
+        weights.append(common)
+    limits = np.tile(np.array([0.0, 1.0], dtype=np.float32), (len(names), 1))
+    limits[: len(subject.shape_limits)] = subject.shape_limits
+    return replace(subject, shape_names=tuple(names), shapes=np.stack(shapes), shape_limits=limits), np.stack(
+        weights, 1
+    )
 
 
 def _asset(subject: Subject) -> dict[str, str]:

@@ -11,7 +11,7 @@ from faceposer.errors import FacePoserError
 from faceposer.interchange.files import replacing
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
-from faceposer.model.shape_names import SPLIT_SHAPES
+from faceposer.model.shape_names import weight_map
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.solve.weight_fit import fit_weights_of_frames
 
@@ -54,21 +54,13 @@ def arkit_weights(model: FaceModel, coefficients: Array) -> Array:
     Raises:
         FacePoserError: If the subject has none of ARKit's shapes.
     """
-    names = model.subject.shape_names
-    fitted = np.clip(fit_weights_of_frames(model, coefficients), 0.0, 1.0)
-    weights = np.zeros((len(fitted), len(ARKIT_SHAPES)))
-    found = False
-    for column, name in enumerate(ARKIT_SHAPES):
-        halves = [half for half in SPLIT_SHAPES if half in (f"{name}Left", f"{name}Right")]
-        own = [names.index(other) for other in ((name,) if name in names else halves) if other in names]
-        if own:
-            weights[:, column] = fitted[:, own].mean(axis=1)
-            found = True
-    if not found:
+    lift = weight_map(ARKIT_SHAPES, model.subject.shape_names)
+    if not lift.any():
         raise FacePoserError(
             f"{model.subject.title} has none of ARKit's 52 shapes, which a CSV of Live Link Face is about; write its "
             "own weights as .json, or its shapes as .glb."
         )
+    weights: Array = np.clip(fit_weights_of_frames(model, coefficients), 0.0, 1.0) @ lift.T
     return weights
 
 

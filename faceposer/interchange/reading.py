@@ -16,7 +16,7 @@ from faceposer.interchange.named_weights import NamedWeights
 from faceposer.interchange.weights_json import read_weights
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
-from faceposer.model.shape_names import canonical_shape
+from faceposer.model.shape_names import canonical_shape, halves_of, whole_of
 from faceposer.training.capture import read_capture
 
 Array = NDArray[np.float64]
@@ -165,19 +165,20 @@ def read_performance(path: Path, model: FaceModel) -> ReadPerformance:
     names = [name if name in shapes else canonical_shape(name) or name for name in named.names]
     _check_spellings(path, named, names)
     weights = np.zeros((len(named.frames), len(shapes)))
-    used = set()
+    used: set[str] = set()
     for column, shape in enumerate(shapes):
-        # A rig may have the halves of what the file has whole.
-        name = shape if shape in names else shape.removesuffix("Left").removesuffix("Right")
-        if name in names:
-            weights[:, column] = named.frames[:, names.index(name)]
-            used.add(name)
+        # A file may have the whole of a half, the halves of a whole, or all of them, whose movements add up.
+        for group in ((shape,), {whole_of(shape)} - {shape}, halves_of(shape)):
+            found = [names.index(name) for name in group if name in names]
+            if found:
+                weights[:, column] += named.frames[:, found].mean(axis=1)
+                used.update(group)
     if not used:
         raise FacePoserError(
             f"'{path}' has none of the shapes of {title} (it has '{names[0][:60]}' and so on, the face "
             f"'{shapes[0]}'); give weights of this face."
         )
-    left = len(names) - len(used)
+    left = len(set(names) - used)
     note = f"{left} of its {len(names)} shapes are none of {title}'s and were left out." if left else ""
     return ReadPerformance(Performance.from_weights(model, weights, named.rate or _DEFAULT_RATE), note)
 

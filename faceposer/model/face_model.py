@@ -16,8 +16,9 @@ from faceposer.model.expression_statistics import ExpressionStatistics, load_exp
 from faceposer.model.local_moments import RigDensity
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.motion_samples import MotionSamples, sample_motion
-from faceposer.model.muscles import co_contraction, side_factors
+from faceposer.model.muscles import co_contraction, independence
 from faceposer.model.pca import RigSubspace, rig_pca, smallest_reaching, unreached
+from faceposer.model.shape_names import halves_of, weight_map
 from faceposer.model.split_shapes import split_to_match
 from faceposer.model.subject import Subject
 
@@ -143,7 +144,8 @@ class FaceModel:
         """Return the coefficients, shape (r,), nearest to the face with the rig ``weights``.
 
         Args:
-            weights: Shape (S,) in the order of the subject's shapes, or values by name, the rest being zero.
+            weights: Shape (S,) in the order of the subject's shapes, or values by name, the rest being zero; the whole
+                name of a shape that the subject has in halves, as browInnerUp, means both.
 
         Raises:
             KeyError: If a name is not one of the subject's shapes.
@@ -151,9 +153,10 @@ class FaceModel:
         if isinstance(weights, Mapping):
             vector = np.zeros(len(self.subject.shape_names))
             for name, value in weights.items():
-                if name not in self.subject.shape_names:
+                own = [name] if name in self.subject.shape_names else halves_of(name)
+                if not own or any(shape not in self.subject.shape_names for shape in own):
                     raise KeyError(name)
-                vector[self.subject.shape_names.index(name)] = value
+                vector[[self.subject.shape_names.index(shape) for shape in own]] += value
         else:
             vector = np.asarray(weights, dtype=np.float64)
         coefficients: Array = self.subspace.projection @ vector
@@ -223,7 +226,7 @@ def build_face_model(
         subject.shape_limits[moving_rows].astype(np.float64),
         moving_rows,
         tuple(statistics.regions[column] for column in kept),
-        statistics.factors[np.ix_(kept, kept)] * side_factors(kept_names),
+        statistics.factors[np.ix_(kept, kept)] * independence(kept_names),
         co_contraction(kept_names),
         None if statistics.examples is None else statistics.examples[:, kept],
     )
@@ -244,18 +247,13 @@ def gram_of_shapes(subject: Subject) -> Array:
     return gram
 
 
-def gram_of_named_shapes(subject: Subject, names: Sequence[str]) -> Array:
-    """Return the inner products of the ``subject``'s shapes called ``names``, (S, S); a whole is the sum of its halves.
+def gram_of_weights(subject: Subject, names: Sequence[str]) -> Array:
+    """Return the inner products of what weights called ``names`` move on the ``subject``, shape (S', S').
 
-    Raises:
-        ValueError: If the subject has neither a shape nor its halves.
+    The subject may have the halves of a shape that is named as a whole.
     """
-    own = subject.shape_names
-    makes = np.zeros((len(names), len(own)))
-    for row, name in enumerate(names):
-        for made_of in (name,) if name in own else (name + "Left", name + "Right"):
-            makes[row, own.index(made_of)] = 1.0
-    gram: Array = makes @ gram_of_shapes(subject) @ makes.T
+    lift = weight_map(subject.shape_names, names)
+    gram: Array = lift.T @ gram_of_shapes(subject) @ lift
     return gram
 
 

@@ -23,7 +23,8 @@ _GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("nose", ("noseSneer",)),
     ("smile", ("mouthSmile", "mouthDimple")),
     ("frown", ("mouthFrown",)),
-    ("lower lip", ("mouthStretch", "mouthLowerDown")),
+    ("stretch", ("mouthStretch",)),
+    ("lower lip", ("mouthLowerDown",)),
     ("upper lip", ("mouthUpperUp",)),
     ("jaw", ("jaw", "mouthClose", "tongue")),
     ("lips", ("mouth", "cheekPuff")),
@@ -38,8 +39,11 @@ CO_CONTRACTIONS: tuple[tuple[str, str, float], ...] = (
 #: A shape that is there only as far as another is, and by how much it may go beyond that: ARKit's mouthClose brings the
 #: lips together over an open jaw; with a closed one it would lift the lower lip through the upper.
 DEPENDENT_SHAPES: tuple[tuple[str, str, float], ...] = (("mouthClose", "jawOpen", 0.05),)
-# Correlations that remain between what the two sides of the face do, and between opposite brows.
-_ACROSS, _ACROSS_BROWS = 0.95, 0.4
+# Share of what a muscle of one side does that is common to both sides, where people can move one side alone.
+_COMMON = {"brow down": 0.4, "brow up": 0.4, "blink": 0.4, "wide": 0.5, "nose": 0.6, "upper lip": 0.6}
+_USUALLY_COMMON = 0.93
+# Share of what the jaw does that goes with the rest of the face: a mouth that is pulled stays as far open as it is.
+_JAW_COMMON = 0.4
 _SIDES = ("Left", "Right")
 
 
@@ -56,20 +60,23 @@ def side_of_shape(name: str) -> str:
     return next((side for side in _SIDES if name.endswith(side)), "")
 
 
-def side_factors(names: Sequence[str]) -> Array:
-    """Return how far what one side of the face does tells of the other, a correlation matrix, shape (S, S).
+def independence(names: Sequence[str]) -> Array:
+    """Return how far the weights of shapes tell of each other as an artist means them, a correlation matrix, (S, S).
 
     Performers mostly move both sides alike, because exercises ask for it; an artist who pulls one side means that side.
-    A side and the middle share the root of half of it, as if the middle were the mean of both sides.
+    Each weight is taken for a sum of independent parts, the squares of whose shares add up to 1: one that is common to
+    both sides and one of its own side, of which a shape of both sides has the first alone; of the jaw likewise one that
+    it has in common with the rest of the face, and one of its own.
     """
+    groups = [muscle_of_shape(name) for name in names]
     sides = np.array([side_of_shape(name) for name in names])
-    middle = sides == ""
-    opposite = (sides[:, None] != sides) & ~middle[:, None] & ~middle
-    factors = np.where(opposite, _ACROSS, 1.0)
-    factors[middle[:, None] != middle] = np.sqrt(0.5 * (1.0 + _ACROSS))
-    brows = np.array([name.startswith("brow") for name in names])
-    factors[opposite & brows[:, None] & brows] = _ACROSS_BROWS
-    return nearest_correlation(factors)
+    common = np.array([_COMMON.get(group, _USUALLY_COMMON) for group in groups])
+    common[sides == ""] = 1.0
+    both, own = np.sqrt(common), np.sqrt(1.0 - common)
+    factors = np.outer(both, both) + np.outer(own, own) * (sides[:, None] == sides)
+    jaw = np.array([group == "jaw" for group in groups])
+    factors[jaw[:, None] != jaw] *= np.sqrt(_JAW_COMMON)
+    return factors
 
 
 def mirrored_pairs(names: Sequence[str]) -> NDArray[np.bool_]:

@@ -2,8 +2,11 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.model.subject import ARKIT_SHAPES
@@ -49,6 +52,43 @@ class NameMatch:
     others: tuple[str, ...]
 
 
+def whole_of(name: str) -> str:
+    """Return the shape that ``name``, one of ``SPLIT_SHAPES``, is half of; any other name is itself."""
+    return re.sub("(Left|Right)$", "", name) if name in SPLIT_SHAPES else name
+
+
+def halves_of(name: str) -> tuple[str, ...]:
+    """Return left and right half of the shape ``name``; none where no rig has it in halves."""
+    return tuple(half for half in SPLIT_SHAPES if whole_of(half) == name)
+
+
+def makers(name: str, have: Collection[str]) -> tuple[str, ...]:
+    """Return those of the shapes ``have`` whose mean weight is that of the shape ``name``.
+
+    They are the shape itself, or the whole that it is half of, or its halves as far as they are there, or none.
+    """
+    if name in have:
+        return (name,)
+    whole = whole_of(name)
+    if whole != name:
+        return (whole,) if whole in have else ()
+    return tuple(half for half in halves_of(name) if half in have)
+
+
+def weight_map(names: Sequence[str], given: Sequence[str]) -> NDArray[np.float64]:
+    """Return the matrix that makes weights of the shapes ``names`` from those of ``given``, shape (S', S).
+
+    Both may have ``SPLIT_SHAPES`` or the wholes. A shape that cannot be made is 0.
+    """
+    matrix = np.zeros((len(names), len(given)))
+    index = {name: column for column, name in enumerate(given)}
+    for row, name in enumerate(names):
+        sources = makers(name, index)
+        for source in sources:
+            matrix[row, index[source]] = 1.0 / len(sources)
+    return matrix
+
+
 def canonical_shape(name: str) -> str | None:
     """Return which of ``ARKIT_SHAPES`` and ``SPLIT_SHAPES`` is meant by ``name``, None if it is none of them.
 
@@ -89,7 +129,7 @@ def match_arkit(names: Iterable[str], where: str) -> NameMatch:
                 "remove one of them."
             )
         owners[shape] = name
-    have = {re.sub("(Left|Right)$", "", shape) if shape in SPLIT_SHAPES else shape for shape in owners}
+    have = {whole_of(shape) for shape in owners}
     return NameMatch(
         {name: shape for name, shape in found.items() if shape is not None},
         tuple(shape for shape in ARKIT_SHAPES if shape not in have),

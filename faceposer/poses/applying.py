@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.model.face_model import FaceModel
-from faceposer.model.shape_names import SPLIT_SHAPES
+from faceposer.model.shape_names import SPLIT_SHAPES, halves_of, whole_of
 from faceposer.model.subject import ARKIT_SHAPES, Subject
 from faceposer.poses.pose_file import Pose
 
@@ -64,12 +64,12 @@ def _as_the_rig_has_it(
     """Return ``name`` with its weight under the names that the ``rig`` has for it, halves for a whole and back."""
     if name in rig:
         return {name: weight}
-    halves = {name + side: weight for side in ("Left", "Right")}
-    if all(half in rig for half in halves):
-        return halves
-    whole = name.removesuffix("Left").removesuffix("Right")
-    if name in SPLIT_SHAPES and whole in rig:
-        return {whole: 0.5 * (weights.get(whole + "Left", 0.0) + weights.get(whole + "Right", 0.0))}
+    halves = halves_of(name)
+    if halves and all(half in rig for half in halves):
+        return dict.fromkeys(halves, weight)
+    whole = whole_of(name)
+    if whole != name and whole in rig:
+        return {whole: float(np.mean([weights.get(half, 0.0) for half in halves_of(whole)]))}
     return {}
 
 

@@ -7,7 +7,6 @@ right eye's rotation (2 each), then a weight for each name.
 """
 
 import csv
-import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.model.shape_names import SPLIT_SHAPES, canonical_shape
+from faceposer.model.shape_names import canonical_shape, whole_of
 from faceposer.model.subject import ARKIT_SHAPES
 
 Array = NDArray[np.float64]
@@ -192,9 +191,7 @@ def _weight(cell: str, name: str, path: Path, number: int) -> float:
 def _channel(name: str) -> str | None:
     """Return the ARKit shape that a column is of, or None."""
     shape = canonical_shape(name)
-    if shape in SPLIT_SHAPES:
-        return re.sub("(Left|Right)$", "", shape)
-    return shape
+    return None if shape is None else whole_of(shape)
 
 
 def missing_shapes(captures: Iterable[Capture]) -> tuple[str, ...]:

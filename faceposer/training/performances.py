@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.model.expression_statistics import ExpressionStatistics
-from faceposer.model.face_model import gram_of_named_shapes
+from faceposer.model.face_model import gram_of_weights
 from faceposer.model.subject_file import load_subject
 from faceposer.training.capture import Capture, read_capture
 from faceposer.training.expressions import Recipe, augment, clean, learn, shapes_of
@@ -84,7 +84,7 @@ def statistics_of_captures(
 
 def _metric(names: Sequence[str]) -> Array:
     """Return the inner products of the man's shapes called ``names``: errors count as far as a face shows them."""
-    return gram_of_named_shapes(load_subject("man"), names)
+    return gram_of_weights(load_subject("man"), names)
 
 
 def _folds(captures: Sequence[Capture], names: Sequence[str], recipe: Recipe) -> list[Fold]:

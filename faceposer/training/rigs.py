@@ -11,7 +11,7 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.polygon_mesh import MorphMesh
 from faceposer.geometry.rig_io import read_rig
 from faceposer.model.face_model import build_face_model
-from faceposer.model.shape_names import match_arkit
+from faceposer.model.shape_names import halves_of, match_arkit
 from faceposer.model.subject import Subject
 from faceposer.training.assemble import UprightMesh, assemble
 from faceposer.training.eyes import add_gaze
@@ -73,7 +73,10 @@ def subject_from_morphs(rig: MorphMesh, source: str, options: RigOptions, progre
         FacePoserError: If it has too few of ARKit's shapes, or they move too little.
     """
     match = match_arkit(rig.targets, f"The rig '{source}'")
-    named = {ours: rig.targets[theirs] for theirs, ours in match.shapes.items()}
+    # A whole whose halves are there as well is their sum.
+    found_names = {*match.shapes.values()}
+    wholes = {name for name in found_names if halves_of(name) and found_names.issuperset(halves_of(name))}
+    named = {ours: rig.targets[theirs] for theirs, ours in match.shapes.items() if ours not in wholes}
     moving = [name for name, offsets in named.items() if np.any(offsets)]
     if len(moving) < _FEWEST_SHAPES:
         examples = ", ".join(f"'{name}'" for name in list(rig.targets)[:3])

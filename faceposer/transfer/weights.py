@@ -1,18 +1,14 @@
 """The direct way: weights of ARKit's shapes, by their names, where both rigs have them."""
 
-import re
-
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.model.face_model import FaceModel
-from faceposer.model.shape_names import SPLIT_SHAPES, match_arkit
+from faceposer.model.shape_names import makers, match_arkit
 from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
-
-_SIDE = re.compile("(Left|Right)$")
 
 
 def arkit_rows(subject: Subject) -> dict[str, int]:
@@ -47,7 +43,7 @@ class WeightMap:
         self.matrix = np.zeros((len(target.shape_names), len(source.shape_names)))
         used: set[str] = set()
         for name, row in theirs.items():
-            sources = _makers(name, ours)
+            sources = makers(name, ours)
             used.update(sources)
             for maker in sources:
                 self.matrix[row, ours[maker]] = 1.0 / len(sources)
@@ -57,15 +53,6 @@ class WeightMap:
             raise FacePoserError(
                 f"The subjects '{source.name}' and '{target.name}' share none of ARKit's shapes; transfer by distances."
             )
-
-
-def _makers(name: str, ours: dict[str, int]) -> list[str]:
-    """Return the shapes among ``ours`` whose mean is the weight of the shape ``name``."""
-    if name in ours:
-        return [name]
-    if name in SPLIT_SHAPES:
-        return [whole for whole in (_SIDE.sub("", name),) if whole in ours]
-    return [half for half in (f"{name}Left", f"{name}Right") if half in SPLIT_SHAPES and half in ours]
 
 
 class WeightTransfer:

@@ -10,11 +10,14 @@ from scripts.asset_building.eyes import build_eye, place_eye
 from scripts.asset_building.halves import in_halves
 from scripts.asset_building.head import LASH_RING, LID_RINGS, Skin, cut_skin, ordered_ring, split_uv
 from scripts.asset_building.identity import NECK_TOP, Recipe, close_lips, identity_vertices, level_neck
+from scripts.asset_building.jaw import jaw_hinge
+from scripts.asset_building.jaw_skin import JawSkin, jaw_skin
 from scripts.asset_building.landmarks import feature_points, regions
 from scripts.asset_building.lashes import build_lashes
 from scripts.asset_building.lids import close_exactly, keep_clear, socket_ids, tuck_socket
 from scripts.asset_building.looks import LOOKS
 from scripts.asset_building.mouth import LOWER, UPPER, build_jaw, build_tongue
+from scripts.asset_building.mouth_shapes import LIP_REACH, MOUTH_REACH, around_lips, closed_again
 from scripts.asset_building.piece import Floats, Ints, Joined, Piece, join
 from scripts.asset_building.sculpting import sculpted
 from scripts.asset_building.skin_texture import hair_depth
@@ -56,7 +59,9 @@ class Builder:
         self.skin: Skin = cut_skin(self.base, self.mirror)
         self.place: Floats = self.skin.fine.matrix @ self.rest[self.skin.base_ids]
         units = {name: 10.0 * source.face_unit(name, len(self.rest)) for name in ARKIT_SHAPES}
-        self.units = sculpted(even_units(units, self.mirror), self.rest)
+        even_source = even_units(units, self.mirror)
+        self.units = sculpted(even_source, self.rest, self.skin)
+        self.jaw: JawSkin = jaw_skin(self.skin, self.rest, even_source[ARKIT_SHAPES.index("jawOpen")])
         rest_skin = self.rest[self.skin.base_ids]
         old = Layout(self.skin.base_uv, self.skin.base_quad_uvs)
         self.layout = unwrap_skin(rest_skin, self.skin.quads, old, texel_density(rest_skin))
@@ -95,6 +100,7 @@ class Builder:
         """
         vertices = self._skin_vertices(everyone, recipe)
         eyeballs = [self.eyeball(side, vertices) for side in SIDES]
+        units = self._opened(everyone, units)
         skin = self._skin(vertices, units, eyeballs)
         pieces = [skin, *(build_eye(eye.side, eye.centre, eye.radius, ARKIT_SHAPES) for eye in eyeballs)]
         for jaw, arch in (("upper", UPPER), ("lower", LOWER)):
@@ -105,6 +111,16 @@ class Builder:
             ring, lid = self._lash_ring(eye.side)
             pieces.append(build_lashes(eye.side, skin.vertices, skin.shapes, ring, lid, eye.centre, recipe.lash_length))
         return pieces
+
+    def _opened(self, everyone: Floats, units: Floats) -> Floats:
+        """Return ``units`` with the skin's jawOpen about the head's own hinge, and the mouthClose that goes with it."""
+        ids, result = self.skin.base_ids, units.copy()
+        opens, closes = ARKIT_SHAPES.index("jawOpen"), ARKIT_SHAPES.index("mouthClose")
+        opening = self.jaw.opening(everyone[ids], jaw_hinge(everyone))
+        lips, near = (around_lips(self.skin, self.rest[ids], reach) for reach in (LIP_REACH, MOUTH_REACH))
+        result[opens, ids] = opening
+        result[closes, ids] = closed_again(units[closes, ids], units[opens, ids], opening, lips, near)
+        return result
 
     def group(self, name: str) -> Ints:
         """Return the vertices of the base mesh's group ``name``, rising, shape (n,)."""

@@ -5,7 +5,6 @@ import numpy as np
 from faceposer.evaluation.setting import Setting
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.subject import ARKIT_SHAPES
 
 
 def model_with_energy(setting: Setting, statistics: ExpressionStatistics, energy: float) -> FaceModel:
@@ -16,7 +15,7 @@ def model_with_energy(setting: Setting, statistics: ExpressionStatistics, energy
         statistics: Moments and density of the weights of ``ARKIT_SHAPES``.
         energy: Share of the variance that the components have at least, up to 1 for all of them.
     """
-    full = build_face_model(setting.subject, statistics, len(ARKIT_SHAPES), "plain")
+    full = build_face_model(setting.subject, statistics, len(setting.subject.shape_names), "plain")
     shares = np.cumsum(full.subspace.variances) / full.subspace.variances.sum()
     n = min(int(np.searchsorted(shares, energy)) + 1, full.n_coefficients)
     return full if n == full.n_coefficients else build_face_model(setting.subject, statistics, n, "plain")

@@ -1,0 +1,45 @@
+"""Re-sculpts mouthFrown, jawForward and mouthClose; places are those of the base mesh, in centimetres."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from scripts.asset_building.falloff import ramp
+from scripts.asset_building.head import Skin
+from scripts.asset_building.piece import Floats
+
+#: How much further depressor anguli oris draws the corner of the mouth down than in the source, and the heights between
+#: which the factor falls to 1, so that nose and cheekbone keep what they have.
+_FURTHER, _MOUTH, _NOSE = 1.85, 66.8, 68.8
+#: Distances from the lips' contact between which a change of the lips fades out, and all of the closing of the mouth.
+LIP_REACH, MOUTH_REACH = (1.0, 2.8), (4.5, 7.0)
+#: What the lips do not have of the jaw's way down and forward, so that they stay shut and behind the chin.
+_LESS = (0.0, 0.8, 0.15)
+
+
+def drawn_down(unit: Floats, control: Floats) -> Floats:
+    """Return the offsets of mouthFrown of either side from the source's ``unit`` on ``control``, shape (C, 3) both."""
+    factor = _FURTHER + (1.0 - _FURTHER) * ramp(_MOUTH, _NOSE, control[:, 1])
+    return unit * factor[:, None]
+
+
+def around_lips(skin: Skin, control: Floats, reach: tuple[float, float] = LIP_REACH) -> Floats:
+    """Return weights of the ``control`` vertices, (C, 3), that are 1 on the lips and fade out around them, (C,)."""
+    return 1.0 - ramp(*reach, cKDTree(control[skin.lip_contact]).query(control)[0])
+
+
+def pushed_forward(unit: Floats, lips: Floats) -> Floats:
+    """Return the offsets of jawForward from the source's ``unit``, shape (C, 3), ``lips`` from `around_lips`."""
+    return unit * (1.0 - np.multiply.outer(lips, _LESS))
+
+
+def closed_again(closing: Floats, source_opening: Floats, opening: Floats, lips: Floats, near: Floats) -> Floats:
+    """Return the offsets of mouthClose, which with jawOpen brings the lips together, shape (C, 3).
+
+    Args:
+        closing: The source's mouthClose, made for its jawOpen.
+        source_opening: The source's jawOpen.
+        opening: What jawOpen is in its place.
+        lips: From `around_lips`, on the lips.
+        near: The same, on all that their closing moves.
+    """
+    return closing * near[:, None] + lips[:, None] * (source_opening - opening)
