@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from faceposer import cli_applications, cli_evaluation, cli_training
+from faceposer.cli_applications.arguments import add_spread
 from faceposer.errors import FacePoserError, NoWindowError
 from faceposer.interchange.files import check_apart, check_output
 
@@ -121,6 +122,7 @@ def _command_parser() -> argparse.ArgumentParser:
     solve.add_argument("session", type=Path, metavar="SESSION", help="session file (docs/session-format.md)")
     solve.add_argument("-o", "--output", type=Path, metavar="OUT.obj", required=True, help="posed mesh to write")
     solve.add_argument("--report", type=Path, metavar="R.json", help="also write energy, residuals and ARKit weights")
+    add_spread(solve, "as the session has it")
 
     render = commands.add_parser(
         "render", help="draw a face", description="Draw a subject, a session or a mesh as PNG."
@@ -164,6 +166,8 @@ def _solve(options: argparse.Namespace) -> int:
     if options.session.suffix.lower() != ".json":
         raise FacePoserError(f"'{options.session}' is no session file; give one that ends in '.json'.")
     face = load(options.session)
+    if options.spread is not None:
+        face.spread = options.spread
     solution = face.solve()
     face.save(options.output)
     if options.report is not None:

@@ -14,7 +14,7 @@ from faceposer.model.performance import Performance
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.priors import MixturePrior, Prior
-from faceposer.solve.problem import PoseProblem
+from faceposer.solve.problem import RECORDED_SPREAD, PoseProblem
 from faceposer.solve.term import Array
 
 # So many frames are made smooth together, of which the last ones, that later frames still have a say in, are done again
@@ -32,6 +32,7 @@ def follow(
     smoothness: float = 1.0,
     prior_weight: float = 1.0,
     prior: Prior = "regions",
+    spread: float = RECORDED_SPREAD,
     start: ArrayLike | None = None,
     constraints: Sequence[Constraint] = (),
     look_ahead: bool = True,
@@ -51,6 +52,7 @@ def follow(
         smoothness: Weight of the changes of velocity, at least 0; ``smoothness_metric`` has its unit.
         prior_weight: Weight of the prior, at least 0.
         prior: How the prior judges; see ``PoseProblem``.
+        spread: How much of the face follows its points; see ``PoseProblem``.
         start: The pose before the first frame, which the face comes back to where nothing tells otherwise, shape (r,);
             the neutral face if None.
         constraints: What holds in all frames besides.
@@ -66,7 +68,7 @@ def follow(
     """
     metric = smoothness_metric(model, smoothness, trajectories.rate)
     pose = np.array(model.neutral() if start is None else start, dtype=np.float64)
-    make = _Frames(model, trajectories, prior_weight, prior, tuple(constraints), pose)
+    make = _Frames(model, trajectories, prior_weight, prior, spread, tuple(constraints), pose)
     poses = np.tile(pose, (len(trajectories), 1))
     sighted = np.asarray(trajectories.seen.any(axis=1))
     first = 0
@@ -118,6 +120,7 @@ class _Frames:
     trajectories: Trajectories
     prior_weight: float
     prior: Prior
+    spread: float
     constraints: tuple[Constraint, ...]
     start: Array
 
@@ -135,7 +138,15 @@ class _Frames:
         )
         evidence = [track] if seen.any() else []
         problem, at_home = (
-            PoseProblem(self.model, self.constraints, pose, self.prior_weight, prior=self.prior, evidence=evidence)
+            PoseProblem(
+                self.model,
+                self.constraints,
+                pose,
+                self.prior_weight,
+                prior=self.prior,
+                evidence=evidence,
+                spread=self.spread,
+            )
             for pose in (seen_from, self.start)
         )
         # As it was learned, the prior looks the same from everywhere.

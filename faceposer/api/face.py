@@ -242,6 +242,15 @@ class Face(InMotion):
             raise FacePoserError(f"The prior is one of {', '.join(PRIORS)}, not '{prior}'.")
         self.session.set_prior(prior)
 
+    @property
+    def spread(self) -> float:
+        """How much of the face follows a pull, from 0, only what was pulled, to 1, the whole face; usually 0.5."""
+        return self.session.document.spread
+
+    @spread.setter
+    def spread(self, spread: float) -> None:
+        self.session.set_spread(checks.number(spread, 0.0, 1.0, "The spread"))
+
     def solve(self) -> Solution:
         """Let the face follow all constraints, and return what came of it: energy, residuals, iterations, seconds."""
         self.session.apply()

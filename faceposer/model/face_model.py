@@ -93,6 +93,10 @@ class FaceModel:
         """
         return self._gathered(points)
 
+    def rows_of(self, points: SurfacePoints) -> tuple[Array, Array]:
+        """Return the same as ``rows_at``, not remembered: for points that are looked at once, as under the pointer."""
+        return self._gather(points)
+
     def gram_at(self, points: SurfacePoints) -> Array:
         """Return the inner products of the columns of ``rows_at(points)``, shape (r, r), remembered like them."""
         return self._grams(points)

@@ -34,7 +34,7 @@ class BoundedWeights(ModelMethod):
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
         """Return the coefficients, shape (r,), of the rig weights found."""
-        problem = PoseProblem(self.model, constraints, prior_weight=0.0)
+        problem = PoseProblem(self.model, constraints, bare=True)
         terms = [term for term in problem.terms if isinstance(term, ResidualTerm)]
         weights = np.zeros(len(self._moving))
         lower, upper = self._limits

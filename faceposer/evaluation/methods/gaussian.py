@@ -49,4 +49,4 @@ class Pca(ModelMethod):
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
         """Return the coefficients, shape (r,), of the face that fits best."""
-        return solve(PoseProblem(self.model, constraints, prior_weight=0.0)).coefficients
+        return solve(PoseProblem(self.model, constraints, bare=True)).coefficients

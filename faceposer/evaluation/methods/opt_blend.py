@@ -39,7 +39,7 @@ class OptBlend(ModelMethod):
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
         """Return the coefficients, shape (r,), of the best blend, from the neutral face."""
-        problem = PoseProblem(self.model, constraints, prior_weight=0.0)
+        problem = PoseProblem(self.model, constraints, bare=True)
         rows = self._coefficients
 
         def energy(weights: Array) -> tuple[float, Array]:
