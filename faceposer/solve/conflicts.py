@@ -57,7 +57,7 @@ def find_conflicts(problem: PoseProblem, p: ArrayLike) -> list[Conflict]:
         if isinstance(constraint, PointConstraint) and problem.limits is not None:
             for term in terms:
                 if isinstance(term, PointTerm):
-                    term.limit(problem.model, start, problem.limits)
+                    term.take_up(problem.model, start, problem.limits)
             rows, neutral = start.anchored_at(slots[i])
             reach = reach_of_rows(problem.model, start.p, rows, neutral, constraint.camera, problem.limits)
             pull = constraint.target - start.pixels[slots[i]]

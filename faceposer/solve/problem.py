@@ -127,7 +127,7 @@ class PoseProblem:
         if bare:
             return
         if mixture is None:
-            self._limit(pulls)
+            self._take_up_points(pulls)
         if centred:
             self._take_up_prior(begin, prior, spread, pulls)
         elif prior_weight > 0:
@@ -135,14 +135,14 @@ class PoseProblem:
         if mixture is None:
             self._hold_together()
 
-    def _limit(self, pulls: Sequence[Term]) -> None:
-        """Bring the targets of points back to where a face can go."""
+    def _take_up_points(self, pulls: Sequence[Term]) -> None:
+        """Widen the rig's limits to the start, and let points see it."""
         density = self.model.rig_density
         self.limits = limits_around(density.limits, density.directions @ self.start)
         state = self.state(self.start)
         for term in pulls:
             if isinstance(term, PointTerm):
-                term.limit(self.model, state, self.limits)
+                term.take_up(self.model, state, self.limits)
 
     def _hold_together(self) -> None:
         """Add what holds at every weight of the prior: the rig's limits, and that both eyes look the same way."""

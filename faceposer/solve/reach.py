@@ -103,8 +103,9 @@ def reach_of_rows(
     for shape, other, beyond in dependent_pairs(names):
         upper[shape] = max(min(upper[shape], weights[other] + beyond), weights[shape])
     moves = rows @ density.projection
-    sizes = samples.scale * np.sqrt(np.einsum("nkw,nkw->nw", moves, moves))
-    shares = sizes / np.maximum(samples.largest, 1e-9)
+    sizes = np.sqrt(np.einsum("nkw,nkw->nw", moves, moves))
+    shares = sizes / density.largest
+    sizes = samples.scale * sizes
     meant = _smooth_step((shares - _ALONG) / (_MEANT - _ALONG))
     _, by_place = camera.project_with_jacobian(neutral + rows @ p)
     pixels = np.einsum("nik,nkw->nwi", by_place, moves) * meant[:, :, None]
