@@ -5,8 +5,8 @@ from typing import Literal
 
 from faceposer.geometry.camera import ViewName
 
-#: Millimetres and places are those of a head of this height, in centimetres; others are scaled to it.
-HEAD_HEIGHT = 22.0
+#: Millimetres are those of a head of this height from the chin to the crown, in centimetres; others are scaled to it.
+HEAD_HEIGHT = 17.5
 #: "arkit" where the character has ARKit's shapes, "modes" where it has modes of its own.
 Kind = Literal["arkit", "modes"]
 

@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.evaluation.gestures.gesture import HEAD_HEIGHT, Gesture, Paint, Pull
-from faceposer.evaluation.setting import SIZE
 from faceposer.geometry.camera import Camera, OrbitView, ViewName
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.picture_view import View
@@ -21,6 +20,8 @@ from faceposer.tools.toolbox import Toolbox
 
 Array = NDArray[np.float64]
 Pixel = tuple[float, float]
+#: Width and height of the view in pixels.
+SIZE = (960, 960)
 # Events of a drag between press and release: so many frames is the face solved for on its way.
 _MOVES = 8
 # Nearer to the camera by this much, in centimetres, hides what lies behind.

@@ -1,8 +1,9 @@
 """What a face has done, in weights, millimetres and shares: what the limits of gestures speak of.
 
-Millimetres are those of a head of 22 cm. A measure of two sides is called by its name with "_left" or "_right" after the
+Millimetres are those of a head of 17.5 cm. A measure of two sides is called by its name with "_left" or "_right" after the
 place ("corner_left_up"). Directions: up and down, forward and back; out and in for places of one side, left and right
-(the character's) for places in the middle; moved is the length of the whole motion.
+(the character's) for places in the middle; moved is the length of the whole motion. "mouth_mean" and the like are the mean
+motion of a region of the evaluation.
 """
 
 from collections.abc import Mapping
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from faceposer.evaluation.gestures.gesture import HEAD_HEIGHT
 from faceposer.evaluation.gestures.hand import Performed
+from faceposer.evaluation.trials import FACE_REGIONS, region_vertices
 from faceposer.model.subject import ARKIT_SHAPES, Subject
 from faceposer.solve.weight_fit import fit_weights
 
@@ -45,8 +47,6 @@ MIDDLES: Mapping[str, str] = {
 _DIRECTIONS = {"up": (1, 1.0), "down": (1, -1.0), "forward": (2, 1.0), "back": (2, -1.0)}
 # Skin this near to a region concerned, in millimetres, stretches with it.
 _MARGIN_MM = 5.0
-# A mean over so few regions is named "<region>_mean".
-_MEANS = ("mouth", "nose", "forehead", "brow", "cheek", "lids", "jaw")
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class FaceChange:
 
     @cached_property
     def motion(self) -> Array:
-        """The vertices' motion in millimetres of a head of 22 cm, shape (N, 3)."""
+        """The vertices' motion in millimetres, shape (N, 3)."""
         moved = self.performed.model.instance(self.performed.pose) - self.subject.vertices
         return moved.astype(np.float64) * self._millimetres
 
@@ -87,8 +87,8 @@ class FaceChange:
             return self.weights[name]
         place, _, direction = name.rpartition("_")
         if direction == "mean":
-            ids = region_ids(self.subject, place)
-            return float(np.linalg.norm(self.motion[ids], axis=1).mean()) if len(ids) else None
+            ids = region_vertices(self.subject).get(place)
+            return None if ids is None else float(np.linalg.norm(self.motion[ids], axis=1).mean())
         if name.startswith("lids_"):
             return self._lids(*name.split("_")[1:])
         if name == "mouth_opens":
@@ -188,7 +188,7 @@ def known_unit(unit: str) -> bool:
         return True
     place, _, direction = names[0].rpartition("_")
     if direction == "mean":
-        return place in _MEANS or place.removesuffix("_left").removesuffix("_right") in _MEANS
+        return place in FACE_REGIONS
     if place.startswith("lids_"):
         return direction in ("close", "open")
     one_sided = place.removesuffix("_left").removesuffix("_right") in PAIRS
@@ -233,4 +233,3 @@ def _turned(before: Array, after: Array) -> Array:
     flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
     rotation: Array = (u @ flip @ vt).T
     return rotation
-

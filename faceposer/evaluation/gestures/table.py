@@ -1,6 +1,6 @@
 """The gestures of an artist who poses a neutral face, with what a face should do (docs/gestures.md).
 
-A new one is one entry. Millimetres are those of a head of 22 cm; from the front, right in the picture is the character's
+A new one is one entry. Millimetres are those of a head of 17.5 cm from chin to crown; from the front, right in the picture is the character's
 left. Limits on weights hold for characters with ARKit's shapes, those in millimetres and shares for all.
 """
 
@@ -16,9 +16,9 @@ MOUTH = (
     Gesture(
         "corner_up_left",
         "Left mouth corner up and out",
-        (Pull("8.3", 3.0, 6.0),),
+        (Pull("8.3", 4.2, 4.2),),
         _LOWER,
-        (least("corner_left_up", 4.0), most("jawOpen", 0.1), _SHUT, most("brow_inner_moved", 1.0)),
+        (least("corner_left_up", 2.8), most("jawOpen", 0.1), _SHUT, most("brow_inner_moved", 1.0)),
         other_side=0.6,
     ),
     Gesture(
@@ -46,11 +46,11 @@ MOUTH = (
     Gesture(
         "corners_up_out",
         "Both mouth corners up and out",
-        (Pull("8.3", 3.0, 6.0, both=True),),
+        (Pull("8.3", 4.2, 4.2, both=True),),
         _LOWER,
         (
-            least("corner_up", 4.0),
-            least("corner_out", 1.5),
+            least("corner_up", 2.8),
+            least("corner_out", 2.5),
             least("mouthSmile", 0.3),
             least("cheekSquint", 0.2),
             least("eyeSquint", 0.1),
@@ -237,7 +237,7 @@ BROWS = (
     Gesture(
         "brows_inner_down",
         "Both inner brows down",
-        (Pull("4.1", 0.0, -5.0, both=True),),
+        (Pull("4.1", -1.0, -5.0, both=True),),
         _BROWS,
         (
             least("brow_inner_down", 3.2),
@@ -284,7 +284,7 @@ LIDS = (
     Gesture(
         "lids_close",
         "Both eyes closed by the upper lids",
-        (Pull("3.1", 0.0, -8.0, both=True),),
+        (Pull("3.1", 0.0, -6.0, both=True),),
         (*_BROWS, "cheek"),
         (least("lids_close", 0.7), most("brow_middle_moved", 1.5), most("mouth_mean", 0.1)),
     ),
@@ -305,7 +305,7 @@ LIDS = (
     Gesture(
         "wink_left",
         "Wink with the left eye",
-        (Pull("3.1", 0.0, -8.0),),
+        (Pull("3.1", 0.0, -6.0),),
         (*_BROWS, "cheek"),
         (least("lids_left_close", 0.7), most("lids_right_close", 0.3), most("mouth_mean", 0.3)),
     ),
@@ -332,7 +332,7 @@ FIRM = (
     Gesture(
         "hairline_up",
         "Hairline up",
-        (Pull("11.1", 0.0, 6.0),),
+        (Pull("11.1", 4.0, 6.0),),
         ("scalp", "forehead"),
         (most("brow_middle_moved", 1.0), most("lids_close", 0.1)),
         spill_mm=1.0,

@@ -12,7 +12,10 @@ def summary(rows: Sequence[Row], most: int = 2) -> str:
     lines = [["gesture", *characters]]
     for name in dict.fromkeys(row["gesture"] for row in rows):
         lines.append([name, *(cells.get((name, character), "-") for character in characters)])
-    total = [f"{sum(r['holds'] for r in rows if r['character'] == c)}/{sum(r['character'] == c for r in rows)}" for c in characters]
+    total = [
+        f"{sum(r['holds'] for r in rows if r['character'] == c)}/{sum(r['character'] == c for r in rows)}"
+        for c in characters
+    ]
     lines.append(["hold", *total])
     widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]
     return "\n".join("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)) for line in lines)
