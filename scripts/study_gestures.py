@@ -9,7 +9,6 @@ Without FACEPOSER_RIGS, which names the folder of facecap.glb and facecap_multi.
 """
 
 import argparse
-import json
 import os
 import sys
 from pathlib import Path
@@ -21,36 +20,41 @@ ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
-from faceposer.evaluation.gestures.characters import CHARACTERS, RIGS, load_character
+from faceposer.errors import FacePoserError
+from faceposer.evaluation.gestures.characters import CHARACTERS, RIGS
 from faceposer.evaluation.gestures.hand import PriorSettings
-from faceposer.evaluation.gestures.rows import study
+from faceposer.evaluation.gestures.report import run, write_json, write_page
 from faceposer.evaluation.gestures.table import BY_NAME
 from faceposer.evaluation.gestures.tables import summary
 from faceposer.solve.priors import PRIORS
+
+PAGE = ROOT / "docs" / "gestures.md"
 
 
 def main() -> None:
     """Run the study."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--json", type=Path, help="file for the rows")
+    parser.add_argument("--pictures", type=Path, help="folder for pictures before and after, and the sheets")
+    parser.add_argument("--docs", action="store_true", help="write docs/gestures.md and its pictures too")
     parser.add_argument("--characters", nargs="+", choices=CHARACTERS, help="default: all that there are")
     parser.add_argument("--gestures", nargs="+", choices=BY_NAME, metavar="GESTURE", help="default: all")
     parser.add_argument("--prior", choices=PRIORS, default=PriorSettings.prior)
-    parser.add_argument("--prior-weight", type=float, default=PriorSettings.weight)
+    parser.add_argument("--prior-weight", type=float, default=PriorSettings.weight, metavar="WEIGHT")
     options = parser.parse_args()
     rigs = os.environ.get("FACEPOSER_RIGS")
-    chosen = options.characters or [name for name in CHARACTERS if rigs or name not in RIGS]
-    settings = PriorSettings(options.prior, options.prior_weight)
+    characters = options.characters or [name for name in CHARACTERS if rigs or name not in RIGS]
     gestures = [BY_NAME[name] for name in options.gestures or BY_NAME]
-    rows = []
-    for character in chosen:
-        model = load_character(character)
-        for _, row in study(character, model, gestures, settings):
-            rows.append(row)
-        print(f"{character} done", file=sys.stderr)
-    if options.json is not None:
-        content = {"prior": settings.prior, "prior_weight": settings.weight, "rows": rows}
-        options.json.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    settings = PriorSettings(options.prior, options.prior_weight)
+    try:
+        sheets = PAGE.parent / "images" if options.docs else None
+        rows = run(characters, gestures, settings, options.pictures, sheets, lambda line: print(line, file=sys.stderr))
+        if options.json is not None:
+            write_json(options.json, rows, settings)
+        if options.docs:
+            write_page(PAGE, rows, settings)
+    except FacePoserError as error:
+        raise SystemExit(f"study_gestures: {error}") from error
     print(summary(rows))
 
 

@@ -14,6 +14,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.subject import Subject
 from faceposer.session.document import Document
 from faceposer.session.session import Session
+from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.priors import Prior
 from faceposer.tools.tool import Navigation, PointerEvent
 from faceposer.tools.toolbox import Toolbox
@@ -51,19 +52,21 @@ class PriorSettings:
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """What one action drew, in pixels of its camera.
+    """What was drawn for one constraint, in pixels of its camera.
 
     Attributes:
         camera: Under which it was drawn.
-        source: Where the places lay when they were taken hold of, shape (n, 2).
+        source: Where the place, or the places along a stroke, lay when it was begun, shape (n, 2).
         target: Where they should come to lie, shape (n, 2).
-        anchors: The places, of a pull; None for a stroke.
+        pulled_px: How far that is, of a stroke how far the two lay apart.
+        vertex: The place that the hand pulled; None for strokes and for mirror images.
     """
 
     camera: Camera
     source: Array
     target: Array
-    anchors: SurfacePoints | None
+    pulled_px: float
+    vertex: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +77,8 @@ class Performed:
         gesture: Which.
         model: The face.
         pose: The coefficients it left, shape (r,).
-        drawn: What each action drew.
-        pulled_px: How far each constraint was from being met before its action, in pixels.
-        residuals_px: How far it is at the end.
+        drawn: What was drawn, by constraint.
+        residuals_px: How far each constraint is from being met, in pixels.
         solve_ms: Time of each solve on the way, in ms.
         prior: By which the face was judged.
     """
@@ -85,7 +87,6 @@ class Performed:
     model: FaceModel
     pose: Array
     drawn: tuple[Drawn, ...]
-    pulled_px: tuple[float, ...]
     residuals_px: tuple[float, ...]
     solve_ms: tuple[float, ...]
     prior: Prior
@@ -109,7 +110,6 @@ class Hand:
         self.view: View = self._looking("front")
         self._toolbox = Toolbox(self)
         self._held: int | None = None
-        self._pulled: list[float] = []
         self._solve_ms: list[float] = []
 
     # What tools ask
@@ -152,68 +152,73 @@ class Hand:
         drawn: list[Drawn] = []
         for action in gesture.actions:
             self.view = self._looking(action.view)
-            drawn.append(self._pull(action) if isinstance(action, Pull) else self._paint(action))
+            drawn += self._pull(action) if isinstance(action, Pull) else self._paint(action)
         session = self.session
         return Performed(
             gesture,
             session.model,
             session.coefficients,
             tuple(drawn),
-            tuple(self._pulled),
             session.residuals_px,
             tuple(self._solve_ms),
             session.document.prior,
         )
 
-    def _pull(self, pull: Pull) -> Drawn:
-        subject, camera = self.session.model.subject, self.camera
-        vertex = place_vertex(subject, pull.place)
-        anchors = SurfacePoints.at_vertices([vertex])
-        position = self.session.model.positions_at(anchors, self.session.coefficients)
-        millimetre = 0.1 * subject.height / HEAD_HEIGHT
+    def _pull(self, pull: Pull) -> list[Drawn]:
+        model, camera, pose = self.session.model, self.camera, self.session.coefficients
+        vertex = place_vertex(model.subject, pull.place)
+        position = model.positions_at(SurfacePoints.at_vertices([vertex]), pose)
         right, down, _ = camera.rotation
-        goal = position + millimetre * (pull.right * right - pull.up * down)
-        (begin,), (end,) = _pixels(camera.project(position)), _pixels(camera.project(goal))
+        goal = position + self._millimetre * (pull.right * right - pull.up * down)
+        begin, end = camera.project(np.concatenate([position, goal]))
         before = len(self.session.document.constraints)
         self._toolbox.choose("point")
         self._toolbox.bench.symmetry.on = pull.both
         self._held = vertex
         try:
-            self._drag([begin, *_pixels(np.linspace(begin, end, _MOVES + 1)[1:])])
+            self._drag(np.linspace(begin, end, _MOVES + 1))
         finally:
             self._held = None
             self._toolbox.bench.symmetry.on = False
-        if len(self.session.document.constraints) != before + 1 + pull.both:
+        drawn: list[Drawn] = []
+        for constraint in self.session.document.constraints[before:]:
+            assert isinstance(constraint, PointConstraint)
+            source = constraint.camera.project(model.positions_at(constraint.points, pose))
+            target = np.array([constraint.target])
+            pulled = float(np.hypot(*(target - source)[0]))
+            drawn.append(Drawn(constraint.camera, source, target, pulled, None if drawn else vertex))
+        if len(drawn) != 1 + pull.both:
             side = " and its mirror image" if pull.both else ""
-            raise FacePoserError(f"'{subject.title}' could not be taken hold of at '{pull.place}'{side}.")
-        self._pulled += [float(np.hypot(*np.subtract(end, begin)))] * (1 + pull.both)
-        return Drawn(camera, np.array([begin]), np.array([end]), anchors)
+            raise FacePoserError(f"'{model.subject.title}' could not be taken hold of at '{pull.place}'{side}.")
+        return drawn
 
-    def _paint(self, paint: Paint) -> Drawn:
-        subject, camera = self.session.model.subject, self.camera
-        ids = [place_vertex(subject, place) for place in paint.along]
-        points = SurfacePoints.at_vertices(ids)
-        positions = self.session.model.positions_at(points, self.session.coefficients)
+    def _paint(self, paint: Paint) -> list[Drawn]:
+        model, camera, pose = self.session.model, self.camera, self.session.coefficients
+        ids = [place_vertex(model.subject, place) for place in paint.along]
+        positions = model.positions_at(SurfacePoints.at_vertices(ids), pose)
         source = camera.project(positions)
-        millimetre = 0.1 * subject.height / HEAD_HEIGHT
-        lifted = camera.project(positions - millimetre * paint.up * camera.rotation[1])
-        middle = lifted.mean(axis=0)
-        target = lifted + (paint.narrower - 1.0) * (lifted - middle) * [1.0, 0.0]
-        before, pose = len(self.session.document.constraints), self.session.coefficients
+        target = camera.project(positions - self._millimetre * paint.up * camera.rotation[1])
+        target += (paint.narrower - 1.0) * (target - target.mean(axis=0)) * [1.0, 0.0]
+        before = len(self.session.document.constraints)
         self._toolbox.choose("stroke")
-        for way in (source, target):
-            self._drag(_pixels(way))
-        if len(self.session.document.constraints) != before + 1:
-            raise FacePoserError(f"'{subject.title}' could not be painted on along {', '.join(paint.along)}.")
-        self._pulled.append(self.session.document.constraints[-1].residual_px(self.session.model, pose))
-        return Drawn(camera, source, target, None)
+        self._drag(source)
+        self._drag(target)
+        made = self.session.document.constraints[before:]
+        if len(made) != 1:
+            raise FacePoserError(f"'{model.subject.title}' could not be painted on along {', '.join(paint.along)}.")
+        return [Drawn(camera, source, target, made[0].residual_px(model, pose))]
 
-    def _drag(self, way: list[Pixel]) -> None:
-        """Press at the first pixel of ``way``, move along the others, and release at the last."""
-        self._send("press", way[0])
-        for pixel in way[1:]:
+    @property
+    def _millimetre(self) -> float:
+        return 0.1 * self.session.model.subject.height / HEAD_HEIGHT
+
+    def _drag(self, way: Array) -> None:
+        """Press at the first pixel of ``way``, shape (n, 2), move along the others, and release at the last."""
+        pixels = [(u, v) for u, v in way.tolist()]
+        self._send("press", pixels[0])
+        for pixel in pixels[1:]:
             self._send("move", pixel)
-        self._send("release", way[-1])
+        self._send("release", pixels[-1])
 
     def _send(self, kind: str, pixel: Pixel) -> None:
         self._toolbox.dispatch(PointerEvent(kind, pixel, "left"))  # type: ignore[arg-type]
@@ -246,7 +251,3 @@ def has_places(subject: Subject, gesture: Gesture) -> bool:
     """Whether ``subject`` has all that ``gesture`` takes hold of."""
     places = [place for a in gesture.actions for place in ((a.place,) if isinstance(a, Pull) else a.along)]
     return all(place in subject.feature_points or place in subject.regions for place in places)
-
-
-def _pixels(points: ArrayLike) -> list[Pixel]:
-    return [(u, v) for u, v in np.asarray(points, dtype=np.float64).tolist()]

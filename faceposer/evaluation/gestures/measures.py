@@ -1,9 +1,9 @@
-"""What a face has done, in weights, millimetres and shares: what the limits of gestures speak of.
+"""What a face has done, in weights, millimetres and shares: what limits speak of.
 
-Millimetres are those of a head of 17.5 cm. A measure of two sides is called by its name with "_left" or "_right" after the
-place ("corner_left_up"). Directions: up and down, forward and back; out and in for places of one side, left and right
-(the character's) for places in the middle; moved is the length of the whole motion. "mouth_mean" and the like are the mean
-motion of a region of the evaluation.
+Millimetres are those of a head of 17.5 cm. A measure of two sides is called by its name with "_left" or "_right" after
+the place ("corner_left_up"). Directions: up and down, forward and back; out and in for places of one side, left and
+right (the character's) for places in the middle; moved is the length of the whole motion. "mouth_mean" and the like are
+the mean motion of a region of the evaluation.
 """
 
 from collections.abc import Mapping
@@ -148,7 +148,7 @@ class FaceChange:
         """Return the motion of the mirror images of the pulled places as a share of their own; None for the middle."""
         own = other = 0.0
         points = self.subject.feature_points
-        pulled = {int(-1 - face) for d in self.performed.drawn if d.anchors is not None for face in d.anchors.faces}
+        pulled = {drawn.vertex for drawn in self.performed.drawn}
         for pair in PAIRS.values():
             if not set(pair) <= points.keys():
                 continue
@@ -161,14 +161,15 @@ class FaceChange:
 
     def gaze_deg(self) -> float | None:
         """Return by how many degrees the axes of the eyes turn against each other; None without two eyes that move."""
-        axes = []
+        axes: list[Array] = []
         vertices = self.subject.vertices.astype(np.float64)
         for side in ("eye_left", "eye_right"):
             ids = self.subject.regions.get(side)
             if ids is None or not len(ids):
                 return None
             axes.append(_turned(vertices[ids], vertices[ids] + self.motion[ids] / self._millimetres)[:, 2])
-        return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(*axes)), axes[0] @ axes[1])))
+        left, right = axes
+        return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(left, right)), left @ right)))
 
 
 def sided(unit: str) -> tuple[str, ...]:

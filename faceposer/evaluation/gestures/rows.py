@@ -31,9 +31,10 @@ def row_of(performed: Performed, character: str, gaze: dict[str, float | None] |
         gaze: Degrees between the eyes by prior, for the limit that holds under each; if None, of this prior alone.
     """
     gesture, change = performed.gesture, FaceChange(performed)
-    shares = np.divide(performed.residuals_px, np.maximum(performed.pulled_px, 1e-6))
-    pulled = np.array(performed.pulled_px) > 1.0
-    worst = int(np.argmax(np.where(pulled, shares, -1.0)))
+    pulled = np.array([drawn.pulled_px for drawn in performed.drawn])
+    shares = np.divide(performed.residuals_px, np.maximum(pulled, 1e-6))
+    # What is pinned where it is has no share.
+    worst = int(np.argmax(np.where(pulled > 1.0, shares, -1.0)))
     must: dict[str, Row] = {}
     must_not: dict[str, Row] = {}
     for limit in gesture.limits:
@@ -59,7 +60,7 @@ def row_of(performed: Performed, character: str, gaze: dict[str, float | None] |
         "character": character,
         "gesture": gesture.name,
         "actions": len(gesture.actions),
-        "pulled_px": _rounded(performed.pulled_px[worst]),
+        "pulled_px": _rounded(float(pulled[worst])),
         "residual_px": _rounded(performed.residuals_px[worst]),
         "must_move": must,
         "must_not_move": must_not,
@@ -95,15 +96,20 @@ def study(
 
 
 def missed(row: Row) -> list[str]:
-    """Return what does not hold of ``row``, each as name, value and limit, the farthest off first."""
-    found = []
-    for entry_name, entry in (*row["must_move"].items(), *row["must_not_move"].items(), *row["limits"].items()):
+    """Return what does not hold of ``row``, each as name, value and limit, the farthest off first.
+
+    Of two sides the worse stands for both.
+    """
+    worst: dict[str, tuple[float, str]] = {}
+    for name, entry in (*row["must_move"].items(), *row["must_not_move"].items(), *row["limits"].items()):
         if entry["holds"]:
             continue
         value = next(entry[key] for key in ("weight", "mm", "share", "value") if key in entry)
         sign, limit = ("≥", entry["at_least"]) if "at_least" in entry else ("≤", entry["at_most"])
-        found.append((entry["missed_by"] / max(abs(limit), 0.05), f"{entry_name} {value:g} ({sign} {limit:g})"))
-    return [text for _, text in sorted(found, reverse=True)]
+        plain = name.removesuffix("Left").removesuffix("Right").replace("_left_", "_").replace("_right_", "_")
+        off = entry["missed_by"] / max(abs(limit), 0.05)
+        worst[plain] = max(worst.get(plain, (0.0, "")), (off, f"{plain} {value:.2g} ({sign} {limit:g})"))
+    return [text for _, text in sorted(worst.values(), reverse=True)]
 
 
 def _kind(name: str) -> str:

@@ -1,7 +1,8 @@
 """The gestures of an artist who poses a neutral face, with what a face should do (docs/gestures.md).
 
-A new one is one entry. Millimetres are those of a head of 17.5 cm from chin to crown; from the front, right in the picture is the character's
-left. Limits on weights hold for characters with ARKit's shapes, those in millimetres and shares for all.
+A new one is one entry. Millimetres are those of a head of 17.5 cm from chin to crown; from the front, right in the
+picture is the character's left. Limits on weights hold for characters with ARKit's shapes, those in millimetres and
+shares for all.
 """
 
 from faceposer.evaluation.gestures.gesture import Gesture, Paint, Pull, least, most
