@@ -21,13 +21,20 @@ class Pull:
         up: Millimetres upwards in the picture.
         view: From where the artist looks.
         both: With *Symmetry* on.
+        onto: Another place; if given, the pull goes to where that lies, and from there on by ``right`` and ``up``.
     """
 
     place: str
-    right: float
-    up: float
+    right: float = 0.0
+    up: float = 0.0
     view: ViewName = "front"
     both: bool = False
+    onto: str | None = None
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """What the character must have."""
+        return (self.place,) if self.onto is None else (self.place, self.onto)
 
 
 @dataclass(frozen=True)
@@ -45,6 +52,11 @@ class Paint:
     narrower: float = 1.0
     up: float = 0.0
     view: ViewName = "front"
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """What the character must have."""
+        return self.along
 
 
 Action = Pull | Paint

@@ -169,7 +169,9 @@ class Hand:
         vertex = place_vertex(model.subject, pull.place)
         position = model.positions_at(SurfacePoints.at_vertices([vertex]), pose)
         right, down, _ = camera.rotation
-        goal = position + self._millimetre * (pull.right * right - pull.up * down)
+        aim = vertex if pull.onto is None else place_vertex(model.subject, pull.onto)
+        goal = model.positions_at(SurfacePoints.at_vertices([aim]), pose)
+        goal = goal + self._millimetre * (pull.right * right - pull.up * down)
         begin, end = camera.project(np.concatenate([position, goal]))
         before = len(self.session.document.constraints)
         self._toolbox.choose("point")
@@ -249,5 +251,5 @@ def place_vertex(subject: Subject, place: str) -> int:
 
 def has_places(subject: Subject, gesture: Gesture) -> bool:
     """Whether ``subject`` has all that ``gesture`` takes hold of."""
-    places = [place for a in gesture.actions for place in ((a.place,) if isinstance(a, Pull) else a.along)]
+    places = {place for action in gesture.actions for place in action.places}
     return all(place in subject.feature_points or place in subject.regions for place in places)

@@ -24,8 +24,8 @@ Colour = tuple[int, int, int]
 # What a picture always shows: chin, hairline and temples.
 _FRAME = ("2.1", "11.1", "4.5", "4.6")
 # Room above and below as a share of that height: brows rise and the jaw drops.
-_ABOVE, _BELOW = 0.06, 0.16
-_CLOSER = 1.12
+_ABOVE, _BELOW = 0.0, 0.16
+_CLOSER = 1.25
 # Drawn so many times as large each way and averaged.
 _FINER = 2
 _PULL: Colour = (255, 196, 0)
@@ -96,7 +96,7 @@ class Studio:
             pen.line([tuple(p) for p in source.tolist()], _INK, 1)
             pen.line([tuple(p) for p in target.tolist()], _PULL, 2)
             return
-        _arrow(pen, source[0], target[0], self.size / 26.0)
+        _arrow(pen, source[0], target[0], self.size / 32.0)
 
     def _depth(self, drawn: Drawn) -> float:
         """Return the depth of the face's front before the camera under which something was drawn."""

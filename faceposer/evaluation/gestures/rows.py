@@ -53,8 +53,12 @@ def row_of(performed: Performed, character: str, gaze: dict[str, float | None] |
         "residual": _bound(float(shares[worst]), gesture.residual),
         "other_side": _bound(other, gesture.other_side),
         "spill": _bound(spill, gesture.spill_mm),
-        "gaze": _bound(max((d for d in degrees.values() if d is not None), default=None), GAZE_DEG),
+        "gaze": None,
     }
+    turned = {prior: d for prior, d in degrees.items() if d is not None}
+    if turned:
+        farthest = max(turned, key=lambda prior: turned[prior])
+        bounds["gaze"] = (_bound(turned[farthest], GAZE_DEG) or {}) | {"prior": farthest}
     judged = [*must.values(), *must_not.values(), *(b for b in bounds.values() if b is not None)]
     return {
         "character": character,
@@ -106,7 +110,8 @@ def missed(row: Row) -> list[str]:
             continue
         value = next(entry[key] for key in ("weight", "mm", "share", "value") if key in entry)
         sign, limit = ("≥", entry["at_least"]) if "at_least" in entry else ("≤", entry["at_most"])
-        plain = name.removesuffix("Left").removesuffix("Right").replace("_left_", "_").replace("_right_", "_")
+        plain = f"{name} ({entry['prior']} prior)" if "prior" in entry else name
+        plain = plain.removesuffix("Left").removesuffix("Right").replace("_left_", "_").replace("_right_", "_")
         off = entry["missed_by"] / max(abs(limit), 0.05)
         worst[plain] = max(worst.get(plain, (0.0, "")), (off, f"{plain} {value:.2g} ({sign} {limit:g})"))
     return [text for _, text in sorted(worst.values(), reverse=True)]

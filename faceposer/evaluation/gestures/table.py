@@ -12,6 +12,8 @@ _LOWER = (*_MOUTH, "cheek", "nose", "jaw", "lids")
 _BROWS = ("brow", "forehead", "lids", "nose", "scalp")
 _OPEN = most("lids_close", 0.15)
 _SHUT = most("mouth_opens", 0.5)
+# A smile may part the lips.
+_PARTED = most("mouth_opens", 2.0)
 
 MOUTH = (
     Gesture(
@@ -19,7 +21,7 @@ MOUTH = (
         "Left mouth corner up and out",
         (Pull("8.3", 4.2, 4.2),),
         _LOWER,
-        (least("corner_left_up", 2.8), most("jawOpen", 0.1), _SHUT, most("brow_inner_moved", 1.0)),
+        (least("corner_left_up", 2.8), most("jawOpen", 0.1), _PARTED, most("brow_inner_moved", 1.0)),
         other_side=0.6,
     ),
     Gesture(
@@ -27,7 +29,7 @@ MOUTH = (
         "Left mouth corner up, from three-quarter",
         (Pull("8.3", 2.0, 6.0, "three-quarter"),),
         _LOWER,
-        (least("corner_left_up", 4.0), most("jawOpen", 0.1), _SHUT, most("brow_inner_moved", 1.0)),
+        (least("corner_left_up", 4.0), most("jawOpen", 0.1), _PARTED, most("brow_inner_moved", 1.0)),
         other_side=0.6,
     ),
     Gesture(
@@ -41,6 +43,7 @@ MOUTH = (
             least("eyeSquint", 0.1),
             least("cheek_up", 0.8),
             most("jawOpen", 0.1),
+            _PARTED,
             most("brow_inner_moved", 1.0),
         ),
     ),
@@ -57,6 +60,7 @@ MOUTH = (
             least("eyeSquint", 0.1),
             least("cheek_up", 0.8),
             most("jawOpen", 0.1),
+            _PARTED,
             most("brow_inner_moved", 1.0),
         ),
     ),
@@ -285,7 +289,7 @@ LIDS = (
     Gesture(
         "lids_close",
         "Both eyes closed by the upper lids",
-        (Pull("3.1", 0.0, -6.0, both=True),),
+        (Pull("3.1", both=True, onto="3.3"),),
         (*_BROWS, "cheek"),
         (least("lids_close", 0.7), most("brow_middle_moved", 1.5), most("mouth_mean", 0.1)),
     ),
@@ -306,7 +310,7 @@ LIDS = (
     Gesture(
         "wink_left",
         "Wink with the left eye",
-        (Pull("3.1", 0.0, -6.0),),
+        (Pull("3.1", onto="3.3"),),
         (*_BROWS, "cheek"),
         (least("lids_left_close", 0.7), most("lids_right_close", 0.3), most("mouth_mean", 0.3)),
     ),
@@ -414,9 +418,9 @@ EXPRESSIONS = (
     Gesture(
         "anger",
         "Anger",
-        (Pull("4.1", -2.0, -5.0, both=True), Pull("3.1", 0.0, 1.0, both=True), Pull("8.3", -2.0, -3.0, both=True)),
+        (Pull("4.1", -2.0, -5.0, both=True), Pull("3.1", 0.0, 1.0, both=True), Pull("8.2", 0.0, 2.0)),
         _FACE,
-        (least("brow_inner_down", 3.0), least("corner_down", 1.0), most("lids_close", 0.35), most("mouth_opens", 2.0)),
+        (least("brow_inner_down", 3.0), least("lower_lip_up", 1.0), most("lids_close", 0.35), most("mouth_opens", 0.5)),
     ),
     Gesture(
         "fear",
