@@ -9,7 +9,7 @@ from faceposer.evaluation.gestures.gesture import Gesture, Paint, Pull, least, m
 
 _MOUTH = ("mouth", "lip_upper", "lip_lower")
 _LOWER = (*_MOUTH, "cheek", "nose", "jaw", "lids")
-_BROWS = ("brow", "forehead", "lids", "nose", "scalp")
+_BROWS = ("brow", "forehead", "lids", "nose", "scalp", "cheek")
 _OPEN = most("lids_close", 0.15)
 _SHUT = most("mouth_opens", 0.5)
 # A smile may part the lips.
@@ -290,28 +290,28 @@ LIDS = (
         "lids_close",
         "Both eyes closed by the upper lids",
         (Pull("3.1", both=True, onto="3.3"),),
-        (*_BROWS, "cheek"),
+        _BROWS,
         (least("lids_close", 0.7), most("brow_middle_moved", 1.5), most("mouth_mean", 0.1)),
     ),
     Gesture(
         "lids_open",
         "Both eyes widened",
         (Pull("3.1", 0.0, 2.0, both=True),),
-        (*_BROWS, "cheek"),
+        _BROWS,
         (least("lids_open", 0.12), most("brow_middle_moved", 1.5), most("mouth_mean", 0.05)),
     ),
     Gesture(
         "lower_lids_up",
         "Both lower lids up",
         (Pull("3.3", 0.0, 2.5, both=True),),
-        (*_BROWS, "cheek"),
+        _BROWS,
         (least("lower_lid_up", 1.5), most("upper_lid_down", 2.0), most("mouth_mean", 0.1)),
     ),
     Gesture(
         "wink_left",
         "Wink with the left eye",
         (Pull("3.1", onto="3.3"),),
-        (*_BROWS, "cheek"),
+        _BROWS,
         (least("lids_left_close", 0.7), most("lids_right_close", 0.3), most("mouth_mean", 0.3)),
     ),
 )
