@@ -13,7 +13,7 @@ Kind = Literal["arkit", "modes"]
 
 @dataclass(frozen=True)
 class Pull:
-    """One drag of the Point tool.
+    """One drag of the Point tool, from where a place lies by then to a distance from where it lies at rest.
 
     Attributes:
         place: An MPEG-4 feature point ("8.3"), or a region ("forehead"), which is taken hold of at its front.
@@ -21,7 +21,7 @@ class Pull:
         up: Millimetres upwards in the picture.
         view: From where the artist looks.
         both: With *Symmetry* on.
-        onto: Another place; if given, the pull goes to where that lies, and from there on by ``right`` and ``up``.
+        onto: Another place; if given, the drag goes to where that lies by then, and from there by ``right`` and ``up``.
     """
 
     place: str

@@ -56,7 +56,7 @@ class Drawn:
 
     Attributes:
         camera: Under which it was drawn.
-        source: Where the place, or the places along a stroke, lay when it was begun, shape (n, 2).
+        source: Where the place lies at rest, or the places along a stroke when it was begun, shape (n, 2).
         target: Where they should come to lie, shape (n, 2).
         pulled_px: How far that is, of a stroke how far the two lay apart.
         vertex: The place that the hand pulled; None for strokes and for mirror images.
@@ -167,12 +167,14 @@ class Hand:
     def _pull(self, pull: Pull) -> list[Drawn]:
         model, camera, pose = self.session.model, self.camera, self.session.coefficients
         vertex = place_vertex(model.subject, pull.place)
-        position = model.positions_at(SurfacePoints.at_vertices([vertex]), pose)
+        points = SurfacePoints.at_vertices([vertex])
+        if pull.onto is None:
+            aim = model.positions_at(points, model.neutral())
+        else:
+            aim = model.positions_at(SurfacePoints.at_vertices([place_vertex(model.subject, pull.onto)]), pose)
         right, down, _ = camera.rotation
-        aim = vertex if pull.onto is None else place_vertex(model.subject, pull.onto)
-        goal = model.positions_at(SurfacePoints.at_vertices([aim]), pose)
-        goal = goal + self._millimetre * (pull.right * right - pull.up * down)
-        begin, end = camera.project(np.concatenate([position, goal]))
+        goal = aim + self._millimetre * (pull.right * right - pull.up * down)
+        begin, end = camera.project(np.concatenate([model.positions_at(points, pose), goal]))
         before = len(self.session.document.constraints)
         self._toolbox.choose("point")
         self._toolbox.bench.symmetry.on = pull.both
@@ -185,7 +187,7 @@ class Hand:
         drawn: list[Drawn] = []
         for constraint in self.session.document.constraints[before:]:
             assert isinstance(constraint, PointConstraint)
-            source = constraint.camera.project(model.positions_at(constraint.points, pose))
+            source = constraint.camera.project(model.positions_at(constraint.points, model.neutral()))
             target = np.array([constraint.target])
             pulled = float(np.hypot(*(target - source)[0]))
             drawn.append(Drawn(constraint.camera, source, target, pulled, None if drawn else vertex))
