@@ -403,15 +403,16 @@ FIRM = (
 
 _FACE = (*_LOWER, *_BROWS, "neck", "ear")
 
-#: The six basic expressions and contempt (Ekman), each by three gestures at most.
+#: The six basic expressions and contempt (Ekman), each by three gestures at most. A pull of nothing brings a place back to
+#: where it lies at rest, or pins it there.
 EXPRESSIONS = (
     Gesture(
         "happiness",
         "Happiness",
-        (Pull("8.3", 4.0, 7.0, both=True), Pull("8.1", 0.0, 2.0)),
+        (Pull("8.3", 5.0, 6.0, both=True), Pull("5.1", 0.0, 3.0, both=True)),
         _FACE,
         (
-            least("corner_up", 4.0),
+            least("corner_up", 3.5),
             least("corner_out", 2.0),
             least("cheekSquint", 0.2),
             least("eyeSquint", 0.1),
@@ -423,7 +424,7 @@ EXPRESSIONS = (
     Gesture(
         "sadness",
         "Sadness",
-        (Pull("4.1", 0.0, 5.0, both=True), Pull("8.3", 0.0, -5.0, both=True), Pull("3.1", 0.0, -2.0, both=True)),
+        (Pull("4.1", 0.0, 5.0, both=True), Pull("8.3", 0.0, -4.0, both=True), Pull("8.2")),
         _FACE,
         (least("brow_inner_up", 2.5), least("corner_down", 2.4), most("mouth_opens", 1.0), most("lids_close", 0.5)),
         residual=0.6,
@@ -439,7 +440,7 @@ EXPRESSIONS = (
     Gesture(
         "fear",
         "Fear",
-        (Pull("4.1", 0.0, 6.0, both=True), Pull("3.1", 0.0, 2.0, both=True), Pull("8.3", 4.0, -3.0, both=True)),
+        (Pull("4.1", 0.0, 6.0, both=True), Pull("3.1", 0.0, 2.0, both=True), Pull("8.3", 4.0, -2.0, both=True)),
         _FACE,
         (least("brow_inner_up", 2.5), least("lids_open", 0.08), least("corner_out", 1.5)),
         residual=0.6,
@@ -474,9 +475,9 @@ EXPRESSIONS = (
     Gesture(
         "contempt",
         "Contempt",
-        (Pull("8.3", 3.0, 5.0), Pull("8.4", 0.0, 0.0)),
+        (Pull("8.3", 3.0, 3.0), Pull("8.4"), Pull("8.1")),
         _FACE,
-        (least("corner_left_up", 3.0), most("corner_right_up", 1.5), most("mouth_opens", 1.0), most("lids_close", 0.3)),
+        (least("corner_left_up", 1.5), most("corner_right_up", 0.8), most("mouth_opens", 1.0), most("lids_close", 0.3)),
         residual=0.6,
     ),
 )
