@@ -43,6 +43,8 @@ def main() -> None:
     parser.add_argument("--prior-weight", type=float, default=PriorSettings.weight, metavar="WEIGHT")
     options = parser.parse_args()
     rigs = os.environ.get("FACEPOSER_RIGS")
+    if options.docs and (options.characters or options.gestures or not rigs):
+        parser.error("--docs shows everything: set FACEPOSER_RIGS, and leave --characters and --gestures out")
     characters = options.characters or [name for name in CHARACTERS if rigs or name not in RIGS]
     gestures = [BY_NAME[name] for name in options.gestures or BY_NAME]
     settings = PriorSettings(options.prior, options.prior_weight)

@@ -128,7 +128,13 @@ MOUTH = (
         "Jaw down",
         (Pull("2.10", 0.0, -12.0),),
         (*_LOWER, "neck", "ear"),
-        (least("chin_down", 7.8), least("mouth_opens", 6.0), _OPEN, most("brow_inner_moved", 1.0)),
+        (
+            least("chin_down", 7.8),
+            least("mouth_opens", 6.0),
+            most("corner_up", 0.5),
+            _OPEN,
+            most("brow_inner_moved", 1.0),
+        ),
     ),
     Gesture(
         "jaw_left",
@@ -173,7 +179,7 @@ CHEEKS_AND_NOSE = (
         "Both cheeks out",
         (Pull("5.1", 4.0, 0.0, both=True),),
         _LOWER,
-        (least("cheek_out", 2.4), _SHUT, _OPEN, most("brow_inner_moved", 1.0)),
+        (least("cheek_out", 2.4), _SHUT, _OPEN, most("mouthSmile", 0.2), most("brow_inner_moved", 1.0)),
     ),
     Gesture(
         "nose_wrinkle",
@@ -332,7 +338,7 @@ WHOLE = (
         "Scream",
         (Pull("2.10", 0.0, -22.0), Pull("8.3", 3.0, 0.0, both=True)),
         (*_LOWER, *_BROWS, "neck", "ear"),
-        (least("mouth_opens", 14.0), least("chin_down", 14.0), most("lids_close", 0.5)),
+        (least("mouth_opens", 14.0), least("chin_down", 14.0), most("lids_close", 0.5), most("mouthSmile", 0.3)),
     ),
     Gesture(
         "sad",
@@ -403,8 +409,8 @@ FIRM = (
 
 _FACE = (*_LOWER, *_BROWS, "neck", "ear")
 
-#: The six basic expressions and contempt (Ekman), each by three gestures at most. A pull of nothing brings a place back to
-#: where it lies at rest, or pins it there.
+#: The six basic expressions and contempt (Ekman), each by three gestures at most. A pull of nothing brings a place back
+#: to where it lies at rest, or pins it there.
 EXPRESSIONS = (
     Gesture(
         "happiness",
@@ -426,7 +432,13 @@ EXPRESSIONS = (
         "Sadness",
         (Pull("4.1", 0.0, 5.0, both=True), Pull("8.3", 0.0, -4.0, both=True), Pull("8.2")),
         _FACE,
-        (least("brow_inner_up", 2.5), least("corner_down", 2.4), most("mouth_opens", 1.0), most("lids_close", 0.5)),
+        (
+            least("brow_inner_up", 2.5),
+            least("corner_down", 2.4),
+            most("brow_outer_up", 2.5),
+            most("mouth_opens", 1.0),
+            most("lids_close", 0.5),
+        ),
         residual=0.6,
     ),
     Gesture(
@@ -442,7 +454,14 @@ EXPRESSIONS = (
         "Fear",
         (Pull("4.1", 0.0, 6.0, both=True), Pull("3.1", 0.0, 2.0, both=True), Pull("8.3", 4.0, -2.0, both=True)),
         _FACE,
-        (least("brow_inner_up", 2.5), least("lids_open", 0.08), least("corner_out", 1.5)),
+        (
+            least("brow_inner_up", 2.5),
+            least("lids_open", 0.08),
+            least("corner_out", 1.5),
+            most("corner_up", 1.0),
+            most("mouthSmile", 0.2),
+            most("mouth_opens", 8.0),
+        ),
         residual=0.6,
     ),
     Gesture(
@@ -455,6 +474,8 @@ EXPRESSIONS = (
             least("brow_inner_up", 2.0),
             least("mouth_opens", 7.0),
             least("lids_open", 0.08),
+            most("corner_up", 0.5),
+            most("mouthSmile", 0.2),
         ),
         residual=0.6,
     ),
@@ -469,6 +490,7 @@ EXPRESSIONS = (
             least("upper_lip_up", 1.8),
             least("brow_inner_down", 1.5),
             most("lids_close", 0.5),
+            most("corner_up", 2.0),
         ),
         residual=0.6,
     ),
