@@ -1,6 +1,7 @@
 """An artist's hand without a window: gestures through the program's own tools, session and solver."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -90,6 +91,11 @@ class Performed:
     residuals_px: tuple[float, ...]
     solve_ms: tuple[float, ...]
     prior: Prior
+
+    @cached_property
+    def vertices(self) -> NDArray[np.float32]:
+        """The posed vertices that are measured and drawn, shape (N, 3)."""
+        return self.model.instance(self.pose)
 
 
 class Hand:

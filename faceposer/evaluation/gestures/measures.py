@@ -63,7 +63,7 @@ class FaceChange:
     @cached_property
     def motion(self) -> Array:
         """The vertices' motion in millimetres, shape (N, 3)."""
-        moved = self.performed.model.instance(self.performed.pose) - self.subject.vertices
+        moved = self.performed.vertices - self.subject.vertices
         return moved.astype(np.float64) * self._millimetres
 
     @property

@@ -78,8 +78,7 @@ class Studio:
     def after(self, performed: Performed, arrows: bool = True) -> Image.Image:
         """Return the face that a gesture left, with ``arrows`` for what was pulled and painted."""
         camera = self.camera(performed.gesture.view, _pulled_places(performed.gesture))
-        vertices = performed.model.instance(performed.pose)
-        picture = self.draw(vertices, camera)
+        picture = self.draw(performed.vertices, camera)
         if arrows:
             pen = ImageDraw.Draw(picture)
             for drawn in performed.drawn:

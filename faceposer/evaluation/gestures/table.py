@@ -141,7 +141,13 @@ MOUTH = (
         "Jaw to the left",
         (Pull("2.10", 6.0, 0.0),),
         (*_LOWER, "neck", "ear"),
-        (least("chin_left", 3.9), most("mouth_opens", 3.0), _OPEN, most("brow_inner_moved", 1.0)),
+        (
+            least("chin_left", 3.9),
+            most("mouth_opens", 3.0),
+            most("corner_up", 2.5),
+            _OPEN,
+            most("brow_inner_moved", 1.0),
+        ),
     ),
     Gesture(
         "jaw_forward",
@@ -307,7 +313,7 @@ LIDS = (
         "Both eyes closed by the upper lids",
         (Pull("3.1", both=True, onto="3.3"),),
         _BROWS,
-        (least("lids_close", 0.7), most("brow_middle_moved", 1.5), most("mouth_mean", 0.1)),
+        (least("lids_close", 0.7), most("lids_close", 1.15), most("brow_middle_moved", 1.5), most("mouth_mean", 0.1)),
     ),
     Gesture(
         "lids_open",
@@ -328,7 +334,12 @@ LIDS = (
         "Wink with the left eye",
         (Pull("3.1", onto="3.3"),),
         _BROWS,
-        (least("lids_left_close", 0.7), most("lids_right_close", 0.3), most("mouth_mean", 0.3)),
+        (
+            least("lids_left_close", 0.7),
+            most("lids_left_close", 1.15),
+            most("lids_right_close", 0.3),
+            most("mouth_mean", 0.3),
+        ),
     ),
 )
 
