@@ -102,19 +102,32 @@ def study(
 def missed(row: Row) -> list[str]:
     """Return what does not hold of ``row``, each as name, value and limit, the farthest off first.
 
-    Of two sides the worse stands for both.
+    Where both sides are limited, the worse stands for both.
     """
     worst: dict[str, tuple[float, str]] = {}
-    for name, entry in (*row["must_move"].items(), *row["must_not_move"].items(), *row["limits"].items()):
-        if entry["holds"]:
-            continue
-        value = next(entry[key] for key in ("weight", "mm", "share", "value") if key in entry)
-        sign, limit = ("≥", entry["at_least"]) if "at_least" in entry else ("≤", entry["at_most"])
-        plain = f"{name} ({entry['prior']} prior)" if "prior" in entry else name
-        plain = plain.removesuffix("Left").removesuffix("Right").replace("_left_", "_").replace("_right_", "_")
-        off = entry["missed_by"] / max(abs(limit), 0.05)
-        worst[plain] = max(worst.get(plain, (0.0, "")), (off, f"{plain} {value:.2g} ({sign} {limit:g})"))
+    for judged in (row["must_move"], row["must_not_move"], row["limits"]):
+        for name, entry in judged.items():
+            if entry["holds"]:
+                continue
+            value = next(entry[key] for key in ("weight", "mm", "share", "value") if key in entry)
+            sign, limit = ("≥", entry["at_least"]) if "at_least" in entry else ("≤", entry["at_most"])
+            shown = f"{name} ({entry['prior']} prior)" if "prior" in entry else _without_side(name, judged)
+            off = entry["missed_by"] / max(abs(limit), 0.05)
+            worst[shown] = max(worst.get(shown, (0.0, "")), (off, f"{shown} {value:.2g} ({sign} {limit:g})"))
     return [text for _, text in sorted(worst.values(), reverse=True)]
+
+
+def _without_side(name: str, judged: Row) -> str:
+    """Return ``name`` without its side if that of the other side is ``judged`` too."""
+    for own, other, none in (
+        ("Left", "Right", ""),
+        ("Right", "Left", ""),
+        ("_left_", "_right_", "_"),
+        ("_right_", "_left_", "_"),
+    ):
+        if own in name and name.replace(own, other) in judged:
+            return name.replace(own, none)
+    return name
 
 
 def _kind(name: str) -> str:
