@@ -9,11 +9,11 @@ from pathlib import Path
 from PIL import Image
 
 from faceposer.evaluation.gestures.characters import load_character
+from faceposer.evaluation.gestures.expressions import EXPRESSIONS
 from faceposer.evaluation.gestures.gesture import Gesture
 from faceposer.evaluation.gestures.hand import Performed, PriorSettings
 from faceposer.evaluation.gestures.pictures import Cell, Studio, beside, sheet, studio, write_jpeg
 from faceposer.evaluation.gestures.rows import Row, study
-from faceposer.evaluation.gestures.table import EXPRESSIONS
 from faceposer.evaluation.gestures.tables import markdown, spliced
 
 # Of the sheets: pictures a row, and pixels of each.

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 
 from faceposer.errors import FacePoserError
+from faceposer.evaluation.gestures.expressions import EXPRESSIONS
 from faceposer.evaluation.gestures.gesture import Gesture
 from faceposer.evaluation.gestures.rows import Row, missed
-from faceposer.evaluation.gestures.table import BY_NAME, EXPRESSIONS
+from faceposer.evaluation.gestures.table import BY_NAME
 
 BEGIN, END = "<!-- begin: written by scripts/study_gestures.py -->", "<!-- end -->"
 # What a character lacks the places for.

@@ -10,13 +10,14 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.evaluation.gestures.characters import load_character
+from faceposer.evaluation.gestures.expressions import EXPRESSIONS
 from faceposer.evaluation.gestures.gesture import HEAD_HEIGHT, Gesture, Limit, Paint, Pull, least, most
 from faceposer.evaluation.gestures.hand import Hand, Performed, PriorSettings, has_places, place_vertex
 from faceposer.evaluation.gestures.measures import FaceChange, known_unit, region_ids, sided, skin_outside
 from faceposer.evaluation.gestures.pictures import studio
 from faceposer.evaluation.gestures.report import blind_order, run, write_json, write_page
 from faceposer.evaluation.gestures.rows import missed, perform, row_of, study
-from faceposer.evaluation.gestures.table import BY_NAME, EXPRESSIONS, GESTURES
+from faceposer.evaluation.gestures.table import BY_NAME, GESTURES
 from faceposer.evaluation.gestures.tables import BEGIN, END, spliced, summary
 from faceposer.model.face_model import FaceModel
 from faceposer.model.subject import ARKIT_SHAPES
