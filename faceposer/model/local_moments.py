@@ -90,7 +90,7 @@ class LocalMoments:
 
     share: ClassVar[float] = 1.0 / 6.0
     notable: ClassVar[float] = 8.0
-    unmeant: ClassVar[float] = 0.4
+    unmeant: ClassVar[float] = 0.6
     specific: ClassVar[tuple[float, float]] = (0.1, 0.4)
 
     def __init__(self, density: RigDensity, start: Array, wholeness: float = 0.0) -> None:

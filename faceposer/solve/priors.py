@@ -17,8 +17,8 @@ PRIORS: tuple[Prior, ...] = get_args(Prior)
 
 # How far outside its limits a rig weight may stray, as a standard deviation and a share of their distance.
 _BOUND_SCALE = 0.05
-# How far apart the eyes may look, in radians, as a standard deviation: about half a degree.
-_GAZE_SIGMA = 0.009
+# How far apart the eyes may look, in radians, as a standard deviation: about a quarter of a degree.
+_GAZE_SIGMA = 0.005
 
 
 class MixturePrior:

@@ -44,7 +44,10 @@ class Reach:
 
     def pixels(self, directions: Array) -> Array:
         """Return how far each point can go in its unit direction of ``directions``, (n, 2), in pixels, shape (n,)."""
-        forward = np.einsum("nwk,nk->nw", self.steps, directions).clip(min=0.0)
+        along = np.einsum("nwk,nk->nw", self.steps, directions).clip(min=0.0)
+        lengths = np.maximum(np.sqrt(np.einsum("nwk,nwk->nw", self.steps, self.steps)), 1e-12)
+        # What also goes elsewhere counts the less, the more it does: a^2 / |s| for a step s that goes by a this way.
+        forward = along * along / lengths
         reach: Array = np.sqrt(np.einsum("nw,nw->n", forward, forward)) + self.mobility * _TREMOR_PX
         return reach
 

@@ -11,7 +11,7 @@ EXPRESSIONS = (
     Gesture(
         "happiness",
         "Happiness",
-        (Pull("8.3", 5.0, 6.0, both=True), Pull("5.1", 0.0, 3.0, both=True)),
+        (Pull("8.3", 5.0, 6.0, both=True), Pull("5.1", 1.5, 6.0, both=True)),
         _FACE,
         (
             least("corner_up", 3.5),

@@ -20,7 +20,7 @@ from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 # How far a hand misses the pixel that it means, in pixels: sigma of eq. (9).
 SIGMA_PX = 1.5
 # By what share of its length a pull passes by what it means, as a standard deviation, and how many points are few.
-_SLACK, _FEW = 0.25, 3.0
+_SLACK, _FEW = 0.15, 3.0
 
 
 @dataclass(frozen=True)
