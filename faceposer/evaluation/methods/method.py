@@ -55,6 +55,14 @@ class Method:
         raise NotImplementedError
 
 
+def posed(model: FaceModel, coefficients: Array) -> ArrayLike:
+    """Return the vertices, shape (N, 3), by which a pose with ``coefficients``, shape (r,), is judged.
+
+    All techniques that find coefficients, and the scripts that study priors, make vertices here and nowhere else.
+    """
+    return model.instance(coefficients)
+
+
 class ModelMethod(Method):
     """A technique that finds coefficients of a face model.
 
@@ -66,7 +74,7 @@ class ModelMethod(Method):
 
     def vertices(self, found: Array) -> ArrayLike:
         """Return the vertices, shape (N, 3), of the face with the coefficients ``found``, shape (r,)."""
-        return self.model.instance(found)
+        return posed(self.model, found)
 
 
 def prepared(kind: type[Method], setting: Setting, **changes: Any) -> Method:
