@@ -34,7 +34,7 @@ _SPARSE_RATE = 10
 _SPARSE_SHARE = 0.2
 # Jumps that no weight can make.
 _NO_JUMP = 1e9
-# The rate at which a recipe's ``jump`` is the change between two frames: motion has half of it at twice the rate.
+# The rate up to which a recipe's ``jump`` is the change between two frames: at twice the rate motion has half of it.
 _JUMP_RATE = 30.0
 
 
@@ -120,8 +120,8 @@ def steady(path: Path, jump: float, sparse: Sparse = "auto") -> Capture:
 
     Args:
         path: Of the take.
-        jump: Change of a weight between two frames at 30 frames a second that is taken for a tracking error; at other
-            rates, where the take has times, the same change per second.
+        jump: Change of a weight between two frames, at up to 30 frames a second, that is taken for a tracking error; of
+            takes with more frames a second, as much less as there are more.
         sparse: Whether its frames are too far apart for that.
 
     Raises:
@@ -129,7 +129,7 @@ def steady(path: Path, jump: float, sparse: Sparse = "auto") -> Capture:
     """
     take = read_capture(path).with_shapes(ARKIT_SHAPES)
     rate = frames_a_second(path)
-    without = take.without_jumps(jump if rate is None else jump * _JUMP_RATE / max(rate, _SPARSE_RATE))
+    without = take.without_jumps(jump * min(1.0, _JUMP_RATE / (rate or _JUMP_RATE)))
     if sparse == "auto":
         dropped = 1.0 - len(without.weights) / len(take.weights)
         sparse = "yes" if (rate is not None and rate < _SPARSE_RATE) or dropped > _SPARSE_SHARE else "no"
