@@ -13,6 +13,7 @@ from faceposer.model.subject import Subject
 #: The techniques that are compared unless others are asked for, those of them that the program has.
 DEFAULT_METHODS = (
     "mfa",
+    "mfa-whole",
     "mfa-plain",
     "ppca",
     "pca",

@@ -25,7 +25,7 @@ from faceposer.viewer.pictures import write_png
 from faceposer.viewer.theme import FONTS
 
 #: The priors of the program, of which none is a rival.
-OURS = ("mfa", "mfa-whole")
+OURS = ("mfa", "mfa-whole", "mfa-undamped")
 # Numbers of constraints whose picture says something: neither hardly any nor so many that all methods agree.
 _TELLING = {"point": 8, "distance": 4, "stroke": 450}
 # A face that meets its constraints to so many pixels has a "zero 2D error" for the eye.

@@ -292,8 +292,8 @@ def test_methods_say_what_they_can_and_need(
 
 
 def test_the_usual_methods_are_those_of_the_comparison() -> None:
-    assert "mfa-whole" not in known_methods(None)
-    assert known_methods(None)[:2] == ("mfa", "mfa-plain")
+    assert "mfa-undamped" not in known_methods(None)
+    assert known_methods(None)[:3] == ("mfa", "mfa-whole", "mfa-plain")
 
 
 def test_intervals_are_of_the_ratio_and_of_paired_differences() -> None:
