@@ -236,7 +236,7 @@ def _report(
 
 
 def _tune(source: Any, methods: Sequence[str], options: argparse.Namespace, jobs: int, command: str) -> int:
-    from faceposer.evaluation.tuning import TUNED, tune, write_tuned
+    from faceposer.evaluation.tuning import TUNED, end_warning, tune, write_tuned
 
     trials = next((n for which, n in options.trials if which is None), None)
 
@@ -248,6 +248,8 @@ def _tune(source: Any, methods: Sequence[str], options: argparse.Namespace, jobs
     for name, found in tuned.items():
         parameters = ", ".join(f"{key}={value}" for key, value in found["parameters"].items())
         print(f"{name}: {parameters} ({found['score']:.4f}; as it is: {found['score_as_is']:.4f})")
+        if warning := end_warning(name, found):
+            print(warning)
     print(f"{options.output / TUNED} written")
     return 0
 

@@ -37,10 +37,10 @@ class Arap(Method):
     kinds = ("point",)
     parameters = {"iterations": 10, "energy": "SPOKES_AND_RIMS", "follow": False, "still": 0.05}
     grid = {
-        "still": (0.001, 0.02, 0.05, 0.1),
+        "still": (0.001, 0.02, 0.05, 0.1, 0.2, 0.4),
         "follow": (False, True),
         "energy": ("SPOKES", "SPOKES_AND_RIMS", "ELEMENTS"),
-        "iterations": (3, 10),
+        "iterations": (3, 10, 30, 100),
     }
     requires: ClassVar[str | None] = "igl"
     max_trials: ClassVar[int | None] = 60

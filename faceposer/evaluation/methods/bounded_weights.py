@@ -18,7 +18,7 @@ class BoundedWeights(ModelMethod):
     name = "bounded-weights"
     title = "Bounded least squares on the rig's weights"
     parameters = {"ridge": 30.0, "steps": 4}
-    grid = {"ridge": (1.0, 3.0, 10.0, 30.0, 100.0, 300.0), "steps": (2, 3, 4)}
+    grid = {"ridge": (1.0, 3.0, 10.0, 20.0, 30.0, 50.0, 100.0, 300.0), "steps": (1, 2, 3, 4, 6, 8, 12)}
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:
         """Take the rig of the ``setting``'s face."""

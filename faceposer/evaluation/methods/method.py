@@ -30,6 +30,7 @@ class Method:
         kinds: The constraints that it understands.
         parameters: What ``faceposer evaluate --tune`` found best on the end of the training take.
         grid: The values of each parameter between which it chose.
+        natural_ends: Ends of these grids, by parameter, beyond which there is nothing to offer, such as all examples.
         requires: An optional package that it imports, without which a study passes it over; None if there is none.
         max_trials: So many trials of a cell at most, of a technique too slow for all; None for all.
     """
@@ -39,6 +40,7 @@ class Method:
     kinds: ClassVar[tuple[str, ...]] = KINDS
     parameters: ClassVar[Parameters] = {}
     grid: ClassVar[dict[str, Sequence[Any]]] = {}
+    natural_ends: ClassVar[dict[str, Any]] = {}
     requires: ClassVar[str | None] = None
     max_trials: ClassVar[int | None] = None
 

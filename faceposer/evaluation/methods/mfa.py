@@ -24,7 +24,7 @@ class ShippedMfa(ModelMethod):
     name = "mfa"
     title = "Mixture of factor analyzers, as shipped"
     parameters = {"prior_weight": 1.0}
-    grid = {"prior_weight": (0.25, 0.5, 1.0, 2.0, 4.0)}
+    grid = {"prior_weight": (0.25, 0.5, 1.0, 1.5, 2.0, 4.0)}
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:
         """Prepare the method for a ``setting``."""
@@ -59,10 +59,11 @@ class PlainMfa(ModelMethod):
     parameters = {"prior_weight": 1.0, "augmented": True, "components": 30, "factors": 10, "energy": 0.99}
     grid = {
         "augmented": (False, True),
-        "energy": (0.99, 0.999, 1.0),
-        "components": (10, 30),
-        "prior_weight": (0.5, 1.0, 2.0, 4.0),
+        "energy": (0.9, 0.95, 0.98, 0.99, 0.999, 1.0),
+        "components": (3, 10, 30, 60, 120),
+        "prior_weight": (0.25, 0.5, 1.0, 2.0, 4.0, 8.0),
     }
+    natural_ends = {"energy": 1.0}
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:
         """Learn the mixture from the captures of the ``setting``."""
