@@ -125,9 +125,10 @@ def run(options: argparse.Namespace, words: Sequence[str]) -> int:
     # Before NumPy is loaded: each process has a core, and times are to be compared.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[variable] = "1"
-    from faceposer.evaluation.plan import NOISE_PX, REGION_COUNTS, TRIALS, Plan, cells_of, check_kinds, known_methods
+    from faceposer.evaluation.plan import NOISE_PX, REGION_COUNTS, TRIALS, Plan, cells_of, known_methods, possible
     from faceposer.evaluation.study import Study
-    from faceposer.evaluation.trials import COUNTS
+    from faceposer.evaluation.trials import COUNTS, TrialMaker
+    from faceposer.evaluation.tuning import CELLS
     from faceposer.training.expressions import Recipe
 
     if options.output.exists() and not options.output.is_dir():
@@ -147,10 +148,12 @@ def run(options: argparse.Namespace, words: Sequence[str]) -> int:
     trials = TRIALS | {kind: n for which, n in options.trials for kind in (_KINDS if which is None else (which,))}
     command = shlex.join(["faceposer", *words])
     if options.tune:
-        check_kinds(setting.subject, options.kinds)
+        # Raises if the face has no place for any.
+        possible(TrialMaker(setting), [cell for cell in CELLS if cell.constraint in options.kinds])
         return _tune(sources[""], methods, options, jobs, command)
     region_names = () if options.regions == ("none",) else None if options.regions == ("all",) else options.regions
-    cells = cells_of(
+    cells, lacking = cells_of(
+        TrialMaker(setting),
         setting.subject,
         options.kinds,
         COUNTS | dict(options.counts),
@@ -158,6 +161,8 @@ def run(options: argparse.Namespace, words: Sequence[str]) -> int:
         NOISE_PX if options.noise is None else options.noise,
         region_names,
     )
+    for sentence in lacking:
+        print(sentence, file=sys.stderr)
     plan = Plan(methods, cells, trials, options.seed)
     progress = _Progress()
     try:
