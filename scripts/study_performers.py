@@ -168,7 +168,7 @@ def _distance(vertices: Any, truth: Any) -> float:
     return float(np.linalg.norm(np.asarray(vertices) - truth, axis=1).mean())
 
 
-def sources(folder: Path, subject: str, others: bool, look: bool) -> dict[str, Source]:
+def sources(folder: Path, subject: str, recipe: Recipe, others: bool, look: bool) -> dict[str, Source]:
     """Return the data sets by name."""
     found = {}
     files = {name: folder / file for name, file in PERFORMERS}
@@ -176,11 +176,11 @@ def sources(folder: Path, subject: str, others: bool, look: bool) -> dict[str, S
     names = tuple(files) if others else ("alex",)
     for number in FOLDS:
         found[f"fold{number}"] = Source(
-            subject, learned, (), Recipe(), fold=number, performers=names, within="alex" if others else None
+            subject, learned, (), recipe, fold=number, performers=names, within="alex" if others else None
         )
-    found |= leave_one_out([Performer(name, (path,)) for name, path in files.items()], subject, Recipe())
+    found |= leave_one_out([Performer(name, (path,)) for name, path in files.items()], subject, recipe)
     if look:
-        found[TAKE_4] = Source(subject, learned, (folder / LOOKED_AT,), Recipe(), performers=names)
+        found[TAKE_4] = Source(subject, learned, (folder / LOOKED_AT,), recipe, performers=names)
     return found
 
 
@@ -246,6 +246,7 @@ def main() -> None:
     parser.add_argument("--data", nargs="+", metavar="NAME", help="these data sets (default: all)")
     parser.add_argument("--subject", default="man", help="face to pose (default: man)")
     parser.add_argument("--trials", type=int, default=40, help="of each cell (default: 40)")
+    parser.add_argument("--examples", type=int, default=Recipe().n_examples, help="augmented examples to learn from")
     parser.add_argument("--base", metavar="NAME", help="variant to compare with (default: the first)")
     parser.add_argument("--others", action="store_true", help="folds and take 4 learn from the other performers, too")
     parser.add_argument("--look", action="store_true", help="test on take 4, too, which no choice may rest on")
@@ -253,7 +254,8 @@ def main() -> None:
     folder = os.environ.get("FACEPOSER_CAPTURES")
     if folder is None:
         parser.error("set FACEPOSER_CAPTURES to the folder with the captures")
-    data = sources(Path(folder), options.subject, options.others, options.look)
+    recipe = Recipe(n_examples=options.examples)
+    data = sources(Path(folder), options.subject, recipe, options.others, options.look)
     keys = options.data or list(data)
     variants, names = chosen_variants(options.variants, options.only, options.base)
     if unknown := [key for key in keys if key not in data]:
