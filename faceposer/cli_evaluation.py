@@ -214,7 +214,7 @@ def _report(
     left_out: Mapping[str, str],
     options: argparse.Namespace,
 ) -> int:
-    """Print ``tables``, and draw what was asked for: ``rows``, and faces of each of the ``studies``."""
+    """Print ``tables`` and which cells have none of the ``rows``, and draw what was asked for."""
     from faceposer.evaluation.study import RESULTS, TABLE, TABLES
 
     for sentence in left_out.values():
@@ -224,6 +224,15 @@ def _report(
             "No trial could be made: the takes to test on have too few frames in which the face moves; give longer "
             "ones with --capture-test."
         )
+    done = {(row["constraint"], row["count"], row["noise_px"], row.get("region")) for row in rows}
+    plan = studies[0].plan
+    tried = [
+        cell for cell in plan.cells if any(plan.wanted(name, cell) for name in plan.methods if name not in left_out)
+    ]
+    without = [cell for cell in tried if (cell.constraint, cell.count, cell.noise_px, cell.region) not in done]
+    if without:
+        words = ", ".join(dict.fromkeys(cell.words for cell in without))
+        print(f"No frame to test on moves enough for: {words}.", file=sys.stderr)
     print(tables)
     written = [options.output / name for name in (RESULTS, TABLE, TABLES)]
     if options.figures:

@@ -133,7 +133,7 @@ class _Sheet:
         seed, number = key
         trial = list(self._maker.trials(cell, self._frames, number + 1, seed))[number]
         truth = self._setting.vertices_of(trial.weights)
-        panels = [(f"{_words(cell)}, {targets(cell.noise_px)}", f"truth (trial {number}, seed {seed})", truth)]
+        panels = [(f"{cell.words}, {targets(cell.noise_px)}", f"truth (trial {number}, seed {seed})", truth)]
         for method_name in methods:
             if unavailable(method_name) is None:
                 method, score = prepared(METHODS[method_name], self._setting), self.scores(method_name, cell)[key]
@@ -183,12 +183,6 @@ class _Sheet:
             half = 0.5 * constraint.target * half / max(float(np.hypot(*half)), 1e-9)
             for side in (-1.0, 1.0):
                 _ring(pen, (u + side * half[0], v + side * half[1]), 6.0, _TARGET)
-
-
-def _words(cell: Cell) -> str:
-    if cell.constraint == "stroke":
-        return f"a stroke of {cell.count} pixels"
-    return f"{cell.count} {cell.constraint}{'s' if cell.count > 1 else ''}"
 
 
 def _dot(pen: ImageDraw.ImageDraw, at: Sequence[float], radius: float, colour: tuple[int, int, int]) -> None:

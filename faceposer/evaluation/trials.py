@@ -59,6 +59,14 @@ class Cell:
     noise_px: float
     region: str | None = None
 
+    @property
+    def words(self) -> str:
+        """Its constraints in words."""
+        where = f" within the {self.region}" if self.region is not None else ""
+        if self.constraint == "stroke":
+            return f"a stroke of {self.count} pixels{where}"
+        return f"{self.count} {self.constraint}{'s' if self.count > 1 else ''}{where}"
+
 
 @dataclass(frozen=True, eq=False)
 class Trial:
@@ -116,9 +124,8 @@ class TrialMaker:
         distance = cell.constraint == "distance"
         if (places * (places - 1) // 2 if distance else places) >= cell.count:
             return None
-        constraints = f"{cell.count} {cell.constraint}{'s' if cell.count > 1 else ''}"
         return (
-            f"'{name}' has no place for {constraints}{where}: of {'feature points' if distance else 'vertices'} to "
+            f"'{name}' has no place for {cell.words}: of {'feature points' if distance else 'vertices'} to "
             f"choose from there are {places}."
         )
 
