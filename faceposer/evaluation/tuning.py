@@ -104,7 +104,7 @@ def search(kind: type[Method], score: Callable[[Parameters], float]) -> Tuned:
             break
     # A best value at an end of its grid says that the grid should be wider, unless there is nothing beyond.
     ends = [name for name, values in kind.grid.items() if _at_end(best[name], values)]
-    natural = [name for name in ends if best[name] == kind.natural_ends.get(name)]
+    natural = [name for name in ends if best[name] in kind.natural_ends.get(name, ())]
     return {
         "parameters": best,
         "at_end_of_grid": [name for name in ends if name not in natural],

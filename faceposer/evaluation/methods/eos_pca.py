@@ -37,7 +37,7 @@ class EosPca(ModelMethod):
         "coefficients": (10, 20, 52),
         "lambda": (0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0),
     }
-    natural_ends = {"coefficients": 52}
+    natural_ends = {"coefficients": (52,)}
     requires: ClassVar[str | None] = "eos"
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:

@@ -31,7 +31,7 @@ class Lwr(ModelMethod):
         "prior_weight": (0.25, 0.5, 1.0, 2.0, 4.0, 8.0),
         "ridge": (1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2),
     }
-    natural_ends = {"neighbours": 12000}
+    natural_ends = {"neighbours": (12000,)}
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:
         """Take the examples of the ``setting``."""

@@ -40,7 +40,7 @@ class Method:
     kinds: ClassVar[tuple[str, ...]] = KINDS
     parameters: ClassVar[Parameters] = {}
     grid: ClassVar[dict[str, Sequence[Any]]] = {}
-    natural_ends: ClassVar[dict[str, Any]] = {}
+    natural_ends: ClassVar[dict[str, Sequence[Any]]] = {}
     requires: ClassVar[str | None] = None
     max_trials: ClassVar[int | None] = None
 

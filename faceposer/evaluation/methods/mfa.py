@@ -63,7 +63,7 @@ class PlainMfa(ModelMethod):
         "components": (3, 10, 30, 60, 120),
         "prior_weight": (0.25, 0.5, 1.0, 2.0, 4.0, 8.0),
     }
-    natural_ends = {"energy": 1.0}
+    natural_ends = {"energy": (1.0,)}
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:
         """Learn the mixture from the captures of the ``setting``."""

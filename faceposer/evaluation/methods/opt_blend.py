@@ -30,7 +30,7 @@ class OptBlend(ModelMethod):
         "sum_penalty": (1e1, 1e2, 1e3, 1e4, 1e5),
         "iterations": (15, 30, 60, 120, 240),
     }
-    natural_ends = {"examples": 12000}
+    natural_ends = {"examples": (12000,)}
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:
         """Take the examples of the ``setting``."""
