@@ -24,7 +24,7 @@ class Lwr(ModelMethod):
 
     name = "lwr"
     title = "Locally weighted regression (LWR)"
-    parameters = {"neighbours": 1000, "augmented": True, "prior_weight": 2.0, "ridge": 1e-3}
+    parameters = {"neighbours": 2000, "augmented": True, "prior_weight": 1.0, "ridge": 1e-4}
     grid = {
         "augmented": (False, True),
         "neighbours": (100, 300, 1000, 2000, 4000, 8000, 12000),
