@@ -346,6 +346,18 @@ def test_tuning_tells_ends_of_grids_from_ends_of_what_there_is() -> None:
     assert found["parameters"] == Ppca.parameters
 
 
+@pytest.mark.parametrize("name", METHODS)
+def test_what_a_technique_uses_lies_within_its_grid(name: str) -> None:
+    kind = METHODS[name]
+    assert set(kind.grid) <= set(kind.parameters)
+    assert set(kind.natural_ends) <= set(kind.grid)
+    for parameter, values in kind.grid.items():
+        used = kind.parameters[parameter]
+        assert used in values
+        if not isinstance(used, bool | str) and used not in kind.natural_ends.get(parameter, ()):
+            assert min(values) < used < max(values)
+
+
 def test_tuning_writes_what_it_found(
     takes: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -56,7 +56,7 @@ class PlainMfa(ModelMethod):
 
     name = "mfa-plain"
     title = "Mixture of factor analyzers by plain maximum likelihood (the paper)"
-    parameters = {"prior_weight": 1.0, "augmented": True, "components": 30, "factors": 10, "energy": 0.99}
+    parameters = {"prior_weight": 2.0, "augmented": True, "components": 30, "factors": 10, "energy": 0.99}
     grid = {
         "augmented": (False, True),
         "energy": (0.9, 0.95, 0.98, 0.99, 0.999, 1.0),
