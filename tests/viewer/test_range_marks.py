@@ -104,6 +104,17 @@ def test_a_point_dragged_beyond_its_range_says_so(robot: Robot) -> None:
     assert not robot.app.session.document.constraints
 
 
+def test_a_pin_shows_its_range_until_undo_takes_it_away(robot: Robot) -> None:
+    x, y = robot.at(CORNER)
+    robot.click((x - 2.0, y))
+    robot.frames(2)
+    assert marks(robot).looks_at_something
+    robot.key("Ctrl+Z")
+    robot.frames(2)
+    assert not robot.app.dialogs.open
+    assert not robot.app.session.document.constraints
+
+
 def test_other_tools_show_no_range(robot: Robot) -> None:
     x, y = robot.at(HAIRLINE)
     robot.key("S")
