@@ -88,7 +88,7 @@ class PoseProblem:
             mixture: A density over coefficients to take as the whole prior; if None, the prior is the model's own
                 density seen from the start, with bounds on the rig's weights.
             prior: Whether the model's own density judges region by region, the face as a whole, or, without regard to
-                the start and the bounds, as it was learned ("plain", the paper's).
+                the start, as it was learned ("plain", the paper's).
             evidence: Terms that tell of the face as constraints do, but are none, such as points tracked in a film;
                 they look at the coefficients alone.
             held: Likewise, but what they ask for tells nothing of the rest of the face, as where the eyes look.
