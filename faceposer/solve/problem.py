@@ -59,7 +59,7 @@ class PoseProblem:
 
     Attributes:
         start: The pose that the prior is seen from, shape (r,): the one that is given, with the eyes turned.
-        limits: Of the weights of the model's density, widened to the start, shape (W, 2); None without any.
+        limits: Of the weights of the model's density, widened to where the face began, shape (W, 2); None without any.
         terms: What the energy is a sum of.
     """
 
@@ -76,6 +76,7 @@ class PoseProblem:
         offset: ArrayLike | None = None,
         spread: float = SPREAD,
         bare: bool = False,
+        home: ArrayLike | None = None,
     ) -> None:
         """Gather the problem.
 
@@ -87,13 +88,15 @@ class PoseProblem:
             mixture: A density over coefficients to take as the whole prior; if None, the prior is the model's own
                 density seen from the start, with bounds on the rig's weights.
             prior: Whether the model's own density judges region by region, the face as a whole, or, without regard to
-                the start and the bounds, as it was learned ("plain", the paper's).
+                the start, as it was learned ("plain", the paper's).
             evidence: Terms that tell of the face as constraints do, but are none, such as points tracked in a film;
                 they look at the coefficients alone.
             held: Likewise, but what they ask for tells nothing of the rest of the face, as where the eyes look.
             offset: What is added to the start without a price, as gaze is, shape (r,).
             spread: How much of the face follows a pull, from 0, as little as explains it, to 1, all that usually moves
                 along in what was learned from.
+            home: Where the face began, if it goes on from frame to frame, shape (r,); the start if None. The rig's
+                limits are widened to this pose alone; widened to every frame's, they would give way step by step.
             bare: The constraints alone, whatever the face: no prior, no bounds, and targets beyond all reach stay.
 
         Raises:
@@ -124,6 +127,7 @@ class PoseProblem:
         self.at_rest = centred and len(self.terms) == 1
         self.mixture = model.mixture if mixture is None else mixture
         self.limits: Array | None = None
+        self._home = self.start if home is None else np.asarray(home, dtype=np.float64)
         if bare:
             return
         if mixture is None:
@@ -138,7 +142,7 @@ class PoseProblem:
     def _take_up_points(self, pulls: Sequence[Term]) -> None:
         """Widen the rig's limits to the start, and let points see it."""
         density = self.model.rig_density
-        self.limits = limits_around(density.limits, density.directions @ self.start)
+        self.limits = limits_around(density.limits, density.directions @ self._home)
         state = self.state(self.start)
         for term in pulls:
             if isinstance(term, PointTerm):
@@ -151,7 +155,7 @@ class PoseProblem:
         for shape, other, beyond in dependent_pairs(self.model.subject.shape_names):
             directions = np.vstack([directions, directions[shape] - directions[other]])
             limits = np.vstack([limits, [-limits[other, 1], beyond]])
-        self.terms.append(WeightBounds(directions, limits, _BOUNDS * weight, self.start))
+        self.terms.append(WeightBounds(directions, limits, _BOUNDS * weight, self._home))
         self.terms.append(ParallelGaze(gaze_differences(self.model), self.start, weight))
 
     def _take_up_prior(self, begin: Array, prior: Prior, spread: float, pulls: Sequence[Term]) -> None:
@@ -172,7 +176,8 @@ class PoseProblem:
         if strength > 0 and len(rows) and prior == "regions" and self.limits is not None:
             evidence = Evidence(rows.T @ rows, rows.T @ residual)
             precision = 0.5 * _GAUSSIAN * weight * self.mixture.precisions[0]
-            self.terms.append(LeastMotion(self.model, self.start, evidence, precision, strength, self.limits))
+            limits = limits_around(self.limits, self.model.rig_density.directions @ self.start)
+            self.terms.append(LeastMotion(self.model, self.start, evidence, precision, strength, limits))
 
     def state(self, p: Array) -> PoseState:
         """Return the anchored points at coefficients ``p`` of shape (r,)."""

@@ -115,6 +115,11 @@ class RangeMarks(Feature):
         points = [c for c in found if isinstance(c, PointConstraint)]
         return points[0] if len(points) == 1 else None
 
+    @property
+    def looks_at_something(self) -> bool:
+        """Whether a point lies under the pointer or is dragged."""
+        return self._range is not None
+
     def follow(self) -> None:
         """Look at what lies under the pointer, or is dragged, if that has changed."""
         point, camera = self._looked_at()
@@ -147,7 +152,9 @@ class RangeMarks(Feature):
         """Return the point whose range is shown, and where it is seen: that of the face, or of a pin of this view."""
         if hover.pin is None:
             return hover.point, camera
-        constraint = self.app.session.document.constraints[hover.pin]
+        constraints = self.app.session.document.constraints
+        # Undo may have taken it away since the pointer last moved.
+        constraint = constraints[hover.pin] if hover.pin < len(constraints) else None
         if isinstance(constraint, PointConstraint) and constraint.camera == camera:
             return constraint.anchor, camera
         return None, camera
