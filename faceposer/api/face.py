@@ -333,6 +333,7 @@ class Face(InMotion):
         view: ViewName | Camera = "front",
         size: tuple[int, int] = _SIZE,
         shading: Literal["full", "clay"] = "full",
+        expression_lines: bool = True,
     ) -> NDArray[np.uint8]:
         """Return a picture of the face, shape (height, width, 3), and write it to ``path`` (.png) if there is one.
 
@@ -341,6 +342,7 @@ class Face(InMotion):
             view: Where to look from, or a camera, which brings its own size.
             size: Width and height in pixels.
             shading: "clay" leaves the textures out.
+            expression_lines: Draw the lines of the skin that the pose makes; clay has none.
         """
         from faceposer.viewer.offscreen import render_subject
         from faceposer.viewer.pictures import write_png
@@ -349,7 +351,9 @@ class Face(InMotion):
         if path is not None and Path(path).suffix.lower() != ".png":
             raise FacePoserError(f"The picture '{path}' must end in '.png'.")
         camera = view if isinstance(view, Camera) else self.camera(view, size)
-        picture = render_subject(self.subject, self.vertices, camera, shading=shading)
+        picture = render_subject(
+            self.subject, self.vertices, camera, shading=shading, expression_lines=expression_lines
+        )
         if path is not None:
             write_png(Path(path), picture)
         return picture

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from faceposer.model.subject import Subject
+from faceposer.viewer.line_buffers import LineBuffers
 
 
 def drawn_by_processor(ctx: moderngl.Context) -> bool:
@@ -40,6 +41,7 @@ class MeshBuffers:
         first_use[self.source[::-1]] = np.arange(len(pairs), dtype=np.int32)[::-1]
         self.edges = ctx.buffer(np.ascontiguousarray(first_use[_edges(subject)]))
         self.textures = {name: _texture(ctx, data) for name, data in subject.textures.items()}
+        self.lines = LineBuffers(ctx, subject, self.source)
         self._revision: object = None
 
     def update(self, vertices: NDArray[np.float32], normals: NDArray[np.float32], revision: object) -> None:
@@ -49,12 +51,14 @@ class MeshBuffers:
         np.take(vertices, self.source, axis=0, out=self._staging[:, :3])
         np.take(normals, self.source, axis=0, out=self._staging[:, 3:])
         self.points.write(self._staging)
+        self.lines.update(vertices)
         self._revision = revision
 
     def release(self) -> None:
         """Free what the GPU holds."""
         for buffer in (self.points, self.uvs, self.triangles, self.edges):
             buffer.release()
+        self.lines.release()
         for texture in self.textures.values():
             texture.release()
 

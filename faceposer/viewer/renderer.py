@@ -113,7 +113,9 @@ class Renderer:
         bare = (buffers.points, "3f 3x4", "position")
         self._arrays = {
             "surface": self.ctx.vertex_array(
-                self._surface, [points, (buffers.uvs, "2f", "uv")], index_buffer=buffers.triangles
+                self._surface,
+                [points, (buffers.uvs, "2f", "uv"), (buffers.lines.places, "3f", "line_coordinates")],
+                index_buffer=buffers.triangles,
             ),
             "id": self.ctx.vertex_array(self._triangle_id, [bare], index_buffer=buffers.triangles),
             "edges": self.ctx.vertex_array(self._edges, [bare], index_buffer=buffers.edges),
@@ -130,10 +132,12 @@ class Renderer:
         shading: Shading = "full",
         wireframe: bool = False,
         photo: PhotoLayer | None = None,
+        expression_lines: bool = True,
     ) -> None:
         """Draw the backdrop and the subject into all of ``target``, whose size must be the camera's.
 
-        With a ``photo`` that lies behind, what fades into the backdrop fades into the photo.
+        With a ``photo`` that lies behind, what fades into the backdrop fades into the photo. Clay has no
+        ``expression_lines``.
         """
         ctx, buffers = self.ctx, self._require_buffers()
         target.use()
@@ -158,6 +162,7 @@ class Renderer:
         set_uniform(program, "viewport", size)
         set_uniform(program, "neck", _cut_of_neck(buffers.subject))
         set_uniform(program, "mouth", _front_of_teeth(buffers.subject))
+        self._set_lines(program, expression_lines and shading == "full")
         if over_photo:
             # Only what is nearest fades into the photo: its depth comes first.
             target.color_mask = (False, False, False, False)
@@ -176,6 +181,16 @@ class Renderer:
         ctx.disable(moderngl.DEPTH_TEST | moderngl.BLEND)
         if photo is not None and photo.before > 0.0:
             self._draw_photo(photo, camera, photo.before)
+
+    def _set_lines(self, program: moderngl.Program, wanted: bool) -> None:
+        lines = self._require_buffers().lines
+        set_uniform(program, "lines", wanted and lines.use())
+        for name, unit in lines.units.items():
+            set_uniform(program, name, unit)
+
+    def prepare(self) -> None:
+        """Do now what else the first pose would wait for."""
+        self._require_buffers().lines.prepare()
 
     def _draw_photo(self, photo: PhotoLayer, camera: Camera, opacity: float) -> None:
         left, top, right, bottom = photo.corners(camera)
