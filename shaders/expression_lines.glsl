@@ -14,7 +14,8 @@ vec3 with_expression_lines(vec3 n, vec3 position, out float depth) {
     if (!lines || max(line_strength.x, line_strength.y) <= 0.0) return n;
     vec2 texels = vec2(textureSize(line_heights, 0));
     vec2 fx = sx * texels, fy = sy * texels;
-    float lod = max(0.25 * log2(max(dot(fx, fx) * dot(fy, fy), 1e-12)), 0.0);
+    // A little sharper than the pixels: in small pictures the lines would fade.
+    float lod = max(0.25 * log2(max(dot(fx, fx) * dot(fy, fy), 1e-12)) - 0.6, 0.0);
     vec2 reach = exp2(lod) / texels;
     float east = dot(textureLod(line_heights, line_place + vec2(reach.x, 0.0), lod).rg, line_strength);
     float west = dot(textureLod(line_heights, line_place - vec2(reach.x, 0.0), lod).rg, line_strength);

@@ -43,6 +43,7 @@ class _Line:
         ends: Over which lengths it fades at the least and the greatest x.
         swelling: Height beside it, in centimetres, and at which distance; the sign says on which side.
         wobble: Amplitude of its irregular course, in centimetres.
+        unevenness: How much its depth varies along it, as a share; its width varies by two thirds of that.
         layer: Of the map.
         sides: On which sides of the face it is; 0 for one line that crosses the middle.
     """
@@ -54,6 +55,7 @@ class _Line:
     ends: tuple[float, float] = (0.5, 0.5)
     swelling: tuple[float, float] = (0.0, 1.0)
     wobble: float = 0.05
+    unevenness: float = 0.35
     layer: int = 0
     sides: tuple[int, ...] = (1, -1)
 
@@ -87,16 +89,14 @@ def _forehead() -> list[_Line]:
 
 
 def _frown() -> list[_Line]:
+    main = ((2.7, 0.48), (3.4, 0.64), (4.0, 0.78), (5.1, 0.74))
+    beside, between = ((3.3, 1.06), (4.0, 1.16), (4.7, 1.06)), ((3.1, 0.07), (4.0, -0.04), (4.6, -0.02))
     return [
+        _Line("v", main, 0.066, 0.074, (0.8, 1.4), (0.045, 0.45), 0.03, 0.25, 1),
+        _Line("v", beside, 0.018, 0.055, (0.7, 0.9), wobble=0.03, layer=1),
+        _Line("v", between, 0.010, 0.046, (0.7, 0.9), wobble=0.02, layer=1, sides=(0,)),
         _Line(
-            "v", ((2.7, 0.48), (3.4, 0.64), (4.0, 0.78), (5.0, 0.76)), 0.066, 0.070, (0.8, 1.1), (0.045, 0.45), 0.03, 1
-        ),
-        _Line("v", ((3.3, 1.06), (4.0, 1.16), (4.7, 1.08)), 0.024, 0.050, (0.6, 0.7), wobble=0.03, layer=1),
-        _Line(
-            "v", ((3.1, 0.07), (4.0, -0.04), (4.6, -0.02)), 0.012, 0.042, (0.6, 0.6), wobble=0.02, layer=1, sides=(0,)
-        ),
-        _Line(
-            "u", ((-0.9, 2.02), (0.0, 2.16), (0.9, 2.02)), 0.024, 0.058, (0.7, 0.7), wobble=0.03, layer=1, sides=(0,)
+            "u", ((-1.0, 1.98), (0.0, 2.14), (1.0, 2.00)), 0.022, 0.062, (0.9, 0.9), wobble=0.03, layer=1, sides=(0,)
         ),
     ]
 
@@ -116,27 +116,31 @@ def _crows_feet() -> list[_Line]:
 
 def _bunny() -> list[_Line]:
     return [
-        _Line("u", ((0.16, 1.58), (0.7, 1.28), (1.25, 0.80)), 0.034, 0.050, (0.30, 0.5), wobble=0.02, layer=1),
-        _Line("u", ((0.12, 1.10), (0.7, 0.76), (1.40, 0.18)), 0.044, 0.054, (0.30, 0.6), wobble=0.02, layer=1),
-        _Line("u", ((0.20, 0.58), (0.7, 0.26), (1.40, -0.36)), 0.036, 0.050, (0.30, 0.6), wobble=0.02, layer=1),
-        _Line("u", ((0.55, 0.02), (0.9, -0.20), (1.35, -0.62)), 0.016, 0.042, (0.30, 0.4), wobble=0.02, layer=1),
+        _Line("u", ((-0.15, 1.66), (0.5, 1.44), (1.35, 0.78)), 0.030, 0.056, (0.5, 0.8), wobble=0.03, layer=1),
+        _Line("u", ((-0.10, 1.18), (0.6, 0.86), (1.50, 0.14)), 0.046, 0.064, (0.5, 0.9), wobble=0.03, layer=1),
+        _Line("u", ((-0.05, 0.66), (0.6, 0.36), (1.50, -0.42)), 0.040, 0.060, (0.5, 0.9), wobble=0.03, layer=1),
+        _Line("u", ((0.30, 0.12), (0.8, -0.12), (1.45, -0.70)), 0.020, 0.050, (0.4, 0.6), wobble=0.02, layer=1),
+        _Line(
+            "u", ((-0.7, 1.00), (0.0, 1.12), (0.6, 1.04)), 0.012, 0.045, (0.5, 0.5), wobble=0.03, layer=1, sides=(0,)
+        ),
     ]
 
 
 def _mouth() -> list[_Line]:
     fold = (
-        (-6.5, 3.86),
-        (-5.6, 3.90),
-        (-4.9, 3.74),
-        (-4.1, 3.38),
-        (-3.3, 2.84),
-        (-2.5, 2.26),
-        (-1.8, 1.84),
-        (-1.1, 1.62),
+        (-6.4, 3.58),
+        (-5.6, 3.60),
+        (-4.9, 3.40),
+        (-4.2, 3.06),
+        (-3.4, 2.62),
+        (-2.6, 2.18),
+        (-1.8, 1.80),
+        (-1.2, 1.65),
+        (-0.8, 1.6),
     )
     return [
-        _Line("v", fold, 0.052, 0.110, (2.0, 0.8), (0.090, 0.80), 0.015),
-        _Line("v", fold, 0.032, 0.240, (2.6, 1.2), wobble=0.015),
+        _Line("v", fold, 0.052, 0.110, (2.8, 0.5), (0.090, 0.80), 0.015, 0.12),
+        _Line("v", fold, 0.034, 0.240, (3.0, 0.7), wobble=0.015, unevenness=0.10),
         _Line("v", ((-7.3, 2.90), (-6.5, 3.14), (-5.5, 3.02)), 0.032, 0.075, (1.0, 0.5), (0.018, 0.45), wobble=0.025),
     ]
 
@@ -174,11 +178,12 @@ def _carve(
     course = np.interp(xs, *np.vstack([beyond[0], knots, beyond[1]]).T)
     padded = np.pad(course, len(kernel) // 2, mode="reflect", reflect_type="odd")
     ys = np.convolve(padded, kernel / kernel.sum(), mode="valid")
-    ys += line.wobble * _irregular(xs, random, 1.1)
+    # No two lines of a face are alike, nor are its two sides.
+    ys += line.wobble * (_irregular(xs, random, 1.1) + random.normal())
     tilt = 1.0 / np.sqrt(1.0 + np.gradient(ys, xs) ** 2)
     fade = _ramp((xs - low) / line.ends[0]) * _ramp((high - xs) / line.ends[1])
-    depth = line.depth * fade * (1.0 + 0.35 * _irregular(xs, random, 1.6))
-    width = line.width * (1.0 + 0.22 * _irregular(xs, random, 1.3)) * (0.65 + 0.35 * fade)
+    depth = line.depth * random.uniform(0.8, 1.2) * fade * (1.0 + line.unevenness * _irregular(xs, random, 1.6))
+    width = line.width * (1.0 + 0.65 * line.unevenness * _irregular(xs, random, 1.3)) * (0.65 + 0.35 * fade)
     # A swelling begins and ends more softly than its valley.
     swelling = line.swelling[0] * _ramp((xs - low) / (2.2 * line.ends[0])) * _ramp((high - xs) / (2.2 * line.ends[1]))
 

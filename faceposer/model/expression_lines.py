@@ -38,7 +38,7 @@ class _Zone:
         full: The compression e₁ where it cannot be measured.
         shapes: ARKit's shapes of the muscle, without side, and the share of their compression that is e₁.
         layer: Of the map.
-        helper: A zone, and how much of its compression counts here too.
+        helpers: Zones, and how much of their compression counts here too.
     """
 
     name: str
@@ -48,7 +48,7 @@ class _Zone:
     shapes: tuple[str, ...]
     share: float = 1.0
     layer: int = 0
-    helper: tuple[str, float] | None = None
+    helpers: tuple[tuple[str, float], ...] = ()
 
 
 _LEFT_ZONES = (
@@ -68,9 +68,9 @@ _LEFT_ZONES = (
     ),
     _Zone(
         "frown",
-        (((0.0, 3.5), (1.6, 3.7)), ((0.0, 4.3), (1.5, 4.4))),
+        (((-0.9, 3.5), (1.7, 3.7)), ((0.0, 1.3), (1.7, 3.8)), ((0.3, 1.8), (2.2, 3.9))),
         ((0.7, 4.0), (0.4, 2.6)),
-        0.085,
+        0.180,
         ("browDown",),
         layer=1,
     ),
@@ -90,15 +90,15 @@ _LEFT_ZONES = (
         ("noseSneer",),
         layer=1,
     ),
-    # A lifted cheek deepens the fold, although it takes the skin away from the corner of the mouth.
+    # A lifted cheek deepens the fold, although it takes skin away from the corner of the mouth; so does a sneer.
     _Zone(
         "nasolabial_upper",
         (((2.2, -3.9), (4.0, -2.2)),),
         ((2.1, -2.0),),
-        0.170,
+        0.140,
         ("mouthSmile",),
-        share=0.9,
-        helper=("crows_feet", 0.7),
+        share=0.75,
+        helpers=(("crows_feet", 0.7), ("bunny", 1.0)),
     ),
     _Zone(
         "nasolabial_lower",
@@ -107,7 +107,7 @@ _LEFT_ZONES = (
         0.200,
         ("mouthSmile",),
         share=0.9,
-        helper=("crows_feet", 0.4),
+        helpers=(("crows_feet", 0.4), ("bunny", 0.8)),
     ),
     _Zone("marionette", (((2.6, -5.3), (2.6, -7.2)),), ((3.0, -6.6),), 0.110, ("mouthFrown",)),
 )
@@ -118,7 +118,7 @@ GROUPS: tuple[str, ...] = ("forehead", "frown", "crows_feet", "bunny", "nasolabi
 
 _DEAD_BAND = 0.12
 # Least and greatest measured e₁, as a multiple of the usual one.
-_FULL_RANGE = (0.5, 2.0)
+_FULL_RANGE = (0.5, 4.0)
 _PATCH_CM = 0.35
 _FEWEST_IN_PATCH = 4
 # Samples per centimetre of the chart of the map of strengths, and how far from a middle another's say begins.
@@ -203,8 +203,8 @@ def _full_compressions(subject: Subject, lines: ExpressionLines) -> Array:
     full = np.array([zone.full for _ in range(2) for zone in _LEFT_ZONES])
     rows = {name: row for row, name in enumerate(subject.shape_names)}
     for i, zone in enumerate((*_LEFT_ZONES, *_LEFT_ZONES)):
-        side = "Left" if i < len(_LEFT_ZONES) else "Right"
-        muscles = [rows[name + end] for name in zone.shapes for end in ("", side) if name + end in rows]
+        # Both sides together: skin in the middle of the face follows either.
+        muscles = [rows[name + end] for name in zone.shapes for end in ("", "Left", "Right") if name + end in rows]
         moving = [row for row in muscles if np.any(subject.shapes[row])]
         if moving:
             posed = subject.vertices + subject.shapes[moving].sum(axis=0)
@@ -239,9 +239,8 @@ def _gauge_zones() -> tuple[Array, Array]:
     helpers = np.zeros((len(ZONES), len(ZONES)))
     for side in ("left", "right"):
         for zone in _LEFT_ZONES:
-            if zone.helper is not None:
-                helped, helping = ZONES.index(f"{zone.name}_{side}"), ZONES.index(f"{zone.helper[0]}_{side}")
-                helpers[helped, helping] = zone.helper[1]
+            for name, share in zone.helpers:
+                helpers[ZONES.index(f"{zone.name}_{side}"), ZONES.index(f"{name}_{side}")] = share
     return mean, helpers
 
 
