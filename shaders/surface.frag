@@ -1,6 +1,8 @@
 #version 330
 //#include common.glsl
+#ifdef EXPRESSION_LINES
 //#include expression_lines.glsl
+#endif
 // Materials: 0 clay, 1 skin, 2 eye, 3 teeth, 4 gums, 5 tongue, 6 lashes.
 uniform mat4 view;
 uniform int material;
@@ -55,13 +57,9 @@ void main() {
     float alpha = material == 6 ? texel.a : 1.0;
     // Where skin is as dark a red as the inside of the mouth.
     float outside = material == 1 ? smoothstep(0.015, 0.060, albedo.g) : 1.0;
-    float valley;
-    vec3 lined = with_expression_lines(n, eye_position, valley);
-    if (material == 1 && gl_FrontFacing) {
-        n = lined;
-        // Little light reaches the bottom of a fold, and what does has gone through flesh.
-        albedo *= mix(vec3(1.0), vec3(0.60, 0.45, 0.40), smoothstep(0.0, 0.045, valley));
-    }
+#ifdef EXPRESSION_LINES
+    add_expression_lines(eye_position, n, albedo);
+#endif
     if (!gl_FrontFacing) n = -n;
 
     vec3 wrap = material == 1 ? vec3(0.42, 0.20, 0.14) : vec3(material == 2 ? 0.35 : 0.12);

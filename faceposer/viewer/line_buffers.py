@@ -1,5 +1,7 @@
 """The GPU's copy of a character's expression lines: where they lie, and how strong the pose makes them."""
 
+from functools import lru_cache
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +12,9 @@ from faceposer.model.subject import Subject
 
 # Units of the textures; unit 0 has that of the material.
 _HEIGHTS, _STRENGTHS = 1, 2
+# Heights of less than this many centimetres do not show; lines are looked for in blocks of so many samples each way.
+_FLAT = 2e-4
+_BLOCK = 7
 
 
 class LineBuffers:
@@ -17,21 +22,36 @@ class LineBuffers:
 
     Attributes:
         places: Three floats per vertex drawn: its place in the map of the lines, and how far it is skin that has any.
+        triangles: Indices of all triangles, those that lines cross last in their part; None where there are no lines.
+        first_lined: The first of these, counted over all triangles, by the name of the part.
     """
 
-    def __init__(self, ctx: moderngl.Context, subject: Subject, source: NDArray[np.intp]) -> None:
-        """Draw lines on ``subject``, whose vertex ``source[i]`` is drawn as the i-th."""
+    def __init__(
+        self, ctx: moderngl.Context, subject: Subject, source: NDArray[np.intp], indices: NDArray[np.int32]
+    ) -> None:
+        """Draw lines on ``subject``.
+
+        Args:
+            ctx: Where.
+            subject: The character.
+            source: Vertex of the subject that each vertex drawn stands for.
+            indices: Vertices drawn of each triangle, shape (T, 3).
+        """
         self._ctx = ctx
         self._subject = subject
         self._source = source
+        self._indices = indices
         self._lines: ExpressionLines | None = None
         self._prepared = False
         self._vertices: NDArray[np.float32] | None = None
         self._shown = False
         none = strength_map(np.zeros(len(ZONES)))
         self._strengths = ctx.texture((none.shape[1], none.shape[0]), LAYERS, none.tobytes(), dtype="f4")
+        self._strengths.repeat_x = self._strengths.repeat_y = False
         self._heights: moderngl.Texture | None = None
-        self.places = ctx.buffer(np.zeros((len(source), 3), dtype=np.float32))
+        self.places: moderngl.Buffer | None = None
+        self.triangles: moderngl.Buffer | None = None
+        self.first_lined: dict[str, int] = {}
 
     def update(self, vertices: NDArray[np.float32]) -> None:
         """Take over a pose, shape (N, 3); what it means for the lines is found when they are drawn."""
@@ -51,23 +71,35 @@ class LineBuffers:
         places[:, 0] = (chart.places[:, 0] - left) / (right - left)
         places[:, 1] = (chart.places[:, 1] - bottom) / (top - bottom)
         places[:, 2] = chart.visible
-        self.places.write(places[self._source])
+        self.places = self._ctx.buffer(places[self._source])
+        self._sort_triangles(places)
         heights = line_heights()
         size = (heights.shape[1], heights.shape[0])
         # Eight bits would show as steps in the light.
         texture = self._heights = self._ctx.texture(size, LAYERS, heights.astype(np.float16).tobytes(), dtype="f2")
         texture.build_mipmaps()
         texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-        for each in (texture, self._strengths):
-            each.repeat_x = each.repeat_y = False
+        texture.repeat_x = texture.repeat_y = False
+
+    def _sort_triangles(self, places: NDArray[np.float32]) -> None:
+        """Put the triangles that lines cross at the end of their part."""
+        subject = self._subject
+        crossed = _crossed(places[subject.triangles])
+        order = np.arange(len(crossed))
+        for part in subject.parts:
+            first, last = subject.part_triangles(part)
+            if part.material == "skin" and np.any(crossed[first:last]):
+                order[first:last] = first + np.argsort(crossed[first:last], kind="stable")
+                self.first_lined[part.name] = last - int(np.count_nonzero(crossed[first:last]))
+        self.triangles = self._ctx.buffer(np.ascontiguousarray(self._indices[order]))
 
     def use(self) -> bool:
         """Bind the textures and return whether the pose has any lines."""
         if self._vertices is not None:
             self._shown = self._find_strengths(self._vertices)
             self._vertices = None
-        self._strengths.use(_STRENGTHS)
-        if self._heights is not None:
+        if self._shown and self._heights is not None:
+            self._strengths.use(_STRENGTHS)
             self._heights.use(_HEIGHTS)
         return self._shown
 
@@ -91,7 +123,29 @@ class LineBuffers:
 
     def release(self) -> None:
         """Free what the GPU holds."""
-        self.places.release()
-        self._strengths.release()
-        if self._heights is not None:
-            self._heights.release()
+        for held in (self._strengths, self._heights, self.places, self.triangles):
+            if held is not None:
+                held.release()
+
+
+def _crossed(corners: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Return which triangles have lines in them, shape (T,), by their ``corners`` as places in the map, (T, 3, 3)."""
+    counts = _lines_below()
+    rows, columns = counts.shape
+    low, high = corners[..., :2].min(axis=1), corners[..., :2].max(axis=1)
+    left, bottom = (np.clip(np.floor(low * (columns - 1, rows - 1)), 0, (columns - 1, rows - 1))).astype(int).T
+    right, top = (np.clip(np.ceil(high * (columns - 1, rows - 1)), 0, (columns - 1, rows - 1))).astype(int).T
+    inside = counts[top, right] - counts[bottom, right] - counts[top, left] + counts[bottom, left]
+    crossed: NDArray[np.bool_] = (inside > 0) & (corners[..., 2].max(axis=1) > 0.0)
+    return crossed
+
+
+@lru_cache(maxsize=1)
+def _lines_below() -> NDArray[np.int64]:
+    """Return how many blocks with lines lie left of and below each corner of a block, (rows + 1, columns + 1)."""
+    heights = np.abs(line_heights()).max(axis=2)
+    rows, columns = heights.shape[0] // _BLOCK, heights.shape[1] // _BLOCK
+    blocks = heights.reshape(rows, _BLOCK, columns, _BLOCK).max(axis=(1, 3)) > _FLAT
+    counts = np.zeros((rows + 1, columns + 1), dtype=np.int64)
+    counts[1:, 1:] = blocks.cumsum(axis=0).cumsum(axis=1)
+    return counts

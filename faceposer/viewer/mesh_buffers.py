@@ -41,7 +41,7 @@ class MeshBuffers:
         first_use[self.source[::-1]] = np.arange(len(pairs), dtype=np.int32)[::-1]
         self.edges = ctx.buffer(np.ascontiguousarray(first_use[_edges(subject)]))
         self.textures = {name: _texture(ctx, data) for name, data in subject.textures.items()}
-        self.lines = LineBuffers(ctx, subject, self.source)
+        self.lines = LineBuffers(ctx, subject, self.source, indices.reshape(-1, 3))
         self._revision: object = None
 
     def update(self, vertices: NDArray[np.float32], normals: NDArray[np.float32], revision: object) -> None:

@@ -1,5 +1,6 @@
 """Draws a posed subject into any framebuffer."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -69,24 +70,26 @@ def view_matrix(camera: Camera) -> NDArray[np.float32]:
     return matrix
 
 
-def load_program(ctx: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
-    """Compile the shaders of these file names; ``//#include NAME`` stands for another file."""
+def load_program(ctx: moderngl.Context, vertex: str, fragment: str, define: str = "") -> moderngl.Program:
+    """Compile the shaders of these file names; ``//#include NAME`` stands for another file, ``define`` for #ifdef."""
 
     def source(name: str) -> str:
-        lines = shader_text(name).splitlines()
-        return "\n".join(shader_text(line.split()[1]) if line.startswith("//#include ") else line for line in lines)
+        version, *lines = shader_text(name).splitlines()
+        included = [shader_text(line.split()[1]) if line.startswith("//#include ") else line for line in lines]
+        return "\n".join([version, *([f"#define {define}"] if define else []), *included])
 
     return ctx.program(vertex_shader=source(vertex), fragment_shader=source(fragment))
 
 
-def set_uniform(program: moderngl.Program, name: str, value: Any) -> None:
-    """Set a uniform, or nothing where the compiler has found that the shader does not need it."""
-    if name in program:
-        if isinstance(value, np.ndarray):
-            # GLSL keeps matrices by columns.
-            program[name].write(np.ascontiguousarray(value.T, dtype=np.float32))  # type: ignore[union-attr]
-        else:
-            program[name].value = value  # type: ignore[union-attr]
+def set_uniform(programs: moderngl.Program | Sequence[moderngl.Program], name: str, value: Any) -> None:
+    """Set a uniform of one or several programs, or nothing where a compiler has found that it is not needed."""
+    for program in programs if isinstance(programs, Sequence) else (programs,):
+        if name in program:
+            if isinstance(value, np.ndarray):
+                # GLSL keeps matrices by columns.
+                program[name].write(np.ascontiguousarray(value.T, dtype=np.float32))  # type: ignore[union-attr]
+            else:
+                program[name].value = value  # type: ignore[union-attr]
 
 
 class Renderer:
@@ -95,7 +98,8 @@ class Renderer:
     def __init__(self, ctx: moderngl.Context) -> None:
         """Compile the shaders in ``ctx``."""
         self.ctx = ctx
-        self._surface = load_program(ctx, "surface.vert", "surface.frag")
+        # Without expression lines, and with them: on a processor even code that is passed over takes time.
+        self._surface = [load_program(ctx, "surface.vert", "surface.frag")]
         self._background = load_program(ctx, "background.vert", "background.frag")
         self._edges = load_program(ctx, "edges.vert", "edges.frag")
         self._triangle_id = load_program(ctx, "triangle_id.vert", "triangle_id.frag")
@@ -113,9 +117,7 @@ class Renderer:
         bare = (buffers.points, "3f 3x4", "position")
         self._arrays = {
             "surface": self.ctx.vertex_array(
-                self._surface,
-                [points, (buffers.uvs, "2f", "uv"), (buffers.lines.places, "3f", "line_coordinates")],
-                index_buffer=buffers.triangles,
+                self._surface[0], [points, (buffers.uvs, "2f", "uv")], index_buffer=buffers.triangles
             ),
             "id": self.ctx.vertex_array(self._triangle_id, [bare], index_buffer=buffers.triangles),
             "edges": self.ctx.vertex_array(self._edges, [bare], index_buffer=buffers.edges),
@@ -156,19 +158,23 @@ class Renderer:
 
         ctx.enable(moderngl.DEPTH_TEST)
         ctx.depth_func = "<="
+        lined = expression_lines and shading == "full" and buffers.lines.use()
+        if lined:
+            self.prepare()
         program = self._surface
+        for name, unit in buffers.lines.units.items():
+            set_uniform(program, name, unit)
         set_uniform(program, "over_photo", over_photo)
         self._set_camera(program, camera)
         set_uniform(program, "viewport", size)
         set_uniform(program, "neck", _cut_of_neck(buffers.subject))
         set_uniform(program, "mouth", _front_of_teeth(buffers.subject))
-        self._set_lines(program, expression_lines and shading == "full")
         if over_photo:
             # Only what is nearest fades into the photo: its depth comes first.
             target.color_mask = (False, False, False, False)
-            self._draw_parts(shading, opaque=True)
+            self._draw_parts(shading, opaque=True, lined=lined)
             target.color_mask = (True, True, True, True)
-        self._draw_parts(shading, opaque=True)
+        self._draw_parts(shading, opaque=True, lined=lined)
         if wireframe:
             self._set_camera(self._edges, camera)
             ctx.enable(moderngl.BLEND)
@@ -182,15 +188,18 @@ class Renderer:
         if photo is not None and photo.before > 0.0:
             self._draw_photo(photo, camera, photo.before)
 
-    def _set_lines(self, program: moderngl.Program, wanted: bool) -> None:
-        lines = self._require_buffers().lines
-        set_uniform(program, "lines", wanted and lines.use())
-        for name, unit in lines.units.items():
-            set_uniform(program, name, unit)
-
     def prepare(self) -> None:
         """Do now what else the first pose would wait for."""
-        self._require_buffers().lines.prepare()
+        buffers = self._require_buffers()
+        buffers.lines.prepare()
+        if buffers.lines.triangles is None or "lined" in self._arrays:
+            return
+        if len(self._surface) == 1:
+            self._surface.append(load_program(self.ctx, "surface.vert", "surface.frag", "EXPRESSION_LINES"))
+        plain = [(buffers.points, "3f 3f", "position", "normal"), (buffers.uvs, "2f", "uv")]
+        both = {"plain": plain, "lined": [*plain, (buffers.lines.places, "3f", "line_coordinates")]}
+        for program, (name, content) in zip(self._surface, both.items(), strict=True):
+            self._arrays[name] = self.ctx.vertex_array(program, content, index_buffer=buffers.lines.triangles)
 
     def _draw_photo(self, photo: PhotoLayer, camera: Camera, opacity: float) -> None:
         left, top, right, bottom = photo.corners(camera)
@@ -203,7 +212,7 @@ class Renderer:
         self._photo_quad.render(moderngl.TRIANGLE_STRIP, vertices=4)
         self.ctx.disable(moderngl.BLEND)
 
-    def _draw_parts(self, shading: Shading, opaque: bool) -> None:
+    def _draw_parts(self, shading: Shading, opaque: bool, lined: bool = False) -> None:
         buffers = self._require_buffers()
         subject = buffers.subject
         for part in subject.parts:
@@ -220,7 +229,12 @@ class Renderer:
             if texture is not None:
                 texture.use(0)
             first, last = subject.part_triangles(part)
-            self._arrays["surface"].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
+            begin = buffers.lines.first_lined.get(part.name, last) if lined else last
+            if begin == last:
+                self._arrays["surface"].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
+            else:
+                self._arrays["plain"].render(moderngl.TRIANGLES, vertices=3 * (begin - first), first=3 * first)
+                self._arrays["lined"].render(moderngl.TRIANGLES, vertices=3 * (last - begin), first=3 * begin)
 
     def draw_ids(self, target: moderngl.Framebuffer, camera: Camera) -> None:
         """Write the index plus one of the nearest front-facing triangle into each pixel of ``target``, 0 where none.
@@ -242,7 +256,7 @@ class Renderer:
                 self._arrays["id"].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
         self.ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
 
-    def _set_camera(self, program: moderngl.Program, camera: Camera) -> None:
+    def _set_camera(self, program: moderngl.Program | Sequence[moderngl.Program], camera: Camera) -> None:
         set_uniform(program, "view", view_matrix(camera))
         set_uniform(program, "projection", projection_matrix(camera))
 
@@ -265,7 +279,7 @@ class Renderer:
         self.release_subject()
         self._backdrop.release()
         self._photo_quad.release()
-        for program in (self._surface, self._background, self._edges, self._triangle_id, self._photo):
+        for program in (*self._surface, self._background, self._edges, self._triangle_id, self._photo):
             program.release()
 
 
