@@ -176,7 +176,7 @@ def expression_lines(subject: Subject) -> ExpressionLines | None:
     rows, columns, values = [], [], []
     for row, ends in enumerate(_all_gauges()):
         for sign, end in zip((-1.0, 1.0), ends, strict=True):
-            near, weights = _patch(places, visible, np.array(end))
+            near, weights = _patch(places, visible, end)
             rows.append(np.full(len(near), row))
             columns.append(outer[near])
             values.append(sign * weights)
@@ -213,9 +213,9 @@ def _full_compressions(subject: Subject, lines: ExpressionLines) -> Array:
     return full
 
 
-def _patch(places: Array, visible: Array, middle: Array) -> tuple[NDArray[np.intp], Array]:
+def _patch(places: Array, visible: Array, middle: Place) -> tuple[NDArray[np.intp], Array]:
     """Return vertices of the patch of skin about ``middle`` and their weights, which sum to one."""
-    squares = ((places - middle) ** 2).sum(axis=1)
+    squares = (places[:, 0] - middle[0]) ** 2 + (places[:, 1] - middle[1]) ** 2
     # Coarse meshes have few vertices nearby.
     width = max(_PATCH_CM**2, float(np.partition(squares, _FEWEST_IN_PATCH - 1)[_FEWEST_IN_PATCH - 1]))
     near = np.flatnonzero(squares < 9.0 * width)
