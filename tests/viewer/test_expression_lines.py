@@ -171,6 +171,9 @@ def test_the_window_switches_them(robot: Robot) -> None:
     assert np.abs(portrait.astype(int) - other.astype(int)).max() > 6
     action.run()
     assert np.array_equal(shown(), with_lines)
+    robot.click_widget("tab:View")
+    robot.click_widget("expression-lines")
+    assert not app.scene.expression_lines
 
 
 def test_the_choice_is_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
