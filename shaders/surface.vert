@@ -15,6 +15,8 @@ out vec3 eye_normal;
 out vec3 world_normal;
 out vec2 texture_uv;
 out vec3 world_position;
+// With expression lines and without, triangles side by side must meet.
+invariant gl_Position;
 void main() {
     vec4 seen = view * vec4(position, 1.0);
     eye_position = seen.xyz;

@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 
 #: Part of the chart that the map covers: least u, greatest u, least v, greatest v, in centimetres of the chart.
 EXTENT = (-8.0, 8.0, -8.5, 9.0)
-#: Layers of the map; in each, lines of different groups lie apart. Forehead lines, crow's feet, folds beside the mouth;
-#: and what lies among these: frown lines and bunny lines.
+#: Layers of the map; in each, lines of different groups lie apart: in the first forehead lines, crow's feet and
+#: nasolabial folds, in the second frown lines, bunny lines and marionette lines, which come near to these.
 LAYERS = 2
 #: Samples per centimetre of the chart.
 DENSITY = 56
@@ -141,7 +141,16 @@ def _mouth() -> list[_Line]:
     return [
         _Line("v", fold, 0.052, 0.110, (2.8, 0.5), (0.090, 0.80), 0.015, 0.12),
         _Line("v", fold, 0.034, 0.240, (3.0, 0.7), wobble=0.015, unevenness=0.10),
-        _Line("v", ((-7.3, 2.90), (-6.5, 3.14), (-5.5, 3.02)), 0.032, 0.075, (1.0, 0.5), (0.018, 0.45), wobble=0.025),
+        _Line(
+            "v",
+            ((-7.0, 2.94), (-6.2, 3.12), (-5.6, 3.02), (-5.2, 2.86)),
+            0.046,
+            0.085,
+            (1.1, 0.4),
+            (0.024, 0.5),
+            0.02,
+            layer=1,
+        ),
     ]
 
 

@@ -109,7 +109,7 @@ _LEFT_ZONES = (
         share=0.9,
         helpers=(("crows_feet", 0.4), ("bunny", 0.8)),
     ),
-    _Zone("marionette", (((2.6, -5.3), (2.6, -7.2)),), ((3.0, -6.6),), 0.110, ("mouthFrown",)),
+    _Zone("marionette", (((2.6, -5.3), (2.6, -7.2)),), ((3.0, -6.2),), 0.110, ("mouthFrown",), layer=1),
 )
 #: Names of all zones, those of the left side first: a group, its part, and the side.
 ZONES: tuple[str, ...] = tuple(f"{zone.name}_{side}" for side in ("left", "right") for zone in _LEFT_ZONES)
