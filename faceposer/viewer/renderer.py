@@ -15,6 +15,8 @@ from faceposer.resources import shader_text
 from faceposer.viewer.mesh_buffers import MeshBuffers
 
 Shading = Literal["full", "clay"]
+#: One program, or several that get the same uniforms.
+Programs = moderngl.Program | Sequence[moderngl.Program]
 _BASE = {"clay": (0.42, 0.42, 0.43), **BASE_COLOURS}
 _MATERIALS = ("clay", "skin", "eye", "teeth", "gums", "tongue", "lashes")
 # Share of the mesh's height over which the cut of the neck fades away.
@@ -81,7 +83,7 @@ def load_program(ctx: moderngl.Context, vertex: str, fragment: str, define: str 
     return ctx.program(vertex_shader=source(vertex), fragment_shader=source(fragment))
 
 
-def set_uniform(programs: moderngl.Program | Sequence[moderngl.Program], name: str, value: Any) -> None:
+def set_uniform(programs: Programs, name: str, value: Any) -> None:
     """Set a uniform of one or several programs, or nothing where a compiler has found that it is not needed."""
     for program in programs if isinstance(programs, Sequence) else (programs,):
         if name in program:
@@ -256,7 +258,7 @@ class Renderer:
                 self._arrays["id"].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
         self.ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
 
-    def _set_camera(self, program: moderngl.Program | Sequence[moderngl.Program], camera: Camera) -> None:
+    def _set_camera(self, program: Programs, camera: Camera) -> None:
         set_uniform(program, "view", view_matrix(camera))
         set_uniform(program, "projection", projection_matrix(camera))
 
