@@ -20,7 +20,7 @@ MUSCLES = {
     "browInnerUp": ("forehead", ()),
     "browOuterUp": ("forehead", ()),
     "browDown": ("frown", ("bunny", "nasolabial")),
-    "cheekSquint": ("crows_feet", ()),
+    "cheekSquint": ("crows_feet", ("nasolabial",)),
     "noseSneer": ("bunny", ("frown", "nasolabial")),
     "mouthSmile": ("nasolabial", ("crows_feet",)),
     "mouthFrown": ("marionette", ()),
