@@ -16,7 +16,6 @@ uniform vec2 lids[17];  // elevations of the margins of the upper and the lower 
 
 in vec3 eye_position;
 in vec3 eye_normal;
-in vec3 world_normal;
 in vec2 texture_uv;
 in vec3 world_position;
 out vec4 colour;

@@ -33,5 +33,5 @@ float glossy(vec3 n, vec3 v, vec3 l, float roughness, float f0) {
 vec3 rim_light(vec3 n, vec3 v) {
     float facing = dot(n, v);
     float outline = pow(1.0 - clamp(facing, 0.0, 1.0), 3.5) * smoothstep(-0.25, 0.10, facing);
-    return RIM.colour * outline * max(dot(n, RIM.direction), 0.0) * 0.42;
+    return RIM.colour * outline * max(dot(n, RIM.direction), 0.0) * 0.30;
 }

@@ -96,8 +96,8 @@ class Renderer:
         """Compile the shaders in ``ctx``."""
         self.ctx = ctx
         self._surface = load_program(ctx, "surface.vert", "surface.frag")
-        self._eye = load_program(ctx, "surface.vert", "eye.frag")
-        self._lashes = load_program(ctx, "surface.vert", "lashes.frag")
+        self._eye = load_program(ctx, "eye.vert", "eye.frag")
+        self._lashes = load_program(ctx, "eye.vert", "lashes.frag")
         self._background = load_program(ctx, "background.vert", "background.frag")
         self._edges = load_program(ctx, "edges.vert", "edges.frag")
         self._triangle_id = load_program(ctx, "triangle_id.vert", "triangle_id.frag")
@@ -115,21 +115,21 @@ class Renderer:
         buffers = self.buffers = MeshBuffers(self.ctx, subject)
         self._eyes = EyeShading(subject)
         self._neck = neck_fade(subject)
+        points = (buffers.points, "3f 3f", "position", "normal")
         bare = (buffers.points, "3f 3x4", "position")
         self._arrays = {
-            "surface": self._full_array(self._surface, "position", "normal"),
-            "eye": self._full_array(self._eye, "position", "normal"),
-            "lashes": self._full_array(self._lashes, "position"),
+            "surface": self.ctx.vertex_array(
+                self._surface, [points, (buffers.uvs, "2f", "uv")], index_buffer=buffers.triangles
+            ),
+            "eye": self.ctx.vertex_array(
+                self._eye, [points, (buffers.uvs, "2f", "uv")], index_buffer=buffers.triangles
+            ),
+            "lashes": self.ctx.vertex_array(
+                self._lashes, [bare, (buffers.uvs, "2f", "uv")], index_buffer=buffers.triangles
+            ),
             "id": self.ctx.vertex_array(self._triangle_id, [bare], index_buffer=buffers.triangles),
             "edges": self.ctx.vertex_array(self._edges, [bare], index_buffer=buffers.edges),
         }
-
-    def _full_array(self, program: moderngl.Program, *names: str) -> moderngl.VertexArray:
-        """Return the buffers as the input of ``program``, of which it needs the points' ``names``."""
-        buffers = self._require_buffers()
-        layout = "3f 3f" if "normal" in names else "3f 3x4"
-        content = [(buffers.points, layout, *names), (buffers.uvs, "2f", "uv")]
-        return self.ctx.vertex_array(program, content, index_buffer=buffers.triangles)
 
     def update(self, vertices: NDArray[np.float32], normals: NDArray[np.float32], revision: object = None) -> None:
         """Take over a pose: positions and normals, each (N, 3); nothing is done if ``revision`` is known already."""
