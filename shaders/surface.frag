@@ -32,7 +32,7 @@ void main() {
     lit += wrapped(dot(n, KEY.direction), wrap) * KEY.colour * 0.42;
     lit += wrapped(dot(n, FILL.direction), wrap) * FILL.colour * 0.42;
 
-    float roughness = 0.48, f0 = 0.030, gloss = 1.0, inside = 1.0;
+    float roughness = 0.56, f0 = 0.028, gloss = 1.0, inside = 1.0;
     if (material == 0) { roughness = 0.55; gloss = 0.7; }
     else if (material == 3) { roughness = 0.22; inside = 0.80; }
     else if (material == 4) { roughness = 0.28; inside = 0.60; }

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 #: Columns and coarse rows, and how often the ends between two rows are halved.
-_AZIMUTHS = np.radians(np.arange(-76.0, 76.1, 4.0))
-_ELEVATIONS = np.radians(np.arange(-60.0, 60.1, 6.0))
-_HALVINGS = 5
+_AZIMUTHS = np.radians(np.arange(-75.0, 75.1, 5.0))
+_ELEVATIONS = np.radians(np.arange(-56.0, 56.1, 7.0))
+_HALVINGS = 6
 # Skin covers the ball if it lies between these distances from its centre, in radii.
 _NEAREST, _FARTHEST = 0.985, 1.45
 # Openings narrower than this in all, in columns, are none.
