@@ -90,8 +90,8 @@ void main() {
     float shine = glossy(wet, v, KEY.direction, 0.22, 0.025) * 0.30 * open * open;
     vec3 linear = albedo * lit * shade + KEY.colour * shine;
     // Tears along the lower lid.
-    float tears = smoothstep(0.0, 0.018, gap.y) * smoothstep(0.046, 0.026, gap.y) * smoothstep(0.0, 0.15, gap.z);
-    linear += tears * 0.16 * vec3(0.95, 0.97, 1.0) * lit * open;
+    float tears = smoothstep(0.0, 0.025, gap.y) * smoothstep(0.065, 0.030, gap.y) * smoothstep(0.0, 0.15, gap.z);
+    linear += tears * 0.08 * vec3(0.95, 0.97, 1.0) * lit * open;
 
     // The soft box, upright as the camera sees it.
     vec3 off = mat3(view) * (d - catchlight), normal = mat3(view) * catchlight;
