@@ -12,10 +12,11 @@ from faceposer.api import checks
 from faceposer.api.motion import InMotion
 from faceposer.api.places import Pixels, Place, fixed_vertices, pixels_of, point_at
 from faceposer.errors import FacePoserError
-from faceposer.geometry.camera import VIEW_ANGLES, Camera, OrbitView, ViewName
+from faceposer.geometry.camera import VIEW_ANGLES, Camera, ViewName
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.strokes import StrokeShape
 from faceposer.model.face_model import FaceModel
+from faceposer.model.framing import face_view
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import available_subjects
 from faceposer.poses import applying, library
@@ -120,8 +121,8 @@ class Face(InMotion):
     def camera(self, view: ViewName = "front", size: tuple[int, int] = _SIZE) -> Camera:
         """Return the camera that frames the face from ``view`` in a picture of ``size``, (width, height) in pixels."""
         checks.one_of(view, tuple(VIEW_ANGLES), "A view")
-        low, high = self.subject.vertices.min(axis=0), self.subject.vertices.max(axis=0)
-        return OrbitView.preset(low, high, view).camera(checks.picture_size(size))
+        width, height = checks.picture_size(size)
+        return face_view(self.subject, view, width / height).camera((width, height))
 
     def pixel(self, place: Place, camera: Camera | None = None) -> tuple[float, float]:
         """Return where ``camera`` shows ``place`` in the present pose."""

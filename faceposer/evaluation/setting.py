@@ -40,7 +40,7 @@ class Setting:
 
     @classmethod
     def of(cls, subject: Subject, captures: Sequence[Capture], recipe: Recipe | None = None) -> "Setting":
-        """Return the setting with the window's front view of the ``subject``.
+        """Return the setting with a front view of all of the ``subject``.
 
         Raises:
             FacePoserError: If the subject has none of ARKit's shapes.

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.geometry.camera import Camera, OrbitView
+from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.picture_view import View
 from faceposer.interchange import export
 from faceposer.interchange.progress import Progress, no_progress
 from faceposer.interchange.sampling import resampled
 from faceposer.model.face_model import FaceModel
+from faceposer.model.framing import face_view
 from faceposer.model.performance import Performance
 from faceposer.viewer.film import FASTEST_GIF, Picture, find_ffmpeg, write_gif, write_mp4
 from faceposer.viewer.offscreen import offscreen_context
@@ -123,8 +124,7 @@ def picture_steps(
         if isinstance(motion, Performance):
             raise FacePoserError(f"'{path}' shows one pose and not {len(motion)}; choose a frame, or write a .gif.")
         with _pictures(model, look, look.size, ctx) as pictures:
-            vertices = model.subject.vertices
-            view = look.orbit or OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0), look.view)
+            view = look.orbit or face_view(model.subject, look.view, look.size[0] / look.size[1])
             write_png(path, pictures.draw(motion, view.camera(look.size)))
         return
     shot = _Shot(model, motion, look, suffix)

@@ -44,15 +44,16 @@ class MeshBuffers:
         self.lines = LineBuffers(ctx, subject, self.source, indices.reshape(-1, 3))
         self._revision: object = None
 
-    def update(self, vertices: NDArray[np.float32], normals: NDArray[np.float32], revision: object) -> None:
-        """Upload positions and normals, each (N, 3), unless ``revision`` is what is there already."""
+    def update(self, vertices: NDArray[np.float32], normals: NDArray[np.float32], revision: object) -> bool:
+        """Upload positions and normals, each (N, 3), and return True, unless ``revision`` is there already."""
         if revision is not None and revision == self._revision:
-            return
+            return False
         np.take(vertices, self.source, axis=0, out=self._staging[:, :3])
         np.take(normals, self.source, axis=0, out=self._staging[:, 3:])
         self.points.write(self._staging)
         self.lines.update(vertices)
         self._revision = revision
+        return True
 
     def release(self) -> None:
         """Free what the GPU holds."""

@@ -8,6 +8,7 @@ from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints, points_on_triangles
 from faceposer.model.face_model import FaceModel
+from faceposer.model.subject import Subject
 from faceposer.viewer.renderer import PhotoLayer, Renderer, Shading
 from faceposer.viewer.targets import ColourTarget, IdTarget, Size
 
@@ -65,14 +66,14 @@ class Scene:
         self.normals = self._normals(self.vertices)
         self._renderer.update(self.vertices, self.normals, self._pose)
 
+    @property
+    def subject(self) -> Subject:
+        """The character shown."""
+        return self._require_model().subject
+
     def prepare(self) -> None:
         """Do now, while nobody waits, what the first pose of this face needs."""
         self._renderer.prepare()
-
-    def bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return the lowest and the highest corner, each (3,), of the neutral face."""
-        vertices = self._require_model().subject.vertices
-        return vertices.min(axis=0), vertices.max(axis=0)
 
     def draw(self, camera: Camera, shading: Shading, wireframe: bool, samples: int) -> moderngl.Texture:
         """Return the picture under ``camera``, bottom row first, with ``samples`` per pixel; 0 for no multisampling."""
