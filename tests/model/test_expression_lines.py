@@ -88,7 +88,7 @@ def test_each_muscle_makes_its_own_lines(name: str, muscle: str) -> None:
 @pytest.mark.parametrize("shape", STILL)
 def test_what_stretches_or_slides_makes_none(name: str, shape: str) -> None:
     subject, lines = character(name)
-    assert lines.strengths(posed(subject, {shape: 1.0})).max() < 0.1
+    assert lines.strengths(posed(subject, {shape: 1.0})).max() < 0.15
 
 
 @pytest.mark.parametrize("name", WITH_MUSCLES)
@@ -174,7 +174,7 @@ def test_texture_coordinates_and_shapes_are_not_needed() -> None:
     )
     found = expression_lines(bare)
     assert found is not None
-    np.testing.assert_allclose(found.strengths(vertices), lines.strengths(vertices), atol=0.25)
+    np.testing.assert_allclose(found.compression(vertices), lines.compression(vertices), atol=1e-6)
     assert by_group(found.by_zone(vertices))["nasolabial"] > 0.5
 
 
