@@ -132,6 +132,10 @@ def _command_parser() -> argparse.ArgumentParser:
     render.add_argument("--view", choices=_VIEWS, default="front", help="where to look from (default: front)")
     render.add_argument("--size", type=_size, metavar="WxH", default=(960, 960), help="pixels (default: 960x960)")
 
+    render.add_argument(
+        "--no-expression-lines", action="store_true", help="leave out the lines that a pose makes in the skin"
+    )
+
     commands.add_parser("subjects", help="list the faces", description="List the faces that come with the program.")
 
     demo = commands.add_parser(
@@ -195,7 +199,8 @@ def _render(options: argparse.Namespace) -> int:
     else:
         from faceposer.api import load
 
-        load(options.what).render(options.output, options.view, options.size)
+        face = load(options.what)
+        face.render(options.output, options.view, options.size, expression_lines=not options.no_expression_lines)
     print(f"{options.output} written")
     return 0
 

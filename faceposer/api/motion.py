@@ -107,13 +107,20 @@ class InMotion:
         document = transferred(session.document, session.coefficients, transfer, name, target)
         return type(self)(session_of(document, None))
 
-    def export(self, path: str | PathLike[str], motion: Performance | None = None, turn: float = 0.0) -> Path:
+    def export(
+        self,
+        path: str | PathLike[str],
+        motion: Performance | None = None,
+        turn: float = 0.0,
+        expression_lines: bool = True,
+    ) -> Path:
         """Write the pose, or a performance, for other programs (docs/interchange.md), and return the path.
 
         Args:
             path: Ends in .obj, .ply, .glb, .csv, .json (weights, no session), .png, .gif or .mp4.
             motion: What to write in place of the pose, such as ``performance``; for .glb, .csv, .json, .gif and .mp4.
             turn: Seconds in which the camera of a film goes round the head once, 0 for one that stands.
+            expression_lines: Draw the lines that a pose makes in the skin, in pictures and films.
         """
         from faceposer.viewer.exporting import Look, write
 
@@ -122,5 +129,5 @@ class InMotion:
             raise FacePoserError(f"The camera turns in films; let '{path}' end in .gif or .mp4, or leave 'turn' out.")
         model = self.session.model
         moving = self.session.coefficients if motion is None else checks.performance_of(motion, model)
-        write(Path(path), model, moving, Look(turn=turn))
+        write(Path(path), model, moving, Look(turn=turn, expression_lines=expression_lines))
         return Path(path)

@@ -49,7 +49,7 @@ class Setting:
         recipe: Recipe | None = None,
         performers: Sequence[str] = (),
     ) -> "Setting":
-        """Return the setting with the window's front view of the ``subject``.
+        """Return the setting with a front view of all of the ``subject``.
 
         Args:
             subject: The face.
