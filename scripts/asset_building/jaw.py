@@ -1,0 +1,53 @@
+"""How the lower jaw moves: it turns about the line through its two condyles, just before the ear canals.
+
+The line lies where Bonwill's triangle puts it: in 98 mm from the edge of the lower incisors, the condyles about as far
+apart (W. G. A. Bonwill, 1899; mean of dry mandibles 97.4 to 98.6 mm). Maximum opening of adults is 51 mm between
+the incisors (Woelfel, Igarashi and Dong, 2014), of which the condyles' glide adds a good part; `OPENING` is the turn
+that opens as far as the face units do, 35 mm at the incisors of the base mesh.
+"""
+
+import numpy as np
+
+from scripts.asset_building.piece import Floats
+
+#: Turn of the jaw of the shape jawOpen at full strength, in degrees.
+OPENING = 22.0
+#: The base mesh's vertex on the skin over the left condyle: before the ear, at the height of its canal.
+_BEFORE_EAR = 12347
+#: How far apart the condyles are as a share of the width of the head there.
+_CONDYLES = 0.70
+
+
+def jaw_hinge(vertices: Floats) -> Floats:
+    """Return the middle of the left condyle; the hinge is the line through it along x.
+
+    Args:
+        vertices: The whole base mesh in the wanted identity, symmetric, in centimetres, shape (N, 3).
+
+    Returns:
+        x, y and z in centimetres, shape (3,).
+    """
+    condyle: Floats = vertices[_BEFORE_EAR] * [_CONDYLES, 1.0, 1.0]
+    return condyle
+
+
+def jaw_rotation(points: Floats, opening_angle: float | Floats, hinge: Floats) -> Floats:
+    """Return ``points`` as a jaw that turns open about its hinge carries them.
+
+    Args:
+        points: Positions in centimetres, shape (n, 3).
+        opening_angle: In degrees, one for all points or one each, shape (n,); positive opens.
+        hinge: What `jaw_hinge` returns, shape (3,).
+    """
+    angle = np.deg2rad(opening_angle)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    y, z = points[:, 1] - hinge[1], points[:, 2] - hinge[2]
+    return np.stack(
+        [points[:, 0], hinge[1] + cosine * y - sine * z, hinge[2] + sine * y + cosine * z],
+        axis=1,
+    )
+
+
+def jaw_opening(points: Floats, hinge: Floats, angle: float = OPENING) -> Floats:
+    """Return the offsets of ``points``, rigidly on the jaw, in the shape jawOpen at full strength, shape (n, 3)."""
+    return jaw_rotation(points, angle, hinge) - points
