@@ -6,7 +6,7 @@ uniform int material;
 uniform bool textured;
 uniform sampler2D image;
 uniform vec3 base;
-uniform float mouth;  // how far forward the teeth reach
+uniform vec2 mouth;  // height of the upper teeth's edges, and how far forward the teeth reach
 uniform bool over_photo;  // whether what fades shows a photo instead of the backdrop
 uniform vec2 neck;  // heights between which the cut of the neck fades into the backdrop
 
@@ -54,6 +54,7 @@ void main() {
     float alpha = material == 6 ? texel.a : 1.0;
     // Where skin is as dark a red as the inside of the mouth.
     float outside = material == 1 ? smoothstep(0.015, 0.060, albedo.g) : 1.0;
+    float lining = (1.0 - outside) * smoothstep(4.0, 6.0, albedo.r / max(albedo.g, 0.001));
     if (!gl_FrontFacing) n = -n;
 
     vec3 wrap = material == 1 ? vec3(0.42, 0.20, 0.14) : vec3(material == 2 ? 0.35 : 0.12);
@@ -64,16 +65,19 @@ void main() {
     float roughness = 0.48, f0 = 0.030, gloss = 1.0, inside = 1.0;
     if (material == 0) { roughness = 0.55; gloss = 0.7; }
     else if (material == 2) { roughness = 0.16; f0 = 0.030; }
-    else if (material == 3) { roughness = 0.22; inside = 0.80; }
-    else if (material == 4) { roughness = 0.28; inside = 0.60; }
-    else if (material == 5) { roughness = 0.33; inside = 0.65; }
+    else if (material == 3) { roughness = 0.22; inside = 0.84; }
+    else if (material == 4) { roughness = 0.28; inside = 0.84; }
+    else if (material == 5) { roughness = 0.36; inside = 0.84; }
     else if (material == 6) { gloss = 0.0; }
     float facing = max(dot(n, v), 0.0);
+    // How deep in the mouth a place is: less where the jaw has taken it down to the light.
+    float depth = mouth.y - world_position.z + 0.6 * min(world_position.y - mouth.x, 0.0);
+    float behind = smoothstep(0.4, 5.5, depth);
     // Lids shade the upper eyeball, lips what is in the mouth.
     if (material == 2) inside = 1.0 - 0.50 * smoothstep(0.10, 0.85, world_normal.y);
     if (material >= 3 && material <= 5) {
-        float behind = smoothstep(0.3, 3.6, mouth - world_position.z);
-        inside *= mix(0.6, 1.0, facing) * mix(1.0, 0.16, behind);
+        inside *= mix(0.6, 1.0, facing) * mix(1.0, 0.22, behind);
+        gloss = 1.0 - 0.9 * behind;
     }
 
     vec3 shine = vec3(0.0);
@@ -91,6 +95,7 @@ void main() {
     // In the mouth no light comes from behind, and little from before.
     edge *= outside;
     shine *= mix(0.25, 1.0, outside);
+    inside *= mix(1.0, 0.22, behind * lining);
     vec3 linear = (albedo * lit + (shine + edge) * gloss) * inside;
     // The inner side of the skin is seen from below, where the neck is cut; elsewhere it is a fold that turns over.
     if (!gl_FrontFacing && material <= 1) {
