@@ -65,7 +65,7 @@ void main() {
     float roughness = 0.48, f0 = 0.030, gloss = 1.0, inside = 1.0;
     if (material == 0) { roughness = 0.55; gloss = 0.7; }
     else if (material == 2) { roughness = 0.16; f0 = 0.030; }
-    else if (material == 3) { roughness = 0.22; inside = 0.84; }
+    else if (material == 3) { roughness = 0.22; inside = 0.92; }
     else if (material == 4) { roughness = 0.28; inside = 0.84; }
     else if (material == 5) { roughness = 0.36; inside = 0.84; }
     else if (material == 6) { gloss = 0.0; }
@@ -76,7 +76,7 @@ void main() {
     // Lids shade the upper eyeball, lips what is in the mouth.
     if (material == 2) inside = 1.0 - 0.50 * smoothstep(0.10, 0.85, world_normal.y);
     if (material >= 3 && material <= 5) {
-        inside *= mix(0.6, 1.0, facing) * mix(1.0, 0.22, behind);
+        inside *= mix(0.6, 1.0, facing) * mix(1.0, 0.28, behind);
         gloss = 1.0 - 0.9 * behind;
     }
 
@@ -92,10 +92,10 @@ void main() {
     }
     vec3 edge = RIM.colour * pow(1.0 - facing, 3.0) * max(dot(n, RIM.direction), 0.0) * (material <= 1 ? 0.55 : 0.0);
 
-    // In the mouth no light comes from behind, and little from before.
-    edge *= outside;
+    // In the mouth and between the lips no light comes from behind, and in the mouth little from before.
+    edge *= outside * (material == 1 ? 1.0 - smoothstep(2.2, 2.9, albedo.r / max(albedo.g, 0.001)) : 1.0);
     shine *= mix(0.25, 1.0, outside);
-    inside *= mix(1.0, 0.22, behind * lining);
+    inside *= mix(1.0, 0.28, behind * lining);
     vec3 linear = (albedo * lit + (shine + edge) * gloss) * inside;
     // The inner side of the skin is seen from below, where the neck is cut; elsewhere it is a fold that turns over.
     if (!gl_FrontFacing && material <= 1) {

@@ -187,19 +187,20 @@ def _along(values: Floats, rounds: int = 6) -> Floats:
     return values
 
 
-def build_throat(frame: MouthFrame, n_columns: int = 19) -> tuple[Floats, Ints, Floats]:
+def build_throat(frame: MouthFrame, n_columns: int = 21) -> tuple[Floats, Ints, Floats]:
     """Return soft palate with its uvula and the wall of the throat behind: vertices, quads, texture coordinates."""
     columns = np.linspace(-1.0, 1.0, n_columns)
+    columns = np.sign(columns) * np.abs(columns) ** 1.7
     # The soft palate, from behind the hard one down to its free edge.
     back = np.array([3.9, 4.6, 5.2, 5.7, 6.1, 6.35, 6.45])
-    middle = np.array([2.0, 1.97, 1.82, 1.50, 1.0, 0.55, 0.30])
+    middle = np.array([2.0, 1.97, 1.80, 1.42, 0.80, 0.15, -0.20])
     side = np.array([0.95, 0.85, 0.55, 0.0, -0.8, -1.8, -2.6])
     wide = np.array([2.45, 2.65, 2.70, 2.65, 2.55, 2.45, 2.40])
-    hang = np.array([0.0, 0.0, 0.0, 0.02, 0.18, 0.55, 0.95])
+    hang = np.array([0.0, 0.0, 0.0, 0.02, 0.16, 0.55, 1.0])
     fall = np.abs(columns) ** 2.6
     x = np.outer(wide, columns)
     h = middle[:, None] - np.outer(middle - side, np.ones_like(columns)) * fall
-    h = h - hang[:, None] * np.exp(-((x / 0.26) ** 2))
+    h = h - hang[:, None] * np.exp(-((x / 0.27) ** 4))
     forward = 0.22 * hang[:, None] * np.exp(-((x / 0.34) ** 2))
     soft = frame.place(x, back[:, None] - forward, h).reshape(-1, 3)
     # The wall: half a tube, wider than the opening, whose front edges the pillars hide.

@@ -7,7 +7,7 @@ from scripts.asset_building.dental_arch import N_KINDS
 from scripts.asset_building.raster import Image32, Noise, smoothstep
 
 #: How much light the crowns of each kind get, from the middle backwards.
-_LIGHT = (1.0, 0.98, 0.93, 0.84, 0.74, 0.62, 0.50)
+_LIGHT = (1.0, 0.99, 0.96, 0.92, 0.86, 0.79, 0.72)
 
 
 def paint_teeth(height: int = 256) -> NDArray[np.uint8]:
@@ -62,8 +62,8 @@ def paint_gums(size: int = 512) -> NDArray[np.uint8]:
             (0.20, (198, 116, 112)),
             (0.33, (206, 128, 122)),
             (0.40, (196, 110, 106)),
-            (0.43, (120, 50, 50)),
-            (0.49, (110, 46, 46)),
+            (0.44, (150, 72, 70)),
+            (0.48, (150, 72, 70)),
             (0.52, (188, 104, 100)),
             (0.62, (194, 116, 110)),
             (0.80, (180, 100, 96)),
@@ -92,9 +92,9 @@ def paint_throat(size: int = 256) -> NDArray[np.uint8]:
     noise = Noise(47)(_points(u * 6, v * 8), 0.6, 3)
     side = np.abs(u - 0.5) * 2.0
     soft = _ramp(v * 2.0, [(0.0, (168, 88, 84)), (0.6, (158, 74, 72)), (1.0, (164, 74, 74))])
-    soft_shade = 0.66 - 0.20 * smoothstep(0.0, 0.35, v) - 0.22 * smoothstep(0.45, 1.0, side)
+    soft_shade = 0.80 - 0.12 * smoothstep(0.0, 0.35, v) - 0.26 * smoothstep(0.45, 1.0, side)
     wall = _ramp(2.0 * v - 1.0, [(0.0, (112, 40, 40)), (0.5, (132, 50, 48)), (1.0, (96, 34, 34))])
-    wall_shade = 0.34 - 0.20 * smoothstep(0.25, 0.95, side)
+    wall_shade = 0.42 - 0.24 * smoothstep(0.25, 0.95, side)
     is_soft = v < 0.5
     colour = np.where(is_soft[..., None], soft, wall) * (1.0 + 0.07 * noise)[..., None]
     return _encode(_shaded(colour, np.where(is_soft, soft_shade, wall_shade)))
@@ -112,8 +112,8 @@ def paint_tongue(size: int = 512) -> NDArray[np.uint8]:
     # The back of the tongue has a pale coat, its edges and its tip are redder.
     coat = smoothstep(0.20, 0.04, across) * smoothstep(0.95, 0.6, v) * 0.5
     colour += coat[..., None] * np.array([8, 26, 24], np.float32)
-    colour *= (1.0 + above * (0.055 * papillae + 0.05 * (dots > 0.75)) + 0.04 * patches)[..., None]
-    colour *= 1.0 - (1.0 - above)[..., None] * np.array([0.12, 0.26, 0.22], np.float32)
+    colour *= (1.0 + above * (0.04 * papillae + 0.05 * (dots > 0.75)) + 0.04 * patches)[..., None]
+    colour *= 1.0 - (1.0 - above)[..., None] * np.array([0.04, 0.16, 0.12], np.float32)
     groove = np.exp(-((across / 0.018) ** 2)) * 0.14 * smoothstep(0.1, 0.3, v) * smoothstep(1.0, 0.85, v)
     shade = (1.0 - groove) * (0.40 + 0.60 * smoothstep(0.10, 0.72, v))
     return _encode(_shaded(colour, shade))

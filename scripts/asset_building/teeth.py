@@ -24,9 +24,9 @@ _CONTACT = 1.015
 _KNOTS = np.array([0.0, 0.12, 0.3, 0.5, 0.75, 1.0, 1.2])
 #: Half the width of the crown as a share of the widest, between edge and neck, whose own share comes last but one.
 _WIDTHS = {
-    "incisor": (0.93, 0.985, 1.0, 0.97, 0.90),
-    "canine": (0.80, 0.92, 1.0, 0.98, 0.88),
-    "premolar": (0.84, 0.95, 1.0, 0.97, 0.86),
+    "incisor": (0.93, 0.985, 1.0, 0.98, 0.93),
+    "canine": (0.80, 0.92, 1.0, 0.985, 0.91),
+    "premolar": (0.84, 0.95, 1.0, 0.985, 0.91),
     "molar": (0.86, 0.96, 1.0, 0.985, 0.92),
 }
 #: Thickness of the crown from its face inwards, as a share of its depth.

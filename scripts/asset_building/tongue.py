@@ -29,17 +29,17 @@ class _Form:
 
 _REST = _Form(
     at=(0.0, 0.14, 0.32, 0.52, 0.70, 0.84, 0.94, 1.0),
-    back=(6.3, 5.8, 4.8, 3.6, 2.5, 1.70, 1.22, 1.02),
-    top=(-2.4, -1.15, -0.42, -0.12, -0.12, -0.22, -0.38, -0.48),
-    bottom=(-3.4, -3.0, -2.3, -1.9, -1.60, -1.10, -0.80, -0.64),
+    back=(6.3, 5.8, 4.8, 3.6, 2.5, 1.70, 1.22, 1.00),
+    top=(-2.4, -1.15, -0.42, -0.10, -0.04, -0.05, -0.12, -0.24),
+    bottom=(-3.4, -3.0, -2.3, -1.9, -1.50, -0.92, -0.58, -0.46),
     half_width=(1.6, 1.95, 2.15, 2.10, 1.74, 1.30, 0.84, 0.30),
 )
 _OUT = _Form(
     at=(0.0, 0.14, 0.32, 0.52, 0.70, 0.84, 0.94, 1.0),
     back=(6.2, 5.5, 4.0, 2.1, 0.2, -1.35, -2.25, -2.62),
-    top=(-2.4, -1.05, -0.05, 0.55, 0.54, 0.42, 0.16, -0.04),
-    bottom=(-3.4, -3.0, -2.0, -0.85, 0.08, 0.04, -0.14, -0.22),
-    half_width=(1.6, 1.95, 2.1, 1.95, 1.68, 1.50, 1.08, 0.40),
+    top=(-2.4, -1.05, 0.0, 0.60, 0.68, 0.70, 0.58, 0.40),
+    bottom=(-3.4, -3.0, -2.0, -0.85, 0.02, 0.10, 0.12, 0.16),
+    half_width=(1.6, 1.95, 2.1, 1.95, 1.66, 1.46, 1.04, 0.40),
 )
 
 
@@ -75,7 +75,8 @@ def _vertices(form: _Form, t: Floats, angle: Floats, frame: MouthFrame) -> Float
     cosine, sine = np.cos(angle)[None, :], np.sin(angle)[None, :]
     across = half * np.sign(cosine) * np.abs(cosine) ** 0.85
     middle, rise = 0.5 * (top + bottom), 0.5 * (top - bottom)
-    up = middle + rise * np.sign(sine) * np.abs(sine) ** 0.8
+    # Flat above, like a boat's hull below.
+    up = middle + rise * np.where(sine > 0.0, np.abs(sine) ** 0.8, -(np.abs(sine) ** 1.15))
     groove = 0.10 * np.exp(-((across / 0.22) ** 2)) * np.maximum(sine, 0.0) * smooth((t[:, None] - 0.2) / 0.3)
     groove = groove * (1.0 - 0.6 * smooth((t[:, None] - 0.8) / 0.2))
     points = frame.place(across, back + 0.0 * across, up - groove).reshape(-1, 3)
