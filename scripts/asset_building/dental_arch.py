@@ -9,7 +9,7 @@
   Advanced Prosthodontics 6, 2014). Intercanine and intermolar widths then are 34 and 54 mm above, 26 and 49 mm below.
 - Inclination of the crowns' faces: Andrews, "The six keys to normal occlusion", American Journal of Orthodontics 62,
   1972.
-- Overbite and overjet of a normal occlusion: 2.5 and 3 mm.
+- Overbite and overjet of a normal occlusion: 2 to 3 mm.
 - The plane of the bite is parallel to the line from the wing of the nose to the tragus and 3 cm below it (Woelfel et
   al.), so that it rises backwards.
 """
@@ -25,7 +25,7 @@ from scripts.asset_building.piece import Floats
 INCISOR, LATERAL, CANINE, PREMOLAR, SECOND_PREMOLAR, MOLAR, SECOND_MOLAR = range(7)
 N_KINDS = 7
 #: How far lower incisors stand behind the upper ones, and how far these reach over them, in centimetres.
-OVERJET, OVERBITE = 0.30, 0.25
+OVERJET, OVERBITE = 0.30, 0.22
 #: By how many degrees the plane of the bite rises backwards.
 _TILT = 8.0
 

@@ -100,7 +100,7 @@ def half_and_half(
     c = np.arange(columns - 1)
     inner = np.stack([first + c, first + c + 1, middle[c + 1], middle[c]], axis=1)
     quads = np.concatenate([grid_quads(n_rows, columns), inner])
-    return np.concatenate(points), (quads if arch.up > 0 else quads[:, ::-1]).astype(np.int32)
+    return np.concatenate(points), (quads if arch.up < 0 else quads[:, ::-1]).astype(np.int32)
 
 
 def _columns(arch: Arch) -> _Columns:
@@ -218,4 +218,4 @@ def build_throat(frame: MouthFrame, n_columns: int = 21) -> tuple[Floats, Ints, 
     u = 0.02 + 0.48 * (columns + 1.0)
     v_soft, v_wall = np.linspace(0.02, 0.48, len(back)), np.linspace(0.52, 0.98, len(level))
     uv = np.concatenate([np.stack([np.tile(u, len(v)), np.repeat(v, n)], axis=1) for v in (v_soft, v_wall)])
-    return np.concatenate([soft, wall]), np.concatenate([one, other]), uv
+    return np.concatenate([soft, wall]), np.concatenate([one, other])[:, ::-1], uv

@@ -113,7 +113,7 @@ def test_its_lips_are_shut_where_they_should_be(creature: tuple[Subject, NDArray
 
 def test_its_textures_are_of_a_moderate_size(creature: tuple[Subject, NDArray[np.float32]]) -> None:
     subject, _ = creature
-    assert set(subject.textures) == {"skin", "eye", "teeth", "gums", "tongue"}
+    assert set(subject.textures) == {"skin", "eye", "teeth", "gums", "throat", "tongue"}
     assert sum(map(len, subject.textures.values())) < 400_000
     assert subject.uv.min() >= 0
     assert subject.uv.max() <= 1
