@@ -12,7 +12,7 @@ from scripts.asset_building.dental_arch import (
     MouthFrame,
     smooth,
 )
-from scripts.asset_building.piece import Floats, Ints, facing_away, grid_quads
+from scripts.asset_building.piece import Floats, Ints, grid_quads
 
 #: Levels of the rings of a crown as shares of its length from the edge, the last one inside the gum.
 _LEVELS = np.array([1.18, 0.92, 0.68, 0.46, 0.26, 0.10, 0.0])
@@ -142,9 +142,9 @@ def build_crowns(arch: Arch, frame: MouthFrame, around: int = 14) -> tuple[Float
             tangent = np.array([-normal[1], normal[0]])
             place = at + np.outer(side * _CONTACT * u * half, tangent) + np.outer(outward, normal)
             crown = frame.place(place[:, 0], place[:, 1], arch.up * (arch.tip[kind] + height))
-            faces = _crown_quads(around)
-            inside = np.broadcast_to(crown.mean(axis=0), (len(faces), 3))
-            quads.append(facing_away(faces, crown, inside) + sum(map(len, points)))
+            # A ring runs one way on the left and the other way on the right, above and below.
+            faces = _crown_quads(around)[:, :: side * arch.up]
+            quads.append(faces + sum(map(len, points)))
             points.append(crown)
             uvs.append(uv)
     return np.concatenate(points), np.concatenate(quads).astype(np.int32), np.concatenate(uvs)
