@@ -11,7 +11,7 @@ uniform int material;
 uniform bool textured;
 uniform sampler2D image;
 uniform vec3 base;
-uniform float mouth;  // how far forward the teeth reach
+uniform vec2 mouth;  // height of the upper teeth's edges, and how far forward the teeth reach
 uniform bool over_photo;  // whether what fades shows a photo instead of the backdrop
 
 in vec3 eye_position;
@@ -28,6 +28,8 @@ void main() {
     vec3 albedo = textured ? pow(texel.rgb, vec3(2.2)) : base;
     // Where skin is as dark a red as the inside of the mouth.
     float outside = material == 1 ? smoothstep(0.015, 0.060, albedo.g) : 1.0;
+    float redness = albedo.r / max(albedo.g, 0.001);
+    float lining = (1.0 - outside) * smoothstep(4.0, 6.0, redness);
 #ifdef EXPRESSION_LINES
     add_expression_lines(eye_position, n, albedo);
 #endif
@@ -40,14 +42,16 @@ void main() {
 
     float roughness = 0.56, f0 = 0.028, gloss = 1.0, inside = 1.0;
     if (material == 0) { roughness = 0.55; gloss = 0.7; }
-    else if (material == 3) { roughness = 0.22; inside = 0.80; }
-    else if (material == 4) { roughness = 0.28; inside = 0.60; }
-    else if (material == 5) { roughness = 0.33; inside = 0.65; }
+    else if (material == 3) { roughness = 0.22; inside = 0.92; }
+    else if (material == 4) { roughness = 0.28; inside = 0.84; }
+    else if (material == 5) { roughness = 0.36; inside = 0.84; }
     float facing = max(dot(n, v), 0.0);
-    // Lips shade what is in the mouth.
+    // How deep in the mouth a place is: less where the jaw has taken it down to the light. Lips shade what is there.
+    float depth = mouth.y - world_position.z + 0.6 * min(world_position.y - mouth.x, 0.0);
+    float behind = smoothstep(0.4, 5.5, depth);
     if (material >= 3 && material <= 5) {
-        float behind = smoothstep(0.3, 3.6, mouth - world_position.z);
-        inside *= mix(0.6, 1.0, facing) * mix(1.0, 0.16, behind);
+        inside *= mix(0.6, 1.0, facing) * mix(1.0, 0.28, behind);
+        gloss = 1.0 - 0.9 * behind;
     }
 
     vec3 shine = vec3(0.0);
@@ -55,9 +59,10 @@ void main() {
     shine += glossy(n, v, FILL.direction, roughness, f0) * FILL.colour;
     vec3 edge = material <= 1 ? rim_light(n, v) : vec3(0.0);
 
-    // In the mouth no light comes from behind, and little from before.
-    edge *= outside;
+    // In the mouth and between the lips no light comes from behind, and in the mouth little from before.
+    edge *= outside * (material == 1 ? 1.0 - smoothstep(2.2, 2.9, redness) : 1.0);
     shine *= mix(0.25, 1.0, outside);
+    inside *= mix(1.0, 0.28, behind * lining);
     vec3 linear = (albedo * lit + (shine + edge) * gloss) * inside;
     // The inner side of the skin is seen from below, where the neck is cut; elsewhere it is a fold that turns over.
     float from_below = smoothstep(0.05, 0.30, -(transpose(mat3(view)) * v).y);

@@ -183,7 +183,7 @@ class Renderer:
             set_uniform(program, "viewport", size)
         set_uniform(self._surface, "over_photo", over_photo)
         set_uniform(self._surface, "neck", self._neck)
-        set_uniform(self._surface, "mouth", _front_of_teeth(buffers.subject))
+        set_uniform(self._surface, "mouth", _mouth_opening(buffers.subject))
         if over_photo:
             # Only what is nearest fades into the photo: its depth comes first.
             target.color_mask = (False, False, False, False)
@@ -324,7 +324,11 @@ class Renderer:
             program.release()
 
 
-def _front_of_teeth(subject: Subject) -> float:
-    """Return how far forward the neutral teeth reach; what lies far behind is deep in the mouth and dark."""
-    fronts = [subject.vertices[slice(*part.vertices), 2].max() for part in subject.parts if part.material == "teeth"]
-    return float(max(fronts, default=subject.vertices[:, 2].max()))
+def _mouth_opening(subject: Subject) -> tuple[float, float]:
+    """Return at which height the upper teeth end and how far forward the neutral teeth reach: behind, it gets dark."""
+    teeth = [subject.vertices[slice(*part.vertices)] for part in subject.parts if part.material == "teeth"]
+    if not teeth:
+        return float(subject.vertices[:, 1].min()), float(subject.vertices[:, 2].max())
+    front = max(teeth, key=lambda vertices: float(vertices[:, 2].max()))
+    ahead = front[front[:, 2] > front[:, 2].max() - 0.02 * subject.height]
+    return float(ahead[:, 1].min()), float(front[:, 2].max())

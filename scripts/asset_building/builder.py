@@ -6,6 +6,7 @@ import numpy as np
 
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.model.subject import ARKIT_SHAPES, Subject
+from scripts.asset_building.dental_arch import MouthFrame
 from scripts.asset_building.eyes import build_eye, place_eye
 from scripts.asset_building.halves import in_halves
 from scripts.asset_building.head import LASH_RING, LID_RINGS, Skin, cut_skin, ordered_ring, split_uv
@@ -16,7 +17,7 @@ from scripts.asset_building.landmarks import feature_points, regions
 from scripts.asset_building.lashes import build_lashes
 from scripts.asset_building.lids import close_exactly, keep_clear, socket_ids, tuck_socket
 from scripts.asset_building.looks import LOOKS
-from scripts.asset_building.mouth import LOWER, UPPER, build_jaw, build_tongue
+from scripts.asset_building.mouth import JawMotion, build_mouth, mouth_frame, tuck_lining
 from scripts.asset_building.mouth_shapes import LIP_REACH, MOUTH_REACH, around_lips, closed_again
 from scripts.asset_building.piece import Floats, Ints, Joined, Piece, join
 from scripts.asset_building.sculpting import sculpted
@@ -34,7 +35,7 @@ SIDES = ("Left", "Right")
 _EYE_RADIUS = 1.43
 #: How much more the lids follow an upward gaze than in the source, whose lid would cover the pupil.
 _LID_FOLLOWS_UP = 1.9
-_BANDS = {"upper": "helper-upper-teeth", "lower": "helper-lower-teeth"}
+_UPPER_TEETH, _LOWER_TEETH = "helper-upper-teeth", "helper-lower-teeth"
 _EYES = {"Left": "helper-l-eye", "Right": "helper-r-eye"}
 
 
@@ -103,10 +104,7 @@ class Builder:
         units = self._opened(everyone, units)
         skin = self._skin(vertices, units, eyeballs)
         pieces = [skin, *(build_eye(eye.side, eye.centre, eye.radius, ARKIT_SHAPES) for eye in eyeballs)]
-        for jaw, arch in (("upper", UPPER), ("lower", LOWER)):
-            ids = self.group(_BANDS[jaw])
-            pieces += build_jaw(jaw, arch, self.rest[ids], everyone[ids], units[:, ids])
-        pieces.append(build_tongue(self.base, self.group("helper-tongue"), self.rest, everyone, units))
+        pieces += build_mouth(self.mouth_frame(everyone, vertices), self.jaw(everyone, units))
         for eye in eyeballs if recipe.lash_length else ():
             ring, lid = self._lash_ring(eye.side)
             pieces.append(build_lashes(eye.side, skin.vertices, skin.shapes, ring, lid, eye.centre, recipe.lash_length))
@@ -117,13 +115,21 @@ class Builder:
         ids, result = self.skin.base_ids, units.copy()
         opens, closes = ARKIT_SHAPES.index("jawOpen"), ARKIT_SHAPES.index("mouthClose")
         hinge = jaw_hinge(everyone)
-        for rigid in (self.group(_BANDS["lower"]), self.group("helper-tongue")):
+        for rigid in (self.group(_LOWER_TEETH), self.group("helper-tongue")):
             result[opens, rigid] = jaw_opening(everyone[rigid], hinge)
         opening = self.jaw_skin.opening(everyone[ids], hinge)
         lips, near = (around_lips(self.skin, self.rest[ids], reach) for reach in (LIP_REACH, MOUTH_REACH))
         result[opens, ids] = opening
         result[closes, ids] = closed_again(units[closes, ids], units[opens, ids], opening, lips, near)
         return result
+
+    def mouth_frame(self, everyone: Floats, vertices: Floats) -> MouthFrame:
+        """Return where the inside of the mouth lies, from the base mesh and the skin's ``vertices`` of a head."""
+        return mouth_frame(self.skin, vertices, float(np.ptp(everyone[self.group(_UPPER_TEETH), 0])))
+
+    def jaw(self, everyone: Floats, units: Floats) -> JawMotion:
+        """Return how ``units`` (S, N, 3) move the lower jaw of a head whose base mesh is ``everyone`` (N, 3)."""
+        return JawMotion(jaw_hinge(everyone), units[:, self.group(_LOWER_TEETH)], ARKIT_SHAPES)
 
     def group(self, name: str) -> Ints:
         """Return the vertices of the base mesh's group ``name``, rising, shape (n,)."""
@@ -133,7 +139,7 @@ class Builder:
         """Return the neutral skin, shape (N, 3)."""
         skin = self.skin
         fixed = self.base.vertices[skin.base_ids, 1] > NECK_TOP
-        control = close_lips(everyone[skin.base_ids], skin.lip_contact)
+        control = close_lips(tuck_lining(everyone[skin.base_ids], skin), skin.lip_contact)
         control = level_neck(control, skin.quads, skin.border, fixed, recipe)
         vertices = skin.fine.matrix @ control
         normals = VertexNormals(skin.fine.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3), len(vertices))(vertices)

@@ -82,7 +82,7 @@ _SWELLS = (
     Swell((0.0, 66.0, 14.0), (4.2, 2.2, 5.0), (1.2, 1.0, 1.0)),
 )
 #: How much narrower and, below the lips, shallower the inside of the mouth is, so that it fits the small jaw.
-_MOUTH_NARROWER, _MOUTH_SHALLOWER, _TEETH_BACK = 0.38, 0.40, 0.25
+_MOUTH_NARROWER, _MOUTH_SHALLOWER = 0.38, 0.15
 #: The skin is subdivided where edges are longer than this, in centimetres, and along the lids' edges and the lips.
 _LONGEST_EDGE = 1.4
 #: How far around its large eyeballs, in centimetres, skin is kept off them.
@@ -163,7 +163,6 @@ def _creature_vertices(builder: Builder) -> tuple[Floats, Floats]:
     below = np.minimum(vertices[inside, 1] - lips, 0.0)
     vertices[inside, 0] *= 1.0 - _MOUTH_NARROWER * depth
     vertices[inside, 1] -= _MOUTH_SHALLOWER * depth * below
-    vertices[np.union1d(teeth, tongue), 2] -= _TEETH_BACK
     return even(swollen(vertices, rest, _SWELLS), builder.mirror), free
 
 

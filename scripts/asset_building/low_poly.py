@@ -17,10 +17,9 @@ from scripts.asset_building.identity import Recipe, identity_vertices
 from scripts.asset_building.landmarks import feature_points, mirrored_ids, regions
 from scripts.asset_building.lids import close_exactly, keep_clear, socket_ids, upper_and_lower
 from scripts.asset_building.looks import LOOKS
-from scripts.asset_building.mouth import LOWER, UPPER
 from scripts.asset_building.piece import Floats, Ints, Piece, join
 from scripts.asset_building.refinement import Reduced, reduced
-from scripts.asset_building.simple_mouth import build_band, paint_bands
+from scripts.asset_building.simple_mouth import build_simple_mouth, paint_bands
 from scripts.asset_building.symmetry import even
 from scripts.asset_building.textures import jpeg, paint, vertex_masks
 
@@ -45,8 +44,8 @@ LOW = Recipe(
     lash_length=0.0,
     hair_height=0.25,
 )
-#: Vertices of the skin's left half, with those in the middle, and of the tongue's.
-_HALF_SKIN, _HALF_TONGUE = 590, 34
+#: Vertices of the skin's left half, with those in the middle.
+_HALF_SKIN = 590
 #: The poses that the simplification looks at beside the neutral one.
 _POSES = (
     ("jawOpen",),
@@ -84,17 +83,14 @@ def build_low(builder: Builder) -> Subject:
     contact = number[skin.fine_loop(skin.lip_contact)]
     low_skin = replace(low_skin, vertices=_sealed(low_skin.vertices, contact[contact >= 0]))
     parts = [low_skin, *(_eye(eye) for eye in eyes)]
-    for jaw, arch in (("upper", UPPER), ("lower", LOWER)):
-        ids = builder.group(f"helper-{jaw}-teeth")
-        parts.append(build_band(jaw, arch, builder.rest[ids], everyone[ids], builder.units[:, ids]))
-    parts.append(_simplified_tongue(next(piece for piece in pieces if piece.name == "tongue")))
+    parts += build_simple_mouth(builder.mouth_frame(everyone, pieces[0].vertices), builder.jaw(everyone, builder.units))
     joined = join(parts)
     named = regions(skin, place, masks, joined.parts)
     kept = {name: ids if name.startswith("eye_") else number[ids] for name, ids in named.items()}
     points, titles = feature_points(skin, place, joined.parts, mesh.kept)
     names, shapes = in_halves(ARKIT_SHAPES, joined.shapes, joined.vertices[:, 0])
     textures = paint(builder.texels, LOOKS[LOW.name])
-    wanted = {name: textures[name] for name in ("skin", "eye", "tongue")} | {"teeth": jpeg(paint_bands(), 90)}
+    wanted = {name: textures[name] for name in ("skin", "eye", "tongue", "throat")} | {"teeth": jpeg(paint_bands(), 90)}
     return Subject(
         name=LOW.name,
         title=LOW.title,
@@ -149,15 +145,6 @@ def _simplified_skin(skin: Skin, piece: Piece, place: Floats, named: dict[str, I
     behind_lips = cKDTree(place[lips]).query(place[hidden])[0] > _LIP_DEPTH
     weights[hidden] *= np.where(behind_lips, 0.04, 0.6)
     return _half_simplified(piece, place, mirror, np.concatenate(loops), np.concatenate(keep), weights, _HALF_SKIN)
-
-
-def _simplified_tongue(tongue: Piece) -> Piece:
-    place = np.round(tongue.vertices, 4)
-    place[np.abs(place[:, 0]) < 1e-3, 0] = 0.0
-    mirror = mirrored_ids(place)
-    none = np.zeros((0, 2), dtype=np.int32)
-    mesh = _half_simplified(tongue, place, mirror, none, none.ravel(), np.ones(len(place)), _HALF_TONGUE)
-    return mesh.applied(tongue)
 
 
 def _half_simplified(

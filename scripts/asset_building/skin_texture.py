@@ -102,7 +102,7 @@ def paint_skin(skin: SkinTexels, look: SkinLook) -> NDArray[np.uint8]:
     colour = blend(colour, look.hair, look.lash_line * masks["lash_line"])
     colour = _scalp(colour, skin, look, rng, noise[3])
     colour = _brows(colour, skin, look, rng)
-    colour = blend(colour, (104, 38, 38), masks["inside"] * (1.0 - lips))
+    colour = blend(colour, (112, 41, 41), masks["inside"] * (1.0 - lips) * (1.0 + 0.05 * noise[3](p, 0.6, 2)))
     colour *= darkening(skin.occlusion, masks)
     image = skin.texels.image(np.clip(colour, 0, 255))
     return np.rint(image).astype(np.uint8)

@@ -13,7 +13,7 @@ from faceposer.geometry.mesh import VertexNormals
 from scripts.asset_building.creature_texture import HideLook, paint_hide
 from scripts.asset_building.eye_texture import IrisLook, paint_eye, paint_lashes
 from scripts.asset_building.head import LASH_RING, Skin, split_uv
-from scripts.asset_building.mouth_texture import paint_gums, paint_teeth, paint_tongue
+from scripts.asset_building.mouth_texture import paint_gums, paint_teeth, paint_throat, paint_tongue
 from scripts.asset_building.occlusion import ambient_occlusion
 from scripts.asset_building.piece import Floats, Ints
 from scripts.asset_building.raster import map_texels, smoothstep
@@ -99,7 +99,7 @@ def vertex_masks(source: Source, skin: Skin) -> dict[str, Floats]:
 
 
 def paint(texels: SkinTexels, look: Look) -> dict[str, bytes]:
-    """Return the encoded textures by material; only people have lashes."""
+    """Return the encoded textures by material, and that of the part "throat"; only people have lashes."""
     skin = paint_hide(texels, look.skin) if isinstance(look.skin, HideLook) else paint_skin(texels, look.skin)
     if look.skin_size != len(skin):
         size = (look.skin_size, look.skin_size)
@@ -109,6 +109,7 @@ def paint(texels: SkinTexels, look: Look) -> dict[str, bytes]:
         "eye": jpeg(paint_eye(look.iris, look.eye_size), 92),
         "teeth": jpeg(paint_teeth(), 90),
         "gums": jpeg(paint_gums(), 90),
+        "throat": jpeg(paint_throat(), 90),
         "tongue": jpeg(paint_tongue(look.tongue_size), 88),
     }
     if isinstance(look.skin, SkinLook):
