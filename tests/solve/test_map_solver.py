@@ -175,7 +175,7 @@ def test_scaled_coordinates_need_few_evaluations(model: FaceModel, camera: Camer
 
 
 def test_fitted_weights_are_those_that_made_the_pose(model: FaceModel) -> None:
-    weights = {"jawOpen": 0.6, "mouthSmileLeft": 0.8, "browInnerUp": 0.4}
+    weights = {"jawOpen": 0.6, "mouthSmileLeft": 0.8, "browInnerUpLeft": 0.4}
     fitted = fit_weights(model, model.coefficients_of(weights))
     assert set(fitted) == set(model.subject.shape_names)
     assert all(0.0 <= value <= 1.0 for value in fitted.values())
