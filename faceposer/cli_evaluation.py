@@ -5,7 +5,7 @@ import os
 import shlex
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +48,14 @@ def add_parsers(commands: Any) -> None:
         nargs="+",
         action="extend",
         help=f"takes to test on, of any performer (default: {_TEST} there)",
+    )
+    takes.add_argument(
+        "--performer",
+        type=_performer,
+        metavar="NAME=CSV,CSV",
+        action="append",
+        help="instead, a performer and all takes of theirs, at least twice: each is left out once, and tested on with "
+        "what the others teach",
     )
     takes.add_argument(
         "--fold",
@@ -117,10 +125,10 @@ def run(options: argparse.Namespace, words: Sequence[str]) -> int:
     # Before NumPy is loaded: each process has a core, and times are to be compared.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[variable] = "1"
-    from faceposer.evaluation.plan import NOISE_PX, REGION_COUNTS, TRIALS, Plan, cells_of, check_kinds, known_methods
+    from faceposer.evaluation.plan import NOISE_PX, REGION_COUNTS, TRIALS, Plan, cells_of, known_methods, possible
     from faceposer.evaluation.study import Study
-    from faceposer.evaluation.takes import Source
-    from faceposer.evaluation.trials import COUNTS
+    from faceposer.evaluation.trials import COUNTS, TrialMaker
+    from faceposer.evaluation.tuning import CELLS
     from faceposer.training.expressions import Recipe
 
     if options.output.exists() and not options.output.is_dir():
@@ -132,16 +140,20 @@ def run(options: argparse.Namespace, words: Sequence[str]) -> int:
         # Before the minutes of work, not after them.
         require_matplotlib()
     recipe = Recipe() if options.examples is None else Recipe(n_examples=options.examples)
-    source = Source(options.subject, _captures(options, _TRAIN), _tests(options), recipe, options.fold, options.sparse)
-    setting, _ = source.load()
+    sources = _sources(options, recipe)
+    # All files are read before anything is learned.
+    settings = [source.load()[0] for source in sources.values()]
+    setting = settings[0]
     jobs = options.jobs or os.cpu_count() or 1
     trials = TRIALS | {kind: n for which, n in options.trials for kind in (_KINDS if which is None else (which,))}
     command = shlex.join(["faceposer", *words])
     if options.tune:
-        check_kinds(setting.subject, options.kinds)
-        return _tune(source, methods, options, jobs, command)
+        # Raises if the face has no place for any.
+        possible(TrialMaker(setting), [cell for cell in CELLS if cell.constraint in options.kinds])
+        return _tune(sources[""], methods, options, jobs, command)
     region_names = () if options.regions == ("none",) else None if options.regions == ("all",) else options.regions
-    cells = cells_of(
+    cells, lacking = cells_of(
+        TrialMaker(setting),
         setting.subject,
         options.kinds,
         COUNTS | dict(options.counts),
@@ -149,38 +161,79 @@ def run(options: argparse.Namespace, words: Sequence[str]) -> int:
         NOISE_PX if options.noise is None else options.noise,
         region_names,
     )
-    study = Study(
-        source,
-        Plan(methods, cells, trials, options.seed),
-        options.output,
-        command,
-    )
+    for sentence in lacking:
+        print(sentence, file=sys.stderr)
+    plan = Plan(methods, cells, trials, options.seed)
     progress = _Progress()
     try:
-        outcome = study.run(setting.subject, jobs, progress.show, options.restart)
+        if options.performer:
+            from faceposer.evaluation.performers import PerformersStudy
+
+            of_performers = PerformersStudy(sources, plan, options.output, command)
+            found = of_performers.run(setting.subject, jobs, progress.of, options.restart)
+        else:
+            study = Study(sources[""], plan, options.output, command)
+            outcome = study.run(setting.subject, jobs, progress.show, options.restart)
     except KeyboardInterrupt:
         progress.clear()
         print(f"Stopped; the same command goes on from '{options.output}'.", file=sys.stderr)
         raise
     finally:
         progress.clear()
-    for sentence in outcome.left_out.values():
-        print(sentence, file=sys.stderr)
-    return _report(study, outcome, options)
+    if not options.performer:
+        return _report([study], [outcome], outcome.rows, _tables(outcome.rows), outcome.left_out, options)
+    studies = [of_performers.study(name) for name in found.outcomes]
+    outcomes = list(found.outcomes.values())
+    return _report(studies, outcomes, found.pooled, found.tables(), found.left_out, options)
 
 
-def _report(study: Any, outcome: Any, options: argparse.Namespace) -> int:
-    from faceposer.evaluation.study import RESULTS, TABLE, TABLES
+def _sources(options: argparse.Namespace, recipe: Any) -> dict[str, Any]:
+    """Return what is learned from and tested on, by the performer who is left out, or by "" where none is."""
+    from faceposer.evaluation.performers import Performer, leave_one_out
+    from faceposer.evaluation.takes import Source
+
+    if options.performer:
+        _check_performers(options)
+        performers = [Performer(name, paths) for name, paths in options.performer]
+        return dict(leave_one_out(performers, options.subject, recipe, options.sparse))
+    captures, tests = _captures(options, _TRAIN), _tests(options)
+    return {"": Source(options.subject, captures, tests, recipe, options.fold, options.sparse)}
+
+
+def _tables(rows: Any) -> str:
     from faceposer.evaluation.tables import error_tables, time_table
 
-    rows = outcome.rows
+    return f"{error_tables(rows)}\n{time_table(rows)}"
+
+
+def _report(
+    studies: Sequence[Any],
+    outcomes: Sequence[Any],
+    rows: Sequence[Any],
+    tables: str,
+    left_out: Mapping[str, str],
+    options: argparse.Namespace,
+) -> int:
+    """Print ``tables`` and which cells have none of the ``rows``, and draw what was asked for."""
+    from faceposer.evaluation.study import RESULTS, TABLE, TABLES
+
+    for sentence in left_out.values():
+        print(sentence, file=sys.stderr)
     if not rows:
         raise FacePoserError(
             "No trial could be made: the takes to test on have too few frames in which the face moves; give longer "
             "ones with --capture-test."
         )
-    print(error_tables(rows))
-    print(time_table(rows))
+    done = {(row["constraint"], row["count"], row["noise_px"], row.get("region")) for row in rows}
+    plan = studies[0].plan
+    tried = [
+        cell for cell in plan.cells if any(plan.wanted(name, cell) for name in plan.methods if name not in left_out)
+    ]
+    without = [cell for cell in tried if (cell.constraint, cell.count, cell.noise_px, cell.region) not in done]
+    if without:
+        words = ", ".join(dict.fromkeys(cell.words for cell in without))
+        print(f"No frame to test on moves enough for: {words}.", file=sys.stderr)
+    print(tables)
     written = [options.output / name for name in (RESULTS, TABLE, TABLES)]
     if options.figures:
         from faceposer.evaluation.figures import write_figures
@@ -189,13 +242,15 @@ def _report(study: Any, outcome: Any, options: argparse.Namespace) -> int:
     if options.pictures:
         from faceposer.evaluation.side_by_side import write_pictures
 
-        written += write_pictures(study, outcome)
-    print(f"{options.output}: {', '.join(path.name for path in written)} written")
+        for study, outcome in zip(studies, outcomes, strict=True):
+            written += write_pictures(study, outcome)
+    names = ", ".join(path.relative_to(options.output).as_posix() for path in written)
+    print(f"{options.output}: {names} written")
     return 0
 
 
 def _tune(source: Any, methods: Sequence[str], options: argparse.Namespace, jobs: int, command: str) -> int:
-    from faceposer.evaluation.tuning import TUNED, tune, write_tuned
+    from faceposer.evaluation.tuning import TUNED, end_warning, tune, write_tuned
 
     trials = next((n for which, n in options.trials if which is None), None)
 
@@ -207,12 +262,21 @@ def _tune(source: Any, methods: Sequence[str], options: argparse.Namespace, jobs
     for name, found in tuned.items():
         parameters = ", ".join(f"{key}={value}" for key, value in found["parameters"].items())
         print(f"{name}: {parameters} ({found['score']:.4f}; as it is: {found['score_as_is']:.4f})")
+        if warning := end_warning(name, found):
+            print(warning)
     print(f"{options.output / TUNED} written")
     return 0
 
 
 def _captures(options: argparse.Namespace, name: str) -> tuple[Path, ...]:
     return tuple(options.capture) if options.capture else (_known_take(name, "--capture"),)
+
+
+def _check_performers(options: argparse.Namespace) -> None:
+    given = {"--capture": options.capture, "--capture-test": options.capture_test, "--fold": options.fold}
+    for option, value in {**given, "--tune": options.tune or None}.items():
+        if value is not None:
+            raise FacePoserError(f"{option} and --performer are two ways to say what is learned from; leave out one.")
 
 
 def _tests(options: argparse.Namespace) -> tuple[Path, ...]:
@@ -240,6 +304,12 @@ class _Progress:
         self._shown = ""
         self._tenth = -1
         self._live = sys.stderr.isatty()
+        self._title = ""
+
+    def of(self, performer: str) -> Callable[[int, int], None]:
+        """Begin with the study in which ``performer`` is left out, and return what shows how far it is."""
+        self._began, self._tenth, self._title = time.monotonic(), -1, f"{performer} left out: "
+        return self.show
 
     def show(self, done: int, of: int) -> None:
         if of in (0, done):
@@ -251,8 +321,9 @@ class _Progress:
             if done >= 5:
                 left = (time.monotonic() - self._began) * (of - done) / done
                 text += f", about {max(1, round(left / 60))} min to go"
+        text = self._title + text
         if self._live:
-            print(f"\r{text:60}", end="", file=sys.stderr, flush=True)
+            print(f"\r{text:78}", end="", file=sys.stderr, flush=True)
             self._shown = text
         elif of and 10 * done // of > self._tenth:
             self._tenth = 10 * done // of
@@ -260,8 +331,18 @@ class _Progress:
 
     def clear(self) -> None:
         if self._shown:
-            print(f"\r{'':60}\r", end="", file=sys.stderr, flush=True)
+            print(f"\r{'':78}\r", end="", file=sys.stderr, flush=True)
             self._shown = ""
+
+
+def _performer(text: str) -> tuple[str, tuple[Path, ...]]:
+    name, equals, files = text.partition("=")
+    paths = tuple(dict.fromkeys(Path(file.strip()) for file in files.split(",") if file.strip()))
+    if not equals or not name.strip() or not paths:
+        raise argparse.ArgumentTypeError(
+            f"'{text}' does not say who and which takes; write for example anna=one.csv,two.csv"
+        )
+    return name.strip(), paths
 
 
 def _names(text: str) -> tuple[str, ...]:

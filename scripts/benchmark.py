@@ -96,7 +96,7 @@ def solve_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
     for constraints in mouse_path(pins(model, camera, 4), moves):
         problems = {
             "mfa": PoseProblem(model, constraints),
-            "pca": PoseProblem(model, constraints, prior_weight=0),
+            "pca": PoseProblem(model, constraints, bare=True),
             "finite-difference": FiniteDifferences(model, constraints),
         }
         # One after another at every move, so that all three meet the machine in the same state.

@@ -28,7 +28,7 @@ if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
 from faceposer.evaluation.measures import Judge
-from faceposer.evaluation.methods.method import prepared
+from faceposer.evaluation.methods.method import posed, prepared
 from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.setting import Setting
 from faceposer.evaluation.takes import Source
@@ -257,7 +257,7 @@ def _judged(fold: Fold, name: str, trials: dict[Cell, list[Trial]]) -> list[tupl
         error = neutral = 0.0
         for trial in chosen:
             model, coefficients = solver(trial)
-            score = fold.judge.score(trial, model.instance(coefficients), 0.0)
+            score = fold.judge.score(trial, posed(model, coefficients), 0.0)
             error += score.error
             neutral += score.neutral_error
         sums.append((error, neutral))

@@ -4,11 +4,19 @@ uniform mat4 projection;
 in vec3 position;
 in vec3 normal;
 in vec2 uv;
+#ifdef EXPRESSION_LINES
+in vec3 line_coordinates;  // place in the map of expression lines, and whether it is skin that has any
+uniform sampler2D line_strengths;
+out vec2 line_place;
+out vec2 line_strength;
+#endif
 out vec3 eye_position;
 out vec3 eye_normal;
 out vec3 world_normal;
 out vec2 texture_uv;
 out vec3 world_position;
+// With expression lines and without, triangles side by side must meet.
+invariant gl_Position;
 void main() {
     vec4 seen = view * vec4(position, 1.0);
     eye_position = seen.xyz;
@@ -16,5 +24,9 @@ void main() {
     world_normal = normal;
     texture_uv = uv;
     world_position = position;
+#ifdef EXPRESSION_LINES
+    line_place = line_coordinates.xy;
+    line_strength = line_coordinates.z * textureLod(line_strengths, line_place, 0.0).rg;
+#endif
     gl_Position = projection * seen;
 }

@@ -62,6 +62,16 @@ def test_solve_writes_the_mesh_and_the_report(model: FaceModel, smile: Path, tmp
     assert "smile.obj written" in capsys.readouterr().out
 
 
+def test_the_spread_can_be_given_and_is_checked(smile: Path, tmp_path: Path, capsys: Capture) -> None:
+    meshes = []
+    for spread in ("0", "1"):
+        assert run("solve", smile, "-o", tmp_path / "a.obj", "--spread", spread) == 0
+        meshes.append(read_mesh(tmp_path / "a.obj").vertices)
+    assert np.abs(meshes[0] - meshes[1]).max() > 0.02
+    assert run("solve", smile, "-o", tmp_path / "a.obj", "--spread", "1.5") == 2
+    assert "'1.5' is not a number from 0 to 1" in capsys.readouterr().err
+
+
 def test_subjects_are_listed(capsys: Capture) -> None:
     assert run("subjects") == 0
     assert "man " in capsys.readouterr().out

@@ -1,7 +1,7 @@
 """A face follows trajectories: the most likely pose of every frame, and smooth from frame to frame."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,8 @@ from faceposer.model.performance import Performance
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.priors import MixturePrior, Prior
-from faceposer.solve.problem import PoseProblem
+from faceposer.solve.problem import RECORDED_SPREAD, PoseProblem
+from faceposer.solve.reach import reach_of_rows
 from faceposer.solve.term import Array
 
 # So many frames are made smooth together, of which the last ones, that later frames still have a say in, are done again
@@ -23,6 +24,8 @@ _TOGETHER, _AGAIN = 600, 60
 # Weight of the prior as it is seen from the start, relative to that seen from the frame before: how a face came to a
 # pose would else leave its trace, for good, in all that no point tells.
 _HOMEWARD = 0.1
+# Points that are followed in a picture may go so many times as far as a face usually reaches, and no farther.
+_SLACK = 1.5
 
 
 def follow(
@@ -32,6 +35,7 @@ def follow(
     smoothness: float = 1.0,
     prior_weight: float = 1.0,
     prior: Prior = "regions",
+    spread: float = RECORDED_SPREAD,
     start: ArrayLike | None = None,
     constraints: Sequence[Constraint] = (),
     look_ahead: bool = True,
@@ -51,6 +55,7 @@ def follow(
         smoothness: Weight of the changes of velocity, at least 0; ``smoothness_metric`` has its unit.
         prior_weight: Weight of the prior, at least 0.
         prior: How the prior judges; see ``PoseProblem``.
+        spread: How much of the face follows its points; see ``PoseProblem``.
         start: The pose before the first frame, which the face comes back to where nothing tells otherwise, shape (r,);
             the neutral face if None.
         constraints: What holds in all frames besides.
@@ -66,7 +71,9 @@ def follow(
     """
     metric = smoothness_metric(model, smoothness, trajectories.rate)
     pose = np.array(model.neutral() if start is None else start, dtype=np.float64)
-    make = _Frames(model, trajectories, prior_weight, prior, tuple(constraints), pose)
+    make = _Frames(
+        model, _within_reach(model, trajectories, pose), prior_weight, prior, spread, tuple(constraints), pose
+    )
     poses = np.tile(pose, (len(trajectories), 1))
     sighted = np.asarray(trajectories.seen.any(axis=1))
     first = 0
@@ -118,6 +125,7 @@ class _Frames:
     trajectories: Trajectories
     prior_weight: float
     prior: Prior
+    spread: float
     constraints: tuple[Constraint, ...]
     start: Array
 
@@ -135,13 +143,34 @@ class _Frames:
         )
         evidence = [track] if seen.any() else []
         problem, at_home = (
-            PoseProblem(self.model, self.constraints, pose, self.prior_weight, prior=self.prior, evidence=evidence)
+            PoseProblem(
+                self.model,
+                self.constraints,
+                pose,
+                self.prior_weight,
+                prior=self.prior,
+                evidence=evidence,
+                spread=self.spread,
+                home=self.start,
+            )
             for pose in (seen_from, self.start)
         )
         # As it was learned, the prior looks the same from everywhere.
         if self.prior_weight > 0 and self.prior != "plain":
             problem.terms.append(MixturePrior(at_home.mixture, _HOMEWARD * self.prior_weight))
         return problem
+
+
+def _within_reach(model: FaceModel, trajectories: Trajectories, start: Array) -> Trajectories:
+    """Return ``trajectories`` in a picture with what no face reaches from the pose ``start``, (r,), brought back."""
+    camera = trajectories.camera
+    if camera is None or not len(trajectories.points):
+        return trajectories
+    rows, neutral = model.rows_at(trajectories.points)
+    reach = reach_of_rows(model, start, rows, neutral, camera)
+    here = camera.project(neutral + rows @ start)
+    limited = np.array([here + _SLACK * reach.limited((frame - here) / _SLACK) for frame in trajectories.positions])
+    return replace(trajectories, positions=limited)
 
 
 def _bridged(poses: Array, sighted: NDArray[np.bool_]) -> list[tuple[int, Array]]:

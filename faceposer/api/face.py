@@ -12,10 +12,11 @@ from faceposer.api import checks
 from faceposer.api.motion import InMotion
 from faceposer.api.places import Pixels, Place, fixed_vertices, pixels_of, point_at
 from faceposer.errors import FacePoserError
-from faceposer.geometry.camera import VIEW_ANGLES, Camera, OrbitView, ViewName
+from faceposer.geometry.camera import VIEW_ANGLES, Camera, ViewName
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.strokes import StrokeShape
 from faceposer.model.face_model import FaceModel
+from faceposer.model.framing import face_view
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import available_subjects
 from faceposer.poses import applying, library
@@ -120,8 +121,8 @@ class Face(InMotion):
     def camera(self, view: ViewName = "front", size: tuple[int, int] = _SIZE) -> Camera:
         """Return the camera that frames the face from ``view`` in a picture of ``size``, (width, height) in pixels."""
         checks.one_of(view, tuple(VIEW_ANGLES), "A view")
-        low, high = self.subject.vertices.min(axis=0), self.subject.vertices.max(axis=0)
-        return OrbitView.preset(low, high, view).camera(checks.picture_size(size))
+        width, height = checks.picture_size(size)
+        return face_view(self.subject, view, width / height).camera((width, height))
 
     def pixel(self, place: Place, camera: Camera | None = None) -> tuple[float, float]:
         """Return where ``camera`` shows ``place`` in the present pose."""
@@ -242,6 +243,15 @@ class Face(InMotion):
             raise FacePoserError(f"The prior is one of {', '.join(PRIORS)}, not '{prior}'.")
         self.session.set_prior(prior)
 
+    @property
+    def spread(self) -> float:
+        """How much of the face follows a pull, from 0, only what was pulled, to 1, the whole face; usually 0.5."""
+        return self.session.document.spread
+
+    @spread.setter
+    def spread(self, spread: float) -> None:
+        self.session.set_spread(checks.number(spread, 0.0, 1.0, "The spread"))
+
     def solve(self) -> Solution:
         """Let the face follow all constraints, and return what came of it: energy, residuals, iterations, seconds."""
         self.session.apply()
@@ -333,6 +343,7 @@ class Face(InMotion):
         view: ViewName | Camera = "front",
         size: tuple[int, int] = _SIZE,
         shading: Literal["full", "clay"] = "full",
+        expression_lines: bool = True,
     ) -> NDArray[np.uint8]:
         """Return a picture of the face, shape (height, width, 3), and write it to ``path`` (.png) if there is one.
 
@@ -341,6 +352,7 @@ class Face(InMotion):
             view: Where to look from, or a camera, which brings its own size.
             size: Width and height in pixels.
             shading: "clay" leaves the textures out.
+            expression_lines: Draw the lines of the skin that the pose makes; clay has none.
         """
         from faceposer.viewer.offscreen import render_subject
         from faceposer.viewer.pictures import write_png
@@ -349,7 +361,9 @@ class Face(InMotion):
         if path is not None and Path(path).suffix.lower() != ".png":
             raise FacePoserError(f"The picture '{path}' must end in '.png'.")
         camera = view if isinstance(view, Camera) else self.camera(view, size)
-        picture = render_subject(self.subject, self.vertices, camera, shading=shading)
+        picture = render_subject(
+            self.subject, self.vertices, camera, shading=shading, expression_lines=expression_lines
+        )
         if path is not None:
             write_png(Path(path), picture)
         return picture

@@ -16,6 +16,7 @@ from faceposer.model.performance import Performance
 from faceposer.session.opening import load_model, session_of
 from faceposer.session.session import Session
 from faceposer.session.transferred import transferred
+from faceposer.solve.problem import RECORDED_SPREAD
 from faceposer.transfer.pairs import DEFAULT_PAIRS, Pair
 from faceposer.transfer.transfer import Method, make_transfer
 
@@ -55,7 +56,11 @@ class InMotion:
         self.session.wait()
 
     def follow(
-        self, trajectories: Trajectories | str | PathLike[str], camera: Camera | None = None, smoothness: float = 1.0
+        self,
+        trajectories: Trajectories | str | PathLike[str],
+        camera: Camera | None = None,
+        smoothness: float = 1.0,
+        spread: float = RECORDED_SPREAD,
     ) -> Performance:
         """Return the motion in which points of the face follow ``trajectories`` (docs/animation.md).
 
@@ -63,9 +68,11 @@ class InMotion:
             trajectories: Or their file (.csv, .json, .c3d), of which jumps are left out.
             camera: Of a table of pixels.
             smoothness: Weight of changes of velocity.
+            spread: How much of the face follows, 0 to 1; the whole face unless told otherwise, as for recordings.
         """
         model, document = self.session.model, self.session.document
         checks.number(smoothness, 0.0, _LARGEST_SMOOTHNESS, "The smoothness")
+        checks.number(spread, 0.0, 1.0, "The spread")
         if camera is not None:
             checks.known_camera(camera)
         if not isinstance(trajectories, Trajectories):
@@ -77,6 +84,7 @@ class InMotion:
             smoothness=smoothness,
             prior_weight=document.prior_weight,
             prior=document.prior,
+            spread=spread,
             start=document.start,
         )
 
@@ -99,13 +107,20 @@ class InMotion:
         document = transferred(session.document, session.coefficients, transfer, name, target)
         return type(self)(session_of(document, None))
 
-    def export(self, path: str | PathLike[str], motion: Performance | None = None, turn: float = 0.0) -> Path:
+    def export(
+        self,
+        path: str | PathLike[str],
+        motion: Performance | None = None,
+        turn: float = 0.0,
+        expression_lines: bool = True,
+    ) -> Path:
         """Write the pose, or a performance, for other programs (docs/interchange.md), and return the path.
 
         Args:
             path: Ends in .obj, .ply, .glb, .csv, .json (weights, no session), .png, .gif or .mp4.
             motion: What to write in place of the pose, such as ``performance``; for .glb, .csv, .json, .gif and .mp4.
             turn: Seconds in which the camera of a film goes round the head once, 0 for one that stands.
+            expression_lines: Draw the lines that a pose makes in the skin, in pictures and films.
         """
         from faceposer.viewer.exporting import Look, write
 
@@ -114,5 +129,5 @@ class InMotion:
             raise FacePoserError(f"The camera turns in films; let '{path}' end in .gif or .mp4, or leave 'turn' out.")
         model = self.session.model
         moving = self.session.coefficients if motion is None else checks.performance_of(motion, model)
-        write(Path(path), model, moving, Look(turn=turn))
+        write(Path(path), model, moving, Look(turn=turn, expression_lines=expression_lines))
         return Path(path)

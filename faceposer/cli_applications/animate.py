@@ -1,10 +1,10 @@
 """The command that makes a face follow trajectories: ``animate``."""
 
 import argparse
-import math
 from pathlib import Path
 from typing import Any
 
+from faceposer.cli_applications.arguments import add_spread, number_between
 from faceposer.cli_applications.progress_line import ProgressLine
 from faceposer.interchange.files import check_apart, check_output
 
@@ -50,6 +50,7 @@ def add_parser(commands: Any) -> None:
         default="regions",
         help="judge region by region, the face as a whole, or by the mixture as it was learned (default: regions)",
     )
+    add_spread(parser, "1, for what was recorded from a real face")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -62,6 +63,7 @@ def run(options: argparse.Namespace) -> int:
     from faceposer.animation.trajectory_io import read_camera, read_trajectories
     from faceposer.geometry.marker_map import read_marker_map
     from faceposer.session.opening import load_model
+    from faceposer.solve.problem import RECORDED_SPREAD
     from faceposer.viewer.exporting import write
 
     model = load_model(options.subject)
@@ -85,6 +87,7 @@ def run(options: argparse.Namespace) -> int:
             smoothness=options.smoothness,
             prior_weight=options.prior_weight,
             prior=options.prior,
+            spread=RECORDED_SPREAD if options.spread is None else options.spread,
             on_frame=lambda frame, _pose: line.show(f"Frame {frame + 1} of {n_frames}"),
         )
         write(options.output, model, performance, progress=line.share)
@@ -108,19 +111,9 @@ def _names(text: str) -> tuple[str, ...]:
     return names
 
 
-def _number(text: str, least: float, most: float) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not least <= value <= most:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number from {least:g} to {most:g}")
-    return value
-
-
 def _weight(text: str) -> float:
-    return _number(text, 0.0, 1e6)
+    return number_between(text, 0.0, 1e6)
 
 
 def _rate(text: str) -> float:
-    return _number(text, 1e-3, 1e3)
+    return number_between(text, 1e-3, 1e3)

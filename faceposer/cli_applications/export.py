@@ -103,6 +103,11 @@ def add_parser(commands: Any) -> None:
         "--size", type=_size, metavar="WxH", help="pixels of pictures (default: 640x640; 480x480 for .gif)"
     )
     parser.add_argument("--clay", action="store_true", help="draw pictures without the texture of the skin")
+    parser.add_argument(
+        "--no-expression-lines",
+        action="store_true",
+        help="draw pictures without the lines that a pose makes in the skin",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -138,6 +143,7 @@ def run(options: argparse.Namespace) -> int:
         options.turntable or 0.0,
         options.fps,
         "clay" if options.clay else "full",
+        expression_lines=not options.no_expression_lines,
     )
     _with_progress(lambda progress: write(path, session.model, motion, look, progress))
     _say(f"{path} written")

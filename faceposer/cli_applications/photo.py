@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from faceposer.cli_applications.arguments import add_spread
 from faceposer.errors import FacePoserError
 from faceposer.interchange.files import check_apart, check_output
 
@@ -36,6 +37,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--pins", type=Path, metavar="PINS.json", required=True, help="pins (docs/photo.md)")
     parser.add_argument("-o", "--output", type=Path, metavar="SESSION.json", required=True, help="session to write")
     parser.add_argument("--focal", type=float, metavar="PX", help="focal length in pixels; else by EXIF, or found")
+    add_spread(parser, "as the session has it, else 0.5")
     parser.add_argument("--no-pose", action="store_true", help="only align the camera")
     parser.add_argument("--render", type=Path, metavar="OUT.png", help="also draw photo, face over photo, and face")
 
@@ -65,8 +67,7 @@ def run(options: argparse.Namespace) -> int:
     read_photo(options.photo, _CHECKED_SIDE)
     pins = read_pins(options.pins)
     _check_pins(options.pins, pins, file.size)
-    session = open_session(options.what)
-    session.wait()
+    session = _with_spread(open_session(options.what), options.spread)
     model = session.model
     path = str(options.photo.absolute())
     photo = aligned(Photo(path, file.size, pins, focal=options.focal or file.focal), model, session.coefficients)
@@ -99,6 +100,13 @@ def run(options: argparse.Namespace) -> int:
     if mean > _HOPELESS * _spread([pin for i, pin in enumerate(pins) if i in off]):
         print("No view of the face shows these pins: check that each names what it lies on, and the focal length.")
     return 0
+
+
+def _with_spread(session: "Session", spread: float | None) -> "Session":
+    if spread is not None:
+        session.set_spread(spread)
+    session.wait()
+    return session
 
 
 def _check_pins(path: Path, pins: Sequence["Pin"], size: tuple[int, int]) -> None:

@@ -13,6 +13,7 @@ _KINDS = {"point": "points", "distance": "distances", "stroke": "pixels of a str
 _STYLES: dict[str, tuple[str, str, str]] = {
     "mfa": ("#000000", "o", "-"),
     "mfa-whole": ("#666666", "o", "--"),
+    "mfa-undamped": ("#999999", "o", ":"),
     "mfa-plain": ("#882255", "s", "-"),
     "ppca": ("#332288", "^", "-"),
     "pca": ("#88CCEE", "v", "--"),

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from faceposer.evaluation.setting import Setting
-from faceposer.evaluation.trials import Trial, region_vertices
+from faceposer.evaluation.trials import Trial, region_vertices, skin_vertices
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import Constraint
@@ -60,9 +60,9 @@ class Judge:
     def _probes(self) -> NDArray[np.intp]:
         """Vertices of the skin, shape (n,), that some shape moves, evenly spread over their order."""
         subject = self._setting.subject
-        first, last = subject.part("skin").vertices
-        motion = np.abs(subject.shapes[:, first:last].astype(np.float32)).max(axis=(0, 2))
-        moving = first + np.flatnonzero(motion > 0.05 * motion.max())
+        skin = skin_vertices(subject)
+        motion = np.abs(subject.shapes[:, skin].astype(np.float32)).max(axis=(0, 2))
+        moving = skin[motion > 0.05 * motion.max()]
         chosen: NDArray[np.intp] = moving[np.linspace(0, len(moving) - 1, _PROBES).round().astype(np.intp)]
         return chosen
 

@@ -4,15 +4,15 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from faceposer.errors import FacePoserError
-from faceposer.evaluation.feature_lines import FEATURE_LINES
 from faceposer.evaluation.methods.method import Method
 from faceposer.evaluation.methods.registry import METHODS
-from faceposer.evaluation.trials import STROKE_LINES, Cell, region_vertices
+from faceposer.evaluation.trials import STROKE_LINES, Cell, TrialMaker, region_vertices
 from faceposer.model.subject import Subject
 
 #: The techniques that are compared unless others are asked for, those of them that the program has.
 DEFAULT_METHODS = (
     "mfa",
+    "mfa-whole",
     "mfa-plain",
     "ppca",
     "pca",
@@ -103,16 +103,18 @@ def known_methods(names: Sequence[str] | None) -> tuple[str, ...]:
 
 
 def cells_of(
+    maker: TrialMaker,
     subject: Subject,
     kinds: Sequence[str],
     counts: Mapping[str, Sequence[int]],
     region_counts: Mapping[str, Sequence[int]],
     noises: Sequence[float],
     regions: Sequence[str] | None,
-) -> tuple[Cell, ...]:
-    """Return the cells of a study on ``subject``.
+) -> tuple[tuple[Cell, ...], tuple[str, ...]]:
+    """Return the cells of a study on ``subject``, and a sentence for each sort of cells that it has no place for.
 
     Args:
+        maker: Of trials on the face.
         subject: The face.
         kinds: Of constraints.
         counts: Of constraints anywhere on the face, by kind.
@@ -121,7 +123,7 @@ def cells_of(
         regions: Regions that are alone to have constraints; None for all that the subject has.
 
     Raises:
-        FacePoserError: If the subject lacks a region that is asked for, or what strokes are drawn along.
+        FacePoserError: If the subject lacks a region that is asked for, or has no place for any constraint.
     """
     present = region_vertices(subject)
     for region in regions or ():
@@ -130,7 +132,6 @@ def cells_of(
                 f"The subject '{subject.name}' has no region '{region}'; choose from "
                 f"{', '.join(present) or '(none)'}, or leave out --regions."
             )
-    check_kinds(subject, kinds)
     cells = [Cell(kind, count, noise) for noise in noises for kind in kinds for count in counts[kind]]
     cells += [
         Cell(kind, count, noise, region)
@@ -140,18 +141,18 @@ def cells_of(
         if kind != "stroke" or region in STROKE_LINES
         for count in region_counts[kind]
     ]
-    return tuple(dict.fromkeys(cells))
+    return possible(maker, cells)
 
 
-def check_kinds(subject: Subject, kinds: Collection[str]) -> None:
-    """Do nothing if constraints of these ``kinds`` can be made on ``subject``.
+def possible(maker: TrialMaker, cells: Sequence[Cell]) -> tuple[tuple[Cell, ...], tuple[str, ...]]:
+    """Return those of the ``cells`` that the face of the ``maker`` has places for, and why the others are left out.
 
     Raises:
-        FacePoserError: If it lacks what strokes are drawn along.
+        FacePoserError: If it has no place for any.
     """
-    points = {point for names in STROKE_LINES.values() for name in names for point in FEATURE_LINES[name]}
-    if "stroke" in kinds and (lacking := sorted(points - set(subject.feature_points))):
-        raise FacePoserError(
-            f"The subject '{subject.name}' lacks the feature point {lacking[0]}, which strokes are drawn along; "
-            "leave them out with --kinds point,distance."
-        )
+    lacking = {cell: maker.lacking(cell) for cell in dict.fromkeys(cells)}
+    left = tuple(cell for cell, sentence in lacking.items() if sentence is None)
+    sentences = tuple(dict.fromkeys(sentence for sentence in lacking.values() if sentence is not None))
+    if sentences and not left:
+        raise FacePoserError(f"{sentences[0]} Choose other constraints with --kinds and --counts, or another face.")
+    return left, sentences

@@ -3,7 +3,8 @@
 import csv
 import io
 import zlib
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -23,12 +24,21 @@ RESAMPLES = 2000
 _INTERVAL = (2.5, 97.5)
 
 
+# A trial: the number of its group (the performer left out, where there are several), its seed and its number.
+_Key = tuple[int, int, int]
+
+
 def rows_of(scores: Scores, plan: Plan) -> list[Row]:
     """Return a row for each method and cell of ``plan`` that has ``scores``, in the order of the plan."""
+    return pooled_rows_of([scores], plan)
+
+
+def pooled_rows_of(groups: Sequence[Scores], plan: Plan) -> list[Row]:
+    """Return the same over several ``groups`` of trials together, each drawn anew by itself for the intervals."""
     rows = []
     for cell in plan.cells:
-        of_cell = {method: taken for method in plan.methods if (taken := _of(scores, plan, method, cell))}
-        found = [_row(method, cell, list(taken.values()), plan.seeds) for method, taken in of_cell.items()]
+        of_cell = {method: taken for method in plan.methods if (taken := _of(groups, plan, method, cell))}
+        found = [_row(method, cell, taken, plan.seeds) for method, taken in of_cell.items()]
         if found:
             lowest = min(found, key=lambda row: row["error_3d_relative"])["method"]
             for row in found:
@@ -37,21 +47,23 @@ def rows_of(scores: Scores, plan: Plan) -> list[Row]:
     return rows
 
 
-def _of(scores: Scores, plan: Plan, method: str, cell: Cell) -> dict[tuple[int, int], Score]:
-    """Return the scores of ``method`` by seed and number of the trial, those that the plan asks for."""
+def _of(groups: Sequence[Scores], plan: Plan, method: str, cell: Cell) -> dict[_Key, Score]:
+    """Return the scores of ``method`` by group, seed and number of the trial, those that the plan asks for."""
     wanted = plan.wanted(method, cell)
     return {
-        (seed, number): score
+        (group, seed, number): score
+        for group, scores in enumerate(groups)
         for seed in plan.seeds
         for number, score in sorted(scores.get((method, cell, seed), {}).items())
         if number < wanted
     }
 
 
-def _row(method: str, cell: Cell, scores: Sequence[Score], seeds: Sequence[int]) -> Row:
+def _row(method: str, cell: Cell, taken: Mapping[_Key, Score], seeds: Sequence[int]) -> Row:
+    scores = list(taken.values())
     errors, neutral = _errors(scores)
     n = len(scores)
-    draws = _draws(cell, n)
+    draws = _draws(cell, _sizes(taken))
     row: Row = {"method": method, "constraint": cell.constraint, "count": cell.count, "noise_px": cell.noise_px}
     if cell.region is not None:
         row["region"] = cell.region
@@ -85,14 +97,14 @@ def _regional(both: Sequence[tuple[float, float]]) -> Row:
     }
 
 
-def _behind(cell: Cell, of: dict[tuple[int, int], Score], best: dict[tuple[int, int], Score], is_best: bool) -> Row:
+def _behind(cell: Cell, of: Mapping[_Key, Score], best: Mapping[_Key, Score], is_best: bool) -> Row:
     """Return how far a method's relative error is behind that of the ``best``, over the trials that both have done."""
     common = [key for key in of if key in best]
     if is_best or not common:
         return {"lowest": is_best, "behind": 0.0 if is_best else None, "behind_ci95": None, "within": is_best}
     errors, neutral = _errors([of[key] for key in common])
     lowest, _ = _errors([best[key] for key in common])
-    draws = _draws(cell, len(common))
+    draws = _draws(cell, _sizes(common))
     differences = (draws @ (errors - lowest)) / (draws @ neutral)
     interval = _interval(differences)
     return {
@@ -107,11 +119,22 @@ def _errors(scores: Sequence[Score]) -> tuple[Array, Array]:
     return np.array([score.error for score in scores]), np.array([score.neutral_error for score in scores])
 
 
+def _sizes(keys: Iterable[_Key]) -> tuple[int, ...]:
+    """Return the number of trials of each group that has some, in the order of the groups."""
+    return tuple(Counter(group for group, _, _ in keys).values())
+
+
 @lru_cache(maxsize=4)
-def _draws(cell: Cell, n: int) -> Array:
-    """Return how often each of ``n`` trials is drawn, shape (RESAMPLES, n): the same for all methods of a ``cell``."""
-    rng = np.random.default_rng([zlib.crc32(repr(cell).encode()), n])
-    return rng.multinomial(n, np.full(n, 1.0 / n), size=RESAMPLES).astype(np.float64)
+def _draws(cell: Cell, sizes: tuple[int, ...]) -> Array:
+    """Return how often each trial is drawn, shape (RESAMPLES, n): the same for all methods of a ``cell``.
+
+    Of each group as many trials are drawn as it has: ``sizes``, n of them together.
+    """
+    parts = []
+    for group, n in enumerate(sizes):
+        seed = [zlib.crc32(repr(cell).encode()), n] + [group] * (group > 0)
+        parts.append(np.random.default_rng(seed).multinomial(n, np.full(n, 1.0 / n), size=RESAMPLES))
+    return np.hstack(parts).astype(np.float64)
 
 
 def _interval(values: Array) -> list[float]:
@@ -144,7 +167,15 @@ def csv_of(rows: Sequence[Row]) -> str:
 
 def _flat(row: Row, regions: Sequence[str]) -> Row:
     flat: Row = {}
-    for name in ("method", "constraint", "count", "noise_px", "region", "poses"):
+    for name in (
+        *("performer",) * ("performer" in row),
+        "method",
+        "constraint",
+        "count",
+        "noise_px",
+        "region",
+        "poses",
+    ):
         flat[name] = row.get(name, "")
     for name, value in row.items():
         if name.endswith("ci95"):

@@ -32,16 +32,30 @@ class Setting:
         captures: Performances to learn from.
         recipe: How the prior that ships is learned from them.
         camera: View in which all constraints are given.
+        performers: Name of the performer of each of the ``captures``.
     """
 
     subject: Subject
     captures: tuple[Capture, ...]
     recipe: Recipe
     camera: Camera
+    performers: tuple[str, ...]
 
     @classmethod
-    def of(cls, subject: Subject, captures: Sequence[Capture], recipe: Recipe | None = None) -> "Setting":
-        """Return the setting with the window's front view of the ``subject``.
+    def of(
+        cls,
+        subject: Subject,
+        captures: Sequence[Capture],
+        recipe: Recipe | None = None,
+        performers: Sequence[str] = (),
+    ) -> "Setting":
+        """Return the setting with a front view of all of the ``subject``.
+
+        Args:
+            subject: The face.
+            captures: Performances to learn from.
+            recipe: How; that of the shipped prior if None.
+            performers: Name of the performer of each of the ``captures``; if left out, all are of one.
 
         Raises:
             FacePoserError: If the subject has none of ARKit's shapes.
@@ -53,12 +67,21 @@ class Setting:
             )
         vertices = subject.vertices
         camera = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0)).camera(SIZE)
-        return cls(subject, tuple(captures), recipe or Recipe(), camera)
+        performers = tuple(performers) or ("",) * len(captures)
+        return cls(subject, tuple(captures), recipe or Recipe(), camera, performers)
 
     @cached_property
     def frames(self) -> Array:
         """Cleaned frames to learn from, weights of ``ARKIT_SHAPES``, shape (F, 52)."""
         return np.concatenate([clean(capture, self.recipe) for capture in self.captures])
+
+    @cached_property
+    def frames_by_performer(self) -> dict[str, Array]:
+        """The cleaned frames of each performer, in the order of the captures, each shape (F, 52)."""
+        found: dict[str, list[Array]] = {name: [] for name in self.performers}
+        for capture, name in zip(self.captures, self.performers, strict=True):
+            found[name].append(clean(capture, self.recipe))
+        return {name: np.concatenate(parts) for name, parts in found.items()}
 
     @cached_property
     def examples(self) -> Array:

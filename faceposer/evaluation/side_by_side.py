@@ -25,7 +25,7 @@ from faceposer.viewer.pictures import write_png
 from faceposer.viewer.theme import FONTS
 
 #: The priors of the program, of which none is a rival.
-OURS = ("mfa", "mfa-whole")
+OURS = ("mfa", "mfa-whole", "mfa-undamped")
 # Numbers of constraints whose picture says something: neither hardly any nor so many that all methods agree.
 _TELLING = {"point": 8, "distance": 4, "stroke": 450}
 # A face that meets its constraints to so many pixels has a "zero 2D error" for the eye.
@@ -133,7 +133,7 @@ class _Sheet:
         seed, number = key
         trial = list(self._maker.trials(cell, self._frames, number + 1, seed))[number]
         truth = self._setting.vertices_of(trial.weights)
-        panels = [(f"{_words(cell)}, {targets(cell.noise_px)}", f"truth (trial {number}, seed {seed})", truth)]
+        panels = [(f"{cell.words}, {targets(cell.noise_px)}", f"truth (trial {number}, seed {seed})", truth)]
         for method_name in methods:
             if unavailable(method_name) is None:
                 method, score = prepared(METHODS[method_name], self._setting), self.scores(method_name, cell)[key]
@@ -183,12 +183,6 @@ class _Sheet:
             half = 0.5 * constraint.target * half / max(float(np.hypot(*half)), 1e-9)
             for side in (-1.0, 1.0):
                 _ring(pen, (u + side * half[0], v + side * half[1]), 6.0, _TARGET)
-
-
-def _words(cell: Cell) -> str:
-    if cell.constraint == "stroke":
-        return f"a stroke of {cell.count} pixels"
-    return f"{cell.count} {cell.constraint}{'s' if cell.count > 1 else ''}"
 
 
 def _dot(pen: ImageDraw.ImageDraw, at: Sequence[float], radius: float, colour: tuple[int, int, int]) -> None:

@@ -27,8 +27,8 @@ from faceposer.session.document import write_text
 
 #: Files of a study.
 LOG, RESULTS, TABLE, TABLES = "trials.jsonl", "results.json", "results.csv", "tables.md"
-
-_FORMAT, _VERSION = "faceposer.evaluation", 1
+#: What ``results.json`` says that it is.
+FORMAT, VERSION = "faceposer.evaluation", 1
 # What scores depend on of the program itself; how they are shown may change without new trials.
 _CODE = ("geometry", "model", "solve", "training", "evaluation/methods")
 _CODE_FILES = ("feature_lines", "measures", "setting", "takes", "trials")
@@ -92,8 +92,8 @@ class Study:
         skipped = run_plan(self.source, self.plan, log, jobs, show)
         rows = rows_of(log.scores, self.plan)
         about = {
-            "format": _FORMAT,
-            "version": _VERSION,
+            "format": FORMAT,
+            "version": VERSION,
             "command": self.command,
             "machine": machine(jobs),
             "settings": settings,

@@ -12,6 +12,8 @@ TIMED: tuple[tuple[str, int, str], ...] = (
 )
 _PLURALS = {"point": "points", "distance": "distances", "stroke": "strokes (pixels)"}
 
+_WORSE = "Share of trials that end worse than the neutral face"
+
 LEGEND = (
     "3D error as the sum over the trials divided by the neutral face's; **lowest** of the column; † within the 95 % "
     "interval of the lowest: of the difference between the two relative errors over the same trials, drawn anew 2000 "
@@ -19,9 +21,9 @@ LEGEND = (
 )
 
 
-def error_tables(rows: Sequence[Row]) -> str:
-    """Return the tables of relative 3D errors, one for each noise, with the regions' below."""
-    parts = [LEGEND]
+def error_tables(rows: Sequence[Row], legend: bool = True) -> str:
+    """Return the tables of relative 3D errors, one for each noise, with the regions' below, after the ``legend``."""
+    parts = [LEGEND] if legend else []
     for noise in _noises(rows):
         of_noise = [row for row in rows if row["noise_px"] == noise]
         parts.append(f"### 3D error, {targets(noise)}")
@@ -54,11 +56,21 @@ def timed_rows(rows: Sequence[Row]) -> list[Row]:
     ]
 
 
+def share_tables(rows: Sequence[Row]) -> str:
+    """Return the tables of the shares of trials that end worse than the neutral face, one for each noise."""
+    parts = []
+    for noise in _noises(rows):
+        of_noise = [row for row in rows if row["noise_px"] == noise and "region" not in row]
+        if of_noise:
+            parts += [f"### {_WORSE}, {targets(noise)}", _table(of_noise, _share)]
+    return "\n\n".join(parts) + "\n" if parts else ""
+
+
 def other_tables(rows: Sequence[Row]) -> str:
     """Return the tables of the other measures, one for each noise."""
     parts = []
     measures: tuple[tuple[str, Callable[[Row], str]], ...] = (
-        ("Share of trials that end worse than the neutral face", lambda row: f"{row['worse_than_neutral']:.2f}"),
+        (_WORSE, _share),
         ("2D error, px", lambda row: f"{row['error_2d_px']:.2f}"),
         ("Distance to the nearest real frame, in the mesh's unit", lambda row: f"{row['to_real']:.3f}"),
         ("Held-out log-likelihood per component", lambda row: f"{row['log_likelihood']:.2f}"),
@@ -93,6 +105,10 @@ def _error(row: Row) -> str:
     if row["lowest"]:
         return f"**{value}**"
     return f"{value}†" if row["within"] else value
+
+
+def _share(row: Row) -> str:
+    return f"{row['worse_than_neutral']:.2f}"
 
 
 def _ms(row: Row) -> str:

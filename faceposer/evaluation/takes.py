@@ -34,6 +34,8 @@ _SPARSE_RATE = 10
 _SPARSE_SHARE = 0.2
 # Jumps that no weight can make.
 _NO_JUMP = 1e9
+# The rate up to which a recipe's ``jump`` is the change between two frames: at twice the rate motion has half of it.
+_JUMP_RATE = 30.0
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,10 @@ class Source:
         recipe: How the shipped prior is learned.
         fold: Number of a fold of the captures, or None to learn from all of them and test on ``tests``.
         sparse: Whether the frames of a take are too far apart for jumps to tell of tracking errors; "auto" looks.
+        performers: Name of the performer of each of the ``captures``; if left out, all are of one.
+        left_out: Name of the performer of the ``tests`` where performers are left out in turn, else None.
+        within: Name of the only performer whose takes a ``fold`` splits; the others' are wholly learned from. None to
+            split all takes.
     """
 
     subject: str
@@ -55,6 +61,9 @@ class Source:
     recipe: Recipe
     fold: int | None = None
     sparse: Sparse = "auto"
+    performers: tuple[str, ...] = ()
+    left_out: str | None = None
+    within: str | None = None
 
     def load(self) -> tuple[Setting, Array]:
         """Return the setting, and the frames to test on as weights of the subject's shapes, shape (F, S).
@@ -70,9 +79,15 @@ class Source:
             tests = [steady(path, self.recipe.jump, self.sparse) for path in self.tests]
         else:
             first, second = FOLDS[self.fold]
-            learned, tests = [_part(take, first) for take in learned], [_part(take, second) for take in learned]
-        setting = Setting.of(subject, learned, recipe)
+            split = [self.within in (None, name) for name in self._owners]
+            tests = [_part(take, second) for take, parts in zip(learned, split, strict=True) if parts]
+            learned = [_part(take, first) if parts else take for take, parts in zip(learned, split, strict=True)]
+        setting = Setting.of(subject, learned, recipe, self.performers)
         return setting, setting.rig_weights(np.concatenate([clean(take, recipe) for take in tests]))
+
+    @property
+    def _owners(self) -> tuple[str, ...]:
+        return self.performers or ("",) * len(self.captures)
 
     def identity(self, subject: Subject) -> dict[str, object]:
         """Return what tells this source from another, for JSON: checksums of what is in the files, not their names.
@@ -87,9 +102,14 @@ class Source:
         return {
             "subject": subject.name,
             "subject_sha256": digest.hexdigest(),
-            "captures": [{"file": path.name, "sha256": _checksum(path)} for path in self.captures],
+            "performer_left_out": self.left_out,
+            "captures": [
+                {"file": path.name, "sha256": _checksum(path), **({"performer": performer} if performer else {})}
+                for path, performer in zip(self.captures, self._owners, strict=True)
+            ],
             "captures_test": [{"file": path.name, "sha256": _checksum(path)} for path in tests],
             "fold": self.fold,
+            "fold_within": self.within,
             "sparse": self.sparse,
             "recipe": {name: getattr(self.recipe, name) for name in self.recipe.__dataclass_fields__},
         }
@@ -98,13 +118,19 @@ class Source:
 def steady(path: Path, jump: float, sparse: Sparse = "auto") -> Capture:
     """Return the take in ``path`` with all of ARKit's shapes, without frames that ``jump`` if it is not sparse.
 
+    Args:
+        path: Of the take.
+        jump: Change of a weight between two frames, at up to 30 frames a second, that is taken for a tracking error; of
+            takes with more frames a second, as much less as there are more.
+        sparse: Whether its frames are too far apart for that.
+
     Raises:
         FacePoserError: If the file cannot be read as a capture.
     """
     take = read_capture(path).with_shapes(ARKIT_SHAPES)
-    without = take.without_jumps(jump)
+    rate = frames_a_second(path)
+    without = take.without_jumps(jump * min(1.0, _JUMP_RATE / (rate or _JUMP_RATE)))
     if sparse == "auto":
-        rate = frames_a_second(path)
         dropped = 1.0 - len(without.weights) / len(take.weights)
         sparse = "yes" if (rate is not None and rate < _SPARSE_RATE) or dropped > _SPARSE_SHARE else "no"
     return take if sparse == "yes" else without

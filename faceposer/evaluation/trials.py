@@ -59,6 +59,14 @@ class Cell:
     noise_px: float
     region: str | None = None
 
+    @property
+    def words(self) -> str:
+        """Its constraints in words."""
+        where = f" within the {self.region}" if self.region is not None else ""
+        if self.constraint == "stroke":
+            return f"a stroke of {self.count} pixels{where}"
+        return f"{self.count} {self.constraint}{'s' if self.count > 1 else ''}{where}"
+
 
 @dataclass(frozen=True, eq=False)
 class Trial:
@@ -104,6 +112,23 @@ class TrialMaker:
             places = places[np.isin(places, self.regions[cell.region])]
         return places
 
+    def lacking(self, cell: Cell) -> str | None:
+        """Return a sentence where the face has no place for the constraints of ``cell``, else None."""
+        where = f" within the {cell.region}" if cell.region is not None else ""
+        name = self._setting.subject.name
+        if cell.constraint == "stroke":
+            if self._names(cell):
+                return None
+            return f"'{name}' shows no line{where} that strokes could be drawn along, for want of feature points."
+        places = len(self.places(cell))
+        distance = cell.constraint == "distance"
+        if (places * (places - 1) // 2 if distance else places) >= cell.count:
+            return None
+        return (
+            f"'{name}' has no place for {cell.words}: of {'feature points' if distance else 'vertices'} to "
+            f"choose from there are {places}."
+        )
+
     def trials(self, cell: Cell, frames: Array, poses: int, seed: int) -> Iterator[Trial]:
         """Yield ``poses`` trials of a ``cell``, fewer if too few frames move enough.
 
@@ -112,9 +137,6 @@ class TrialMaker:
             frames: Rig weights of the unseen take, shape (F, S).
             poses: Number of trials at most.
             seed: Of frames, places and noise.
-
-        Raises:
-            KeyError: If strokes are asked for and the subject lacks the feature points to draw them along.
         """
         kinds = list(COUNTS)
         regions = [None, *FACE_REGIONS]
@@ -182,18 +204,28 @@ class TrialMaker:
 
     @cached_property
     def _lines(self) -> dict[str, tuple[SurfacePoints, Array, Array]]:
-        """The points along each line of the face, and the pixels of these and of the whole way."""
+        """The points along each line that the face has, and the pixels of these and of the whole way."""
         setting, model, lines = self._setting, self._setting.full, {}
         for name in (name for names in STROKE_LINES.values() for name in names):
+            if not set(FEATURE_LINES[name]) <= setting.subject.feature_points.keys():
+                continue
             line = feature_line(model, setting.subject.vertices, setting.camera, FEATURE_LINES[name])
             way = resampled(line, _STEP)
             points, met = model.pick(model.neutral(), setting.camera, way)
-            lines[name] = (points, way[met], way)
+            if met.any():
+                lines[name] = (points, way[met], way)
         return lines
+
+    def _names(self, cell: Cell) -> list[str]:
+        """Return the lines between which the strokes of ``cell`` choose."""
+        regions = STROKE_LINES if cell.region is None else (cell.region,)
+        return [name for region in regions for name in STROKE_LINES.get(region, ()) if name in self._lines]
 
     def _strokes(self, cell: Cell, frames: Array, poses: int, rng: np.random.Generator) -> Iterator[Trial]:
         setting, model = self._setting, self._setting.full
-        names = [name for region, of in STROKE_LINES.items() if cell.region in (None, region) for name in of]
+        names = self._names(cell)
+        if not names:
+            return
         sources = {}
         for name in names:
             _, _, way = self._lines[name]
@@ -225,6 +257,12 @@ def region_vertices(subject: Subject) -> dict[str, NDArray[np.intp]]:
     return found
 
 
+def skin_vertices(subject: Subject) -> NDArray[np.intp]:
+    """Return the vertices of the ``subject``'s skin, shape (n,): its parts of that material, all if there is none."""
+    runs = [np.arange(*part.vertices) for part in subject.parts if part.material == "skin"]
+    return np.concatenate(runs).astype(np.intp) if runs else np.arange(len(subject.vertices), dtype=np.intp)
+
+
 def visible_vertices(setting: Setting) -> NDArray[np.intp]:
     """Return the vertices of the skin, shape (n,), that the camera sees on the neutral face, well turned to it."""
     subject, camera = setting.subject, setting.camera
@@ -232,8 +270,8 @@ def visible_vertices(setting: Setting) -> NDArray[np.intp]:
     normals = VertexNormals(subject.triangles, len(vertices))(vertices)
     towards = camera.center - vertices
     facing = np.einsum("nd,nd->n", normals, towards) > 0.2 * np.linalg.norm(towards, axis=1)
-    skin = range(*subject.part("skin").vertices)
-    candidates = np.array([v for v in skin if facing[v]], dtype=np.intp)
+    skin = skin_vertices(subject)
+    candidates = skin[facing[skin]]
     points, met = setting.full.pick(setting.full.neutral(), camera, camera.project(vertices[candidates]))
     seen = candidates[met]
     # What is met first lies in front of a hidden vertex.

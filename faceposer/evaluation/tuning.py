@@ -32,6 +32,8 @@ CELLS = (
 TRIALS = 30
 # Times that all parameters are gone through, at most; the last brings no change.
 _ROUNDS = 2
+# What is better by a smaller share is not: more steps of a search that has converged.
+_BETTER = 1e-4
 
 Say = Callable[[str], None]
 Tuned = dict[str, Any]
@@ -96,15 +98,17 @@ def search(kind: type[Method], score: Callable[[Parameters], float]) -> Tuned:
             for value in values:
                 changed = {**best, name: value}
                 found = scored(changed)
-                if found < lowest:
+                if found < (1.0 - _BETTER) * lowest:
                     best, lowest = changed, found
         if best == before:
             break
-    # A best value at an end of its grid says that the grid should be wider.
+    # A best value at an end of its grid says that the grid should be wider, unless there is nothing beyond.
     ends = [name for name, values in kind.grid.items() if _at_end(best[name], values)]
+    natural = [name for name in ends if best[name] in kind.natural_ends.get(name, ())]
     return {
         "parameters": best,
-        "at_end_of_grid": ends,
+        "at_end_of_grid": [name for name in ends if name not in natural],
+        "at_natural_end": natural,
         "score": round(lowest, 5),
         "score_as_is": round(as_is, 5),
         "tried": [{"parameters": parameters, "score": round(value, 5)} for parameters, value in tried.values()],
@@ -112,7 +116,15 @@ def search(kind: type[Method], score: Callable[[Parameters], float]) -> Tuned:
 
 
 def _at_end(value: Any, values: Sequence[Any]) -> bool:
-    return not isinstance(value, bool) and len(values) > 1 and value in (min(values), max(values))
+    return isinstance(value, int | float) and not isinstance(value, bool) and value in (min(values), max(values))
+
+
+def end_warning(name: str, found: Tuned) -> str | None:
+    """Return the sentence that says which values ``found`` for the technique ``name`` want a wider grid, if any."""
+    ends = [f"{key}={found['parameters'][key]:g}" for key in found["at_end_of_grid"]]
+    if not ends:
+        return None
+    return f"{name}: {' and '.join(ends)} at the end of the grid, beyond which there may be better; offer wider ones."
 
 
 # What a process keeps from one technique to the next.

@@ -15,17 +15,19 @@ from faceposer.geometry.picking import SurfacePoints, pick_pixels
 from faceposer.model.expression_statistics import ExpressionStatistics, load_expression_statistics
 from faceposer.model.local_moments import RigDensity
 from faceposer.model.mixture import GaussianMixture
-from faceposer.model.motion_samples import MotionSamples, sample_motion
+from faceposer.model.motion_samples import MotionSamples, largest_motions, sample_motion
 from faceposer.model.muscles import co_contraction, independence
 from faceposer.model.pca import RigSubspace, rig_pca, smallest_reaching, unreached
 from faceposer.model.shape_names import halves_of, weight_map
 from faceposer.model.split_shapes import split_to_match
-from faceposer.model.subject import Subject
+from faceposer.model.subject import Part, Subject
 
 Array = NDArray[np.float64]
 
 # A subspace is grown until each shape (gaze aside) loses at most this share of its displacement.
 LEAVE_AT_MOST = 0.10
+# An eye that turns by less than so many radians for any coefficient of 1 is painted on.
+_TURNS = 1e-4
 # In the metric of the PCA, motion counts relative to how much its place moves at all; this much, in centimetres, keeps
 # nearly motionless places from counting.
 _STILL_MOTION = 0.117
@@ -73,6 +75,31 @@ class FaceModel:
         """Places spread over the skin by which the motion of the whole face is measured."""
         return sample_motion(self.subject, self.rig_density)
 
+    @cached_property
+    def eye_turns(self) -> Array:
+        """Turns of each eye about the axes by the coefficients, in radians, shape (2, 3, r), the left eye first.
+
+        Displacements of an eyeball's vertices are those of a turn about its centre, to first order, in the sense of
+        least squares. Empty, (0, 3, r), where the character has no two eyes that turn by themselves.
+        """
+        eyes = [part for part in self.subject.parts if part.material == "eye"]
+        eyes.sort(key=lambda part: -float(self.subject.vertices[slice(*part.vertices), 0].mean()))
+        turns = [self._turn(part) for part in eyes]
+        if len(turns) != 2 or max(np.abs(turn).max() for turn in turns) < _TURNS:
+            return np.zeros((0, 3, self.n_coefficients))
+        return np.stack(turns)
+
+    def _turn(self, part: Part) -> Array:
+        run = slice(*part.vertices)
+        offsets = self.subject.vertices[run].astype(np.float64)
+        offsets -= offsets.mean(axis=0)
+        # w x v = -[v] w, with the cross product's matrix [v].
+        crossed = -np.cross(offsets[:, None, :], np.eye(3)[None]).transpose(0, 2, 1).reshape(-1, 3)
+        moved = self.basis.reshape(self.n_coefficients, -1, 3)[:, run].astype(np.float64)
+        moved -= moved.mean(axis=1, keepdims=True)
+        turn = np.linalg.lstsq(crossed, moved.reshape(self.n_coefficients, -1).T, rcond=None)[0]
+        return np.asarray(turn, dtype=np.float64)
+
     def neutral(self) -> Array:
         """Return the coefficients of the neutral face: zeros, shape (r,)."""
         return np.zeros(self.n_coefficients)
@@ -92,6 +119,10 @@ class FaceModel:
             ValueError: If a point lies on no surface of the face.
         """
         return self._gathered(points)
+
+    def rows_of(self, points: SurfacePoints) -> tuple[Array, Array]:
+        """Return the same as ``rows_at``, not remembered: for points that are looked at once, as under the pointer."""
+        return self._gather(points)
 
     def gram_at(self, points: SurfacePoints) -> Array:
         """Return the inner products of the columns of ``rows_at(points)``, shape (r, r), remembered like them."""
@@ -224,6 +255,7 @@ def build_face_model(
         tuple(statistics.regions[column] for column in kept),
         statistics.factors[np.ix_(kept, kept)] * independence(kept_names),
         co_contraction(kept_names),
+        largest_motions(subject, moving_rows),
         None if statistics.examples is None else statistics.examples[:, kept],
     )
     return FaceModel(

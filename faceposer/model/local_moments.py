@@ -35,6 +35,7 @@ class RigDensity:
         coupling: Factors on what the weights tell of each other, a correlation matrix of shape (W, W).
         along: L, shape (W, W): what contracts along with each weight; a Gaussian over single muscles' weights with
             covariance C becomes one with L C L^T.
+        largest: How far each weight's shape moves any place of the skin, in any unit, shape (W,).
         examples: Weights that stand for the mixture, shape (n, W); draws from it if None.
     """
 
@@ -46,6 +47,7 @@ class RigDensity:
     regions: tuple[str, ...]
     coupling: Array
     along: Array
+    largest: Array
     examples: Array | None = None
 
     @cached_property
@@ -70,19 +72,26 @@ class LocalMoments:
     spread about it is the second moment of those examples that come nearest to the constraints, weighed as in locally
     weighted regression (Cleveland 1979; tricube of the root energy relative to that of the k-th nearest): with M the
     moment, F the coupling, L what contracts along and e a faint variance, the covariance of the rig weights is
-    L (F o M) L^T + e I. It follows the targets without jumps.
+    L G (F o M) G L^T + e I. It follows the targets without jumps. G is a diagonal of what each muscle has to do with
+    the pull: with f the force of the constraints on a weight, s the length of its column in the rows of their
+    derivatives and m how far its shape moves any place, (f + s |r|) / m relative to the largest tells muscles that are
+    meant from those that only take the pulled place along.
 
-    Wholeness s from 0 to 1 goes over to the expressions of the examples as they are: F becomes F + s (1 - F),
-    L becomes I + (1 - s) (L - I), and the peak moves by s g towards the mean of the nearest examples, where
+    Wholeness s from 0 to 1 goes over to the expressions of the examples as they are: F becomes F + s (1 - F), G
+    likewise, L becomes I + (1 - s) (L - I), and the peak moves by s g towards the mean of the nearest examples, where
     g = E / (E + E0) and E is the constraints' energy at the start, so that the peak stays where nothing pulls.
 
     Attributes:
         share: Of the examples that the constraints leave: small enough to be specific, large enough to be smooth.
         notable: E0: the energy of constraints that a hand's tremor makes.
+        unmeant: Least value of G.
+        specific: Values of that ratio from which on G rises, and where it is 1.
     """
 
     share: ClassVar[float] = 1.0 / 6.0
     notable: ClassVar[float] = 8.0
+    unmeant: ClassVar[float] = 0.6
+    specific: ClassVar[tuple[float, float]] = (0.1, 0.4)
 
     def __init__(self, density: RigDensity, start: Array, wholeness: float = 0.0) -> None:
         """Look at ``density`` from the pose with coefficients ``start``, shape (r,).
@@ -101,6 +110,7 @@ class LocalMoments:
         moments = np.mean(self._offsets * self._offsets, axis=0)
         self._faint = _FAINT * float(moments.mean()) + 1e-12
         self._start = start
+        self._projection, self._largest = density.projection, density.largest
 
     def near(self, rows: Array, residual: Array) -> GaussianMixture:
         """Return one Gaussian, from the examples z where |``rows`` z + ``residual``|^2 is least.
@@ -117,7 +127,20 @@ class LocalMoments:
             shift = self._wholeness * energy / (energy + self.notable) * (shares @ offsets)
             offsets = offsets - shift
         weighted = offsets * np.sqrt(shares)[:, None]
+        if len(rows):
+            weighted *= self._meant(rows, residual)
         return self.gaussian(weighted.T @ weighted, shift)
+
+    def _meant(self, rows: Array, residual: Array) -> Array:
+        """Return the diagonal of G, shape (W,)."""
+        by_weight = rows @ self._projection
+        force, reach = np.abs(residual @ by_weight), np.sqrt(np.einsum("mw,mw->w", by_weight, by_weight))
+        share = (force + reach * np.sqrt(residual @ residual)) / self._largest
+        first, last = self.specific
+        t = ((share / max(float(share.max()), 1e-12) - first) / (last - first)).clip(0.0, 1.0)
+        least = self.unmeant + self._wholeness * (1.0 - self.unmeant)
+        meant: Array = least + (1.0 - least) * t * t * (3.0 - 2.0 * t)
+        return meant
 
     def nearest(self, rows: Array, residual: Array) -> tuple[Array, Array]:
         """Return the examples nearest to the constraints, less the start, (n, W), and their shares of 1, (n,)."""

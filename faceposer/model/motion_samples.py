@@ -28,7 +28,6 @@ class MotionSamples:
         rows: Displacements by the coefficients, coordinates stacked, shape (3 n, r).
         single: The same, but of the muscles behind a pose alone: what others contract along with them is not counted
             (X = S L^-1 D with the shapes' displacements S, L of ``RigDensity.along`` and the weights' directions D).
-        largest: Largest displacement that each shape of the density makes anywhere on the skin, shape (W,).
         scale: Centimetres on such a head for each unit of the face.
     """
 
@@ -36,7 +35,6 @@ class MotionSamples:
     areas: Array
     rows: Array
     single: Array
-    largest: Array
     scale: float
 
 
@@ -45,16 +43,8 @@ def sample_motion(subject: Subject, density: RigDensity) -> MotionSamples:
     scale = HEAD_CM / max(subject.height, 1e-9)
     moved = density.shape_rows
     offsets = subject.shapes[moved]
-    motion = np.sqrt(np.einsum("snd,snd->sn", offsets, offsets))
-    skin = np.zeros(len(subject.vertices), dtype=bool)
-    for part in subject.parts:
-        if part.material == "skin":
-            skin[slice(*part.vertices)] = True
-    if not skin.any():
-        skin[:] = True
-    largest = scale * motion[:, skin].max(axis=1).astype(np.float64)
-    most = motion.max(axis=0)
-    skin &= most > _STILL * most.max()
+    most = np.sqrt(np.einsum("snd,snd->sn", offsets, offsets)).max(axis=0)
+    skin = _skin(subject) & (most > _STILL * most.max())
     ids = np.flatnonzero(skin)
     areas = vertex_areas(subject.vertices, subject.triangles)[ids]
     places = subject.vertices[ids].astype(np.float64)
@@ -64,8 +54,26 @@ def sample_motion(subject: Subject, density: RigDensity) -> MotionSamples:
     moves = scale * offsets[:, vertices].astype(np.float64).transpose(1, 2, 0).reshape(-1, len(moved))
     single = moves @ np.linalg.solve(density.along, density.directions)
     return MotionSamples(
-        vertices, shares / shares.sum(), moves @ density.directions, np.ascontiguousarray(single), largest, scale
+        vertices, shares / shares.sum(), moves @ density.directions, np.ascontiguousarray(single), scale
     )
+
+
+def largest_motions(subject: Subject, rows: NDArray[np.intp]) -> Array:
+    """Return how far the shapes ``rows`` move any place of the skin, shape (W,), in centimetres of the subject."""
+    offsets = subject.shapes[rows][:, _skin(subject)]
+    squares = np.einsum("snd,snd->sn", offsets, offsets)
+    largest = np.sqrt(squares.max(axis=1, initial=0.0)).astype(np.float64)
+    # What moves no skin, as the tongue, is never meant by a pull on it, and never divided by nothing.
+    return np.maximum(largest, 1e-3 * max(float(largest.max(initial=0.0)), 1e-9))
+
+
+def _skin(subject: Subject) -> NDArray[np.bool_]:
+    """Return which vertices are skin, shape (N,); all where no part is."""
+    skin = np.zeros(len(subject.vertices), dtype=bool)
+    for part in subject.parts:
+        if part.material == "skin":
+            skin[slice(*part.vertices)] = True
+    return skin if skin.any() else ~skin
 
 
 def _farthest(places: Array, areas: Array, n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

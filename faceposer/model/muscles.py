@@ -18,7 +18,8 @@ _GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("squint", ("eyeSquint",)),
     ("wide", ("eyeWide",)),
     ("brow down", ("browDown",)),
-    ("brow up", ("browInnerUp", "browOuterUp")),
+    ("inner brow up", ("browInnerUp",)),
+    ("outer brow up", ("browOuterUp",)),
     ("cheek", ("cheekSquint",)),
     ("nose", ("noseSneer",)),
     ("smile", ("mouthSmile", "mouthDimple")),
@@ -36,8 +37,21 @@ CO_CONTRACTIONS: tuple[tuple[str, str, float], ...] = (
     ("mouthSmile", "eyeSquint", 0.35),
     ("browOuterUp", "eyeWide", 0.15),
 )
+#: A shape that is there only as far as another is, and by how much it may go beyond that: ARKit's mouthClose brings the
+#: lips together over an open jaw; with a closed one it would lift the lower lip through the upper.
+DEPENDENT_SHAPES: tuple[tuple[str, str, float], ...] = (("mouthClose", "jawOpen", 0.05),)
 # Share of what a muscle of one side does that is common to both sides, where people can move one side alone.
-_COMMON = {"brow down": 0.4, "brow up": 0.4, "blink": 0.4, "wide": 0.5, "nose": 0.6, "upper lip": 0.6}
+_COMMON = {
+    "brow down": 0.4,
+    "inner brow up": 0.4,
+    "outer brow up": 0.4,
+    "blink": 0.4,
+    "wide": 0.5,
+    "nose": 0.6,
+    "upper lip": 0.6,
+    "smile": 0.85,
+    "frown": 0.85,
+}
 _USUALLY_COMMON = 0.93
 # Share of what the jaw does that goes with the rest of the face: a mouth that is pulled stays as far open as it is.
 _JAW_COMMON = 0.4
@@ -91,6 +105,15 @@ def co_contraction(names: Sequence[str]) -> Array:
             if muscle + side in index and follower + side in index:
                 along[index[follower + side], index[muscle + side]] = amount
     return along
+
+
+def dependent_pairs(names: Sequence[str]) -> list[tuple[int, int, float]]:
+    """Return ``DEPENDENT_SHAPES`` by their indices among ``names``, those that are there."""
+    return [
+        (names.index(shape), names.index(other), beyond)
+        for shape, other, beyond in DEPENDENT_SHAPES
+        if shape in names and other in names
+    ]
 
 
 def nearest_correlation(matrix: Array) -> Array:

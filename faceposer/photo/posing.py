@@ -24,7 +24,7 @@ from faceposer.solve.constraints.point import SIGMA_PX, PointConstraint
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.priors import Prior
-from faceposer.solve.problem import PoseProblem
+from faceposer.solve.problem import SPREAD, PoseProblem
 
 Array = NDArray[np.float64]
 
@@ -58,7 +58,12 @@ def constraint_camera(photo: Photo, model: FaceModel) -> Camera:
 
 
 def expression_constraints(
-    photo: Photo, model: FaceModel, start: ArrayLike | None = None, prior_weight: float = 1.0, prior: Prior = "regions"
+    photo: Photo,
+    model: FaceModel,
+    start: ArrayLike | None = None,
+    prior_weight: float = 1.0,
+    prior: Prior = "regions",
+    spread: float = SPREAD,
 ) -> tuple[Constraint, ...]:
     """Return what lets the face take the expression of ``photo``: points and distances under the photo's camera.
 
@@ -68,6 +73,7 @@ def expression_constraints(
         start: The pose before anything pulls, shape (r,); the neutral face if None.
         prior_weight: As the session has it.
         prior: As the session has it.
+        spread: As the session has it.
 
     Raises:
         ValueError: If the photo has no camera yet.
@@ -78,8 +84,8 @@ def expression_constraints(
     for i in pinned(photo, model)[0]:
         pin = photo.pins[i]
         pixels[pin.place] = np.asarray(pin.pixel) * scale
-    spread = _FEATURE_SPREAD * _HEAD_PX
-    weight = SIGMA_PX**2 / (SIGMA_PX**2 + spread**2)
+    variance = SIGMA_PX**2 + (_FEATURE_SPREAD * _HEAD_PX) ** 2
+    weight = SIGMA_PX**2 / variance
     pupils = {pupil for pupil, _ in PUPILS}
     places = [place for place in pixels if place not in pupils and rigidity(place, model) < 0.3]
     points = [
@@ -95,14 +101,14 @@ def expression_constraints(
     p: Array | None = None
     group_variance = (_GROUP_SPREAD * _HEAD_PX) ** 2
     for _ in range(_ROUNDS):
-        problem = PoseProblem(model, [*shifted, *others], start, prior_weight, prior=prior)
+        problem = PoseProblem(model, [*shifted, *others], start, prior_weight, prior=prior, spread=spread)
         p = solve(problem, p).coefficients
         off = [targets[i] - camera.project(model.positions_at(point.points, p))[0] for i, point in enumerate(points)]
         for group in groups:
             if not group:
                 continue
             middle = np.mean([off[i] for i in group], axis=0)
-            offset = middle * group_variance / (group_variance + (SIGMA_PX**2 + spread**2) / len(group))
+            offset = middle * group_variance / (group_variance + variance / len(group))
             for i in group:
                 u, v = (targets[i] - offset).tolist()
                 shifted[i] = replace(points[i], target=(u, v))

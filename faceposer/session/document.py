@@ -18,6 +18,7 @@ from faceposer.photo.photo import Photo, photos_from_json
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.registry import Constraint, constraint_from_json
 from faceposer.solve.priors import PRIORS, Prior
+from faceposer.solve.problem import SPREAD
 
 FORMAT = "faceposer.session"
 VERSION = 1
@@ -40,6 +41,7 @@ class Document:
             face. A file without constraints need not say it: there the pose is the pose to start from.
         prior: "regions" to judge the face region by region, "whole" to judge it as one, "plain" to judge it by the
             mixture as it was learned, start or no start.
+        spread: How much of the face follows a pull, from 0, as little as explains it, to 1, the whole face.
         solved: Whether the pose is what the constraints ask for, or they still wait to be solved.
         camera: The view under which the document was last seen, or None.
         photos: That the face is posed after; their paths are like that of the subject.
@@ -57,6 +59,7 @@ class Document:
     camera: Camera | None = None
     solved: bool = True
     prior: Prior = "regions"
+    spread: float = SPREAD
     photos: tuple[Photo, ...] = ()
     keyframes: Keyframes | None = None
     frame: int = 0
@@ -94,11 +97,10 @@ class Document:
         return keys and self.photos == other.photos and mine.same_face(other)
 
     def same_face(self, other: "Document") -> bool:
-        """Whether both ask for the same face: subject, constraints and prior weight agree."""
-        ours = (self.subject, self.constraints, self.prior_weight, self.prior)
-        return ours == (other.subject, other.constraints, other.prior_weight, other.prior) and _same(
-            self.start, other.start
-        )
+        """Whether both ask for the same face: character, constraints and all of the prior agree."""
+        ours = (self.subject, self.constraints, self.prior_weight, self.prior, self.spread)
+        theirs = (other.subject, other.constraints, other.prior_weight, other.prior, other.spread)
+        return ours == theirs and _same(self.start, other.start)
 
     def to_json(self) -> dict[str, Any]:
         """Return the document as its file has it."""
@@ -111,6 +113,8 @@ class Document:
         }
         if self.prior != "regions":
             data["prior"] = self.prior
+        if self.spread != SPREAD:
+            data["spread"] = self.spread
         if self.coefficients is not None:
             data["coefficients"] = self.coefficients.tolist()
         if self.start is not None and self.constraints:
@@ -138,7 +142,7 @@ class Document:
         codec.check_keys(
             data,
             {"format", "version", "subject", "constraints"},
-            {"prior_weight", "prior", "coefficients", "start", "camera", "photos", "animation"},
+            {"prior_weight", "prior", "spread", "coefficients", "start", "camera", "photos", "animation"},
             "the session",
         )
         if not isinstance(data["subject"], str) or not data["subject"]:
@@ -155,6 +159,7 @@ class Document:
             codec.number_from_json(data.get("prior_weight", 1.0), "prior_weight", 0.0, _MAX_PRIOR_WEIGHT),
             camera=codec.camera_from_json(data["camera"], "camera") if "camera" in data else None,
             prior=prior,
+            spread=codec.number_from_json(data.get("spread", SPREAD), "spread", 0.0, 1.0),
             photos=photos_from_json(data.get("photos", []), "photos"),
         )
         if "start" in data:

@@ -212,6 +212,15 @@ class Session:
         with self.edit("Change the prior weight"):
             self.replace(document)
 
+    def set_spread(self, spread: float) -> None:
+        """Change how much of the face follows a pull, 0 to 1, inside an open edit, or else as one step."""
+        document = replace(self._document, spread=spread)
+        if self._editing:
+            self.replace(document)
+            return
+        with self.edit("Change the spread"):
+            self.replace(document)
+
     def set_prior(self, prior: Prior) -> None:
         """Judge the face by regions or as a whole, as one step."""
         with self.edit("Change the prior"):

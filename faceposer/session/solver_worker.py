@@ -77,7 +77,12 @@ def run_job(job: Job, should_stop: Callable[[], bool] | None = None) -> JobResul
     try:
         document = job.document
         problem = PoseProblem(
-            job.model, document.constraints, document.start, document.prior_weight, prior=document.prior
+            job.model,
+            document.constraints,
+            document.start,
+            document.prior_weight,
+            prior=document.prior,
+            spread=document.spread,
         )
         return JobResult(job, solve(problem, job.x0, should_stop=should_stop))
     except Exception as error:  # the frame that polls must learn of it, whatever it is

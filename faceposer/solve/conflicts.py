@@ -5,13 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from faceposer.solve.constraints.point import PointConstraint, PointTerm
 from faceposer.solve.constraints.registry import CONSTRAINTS
 from faceposer.solve.problem import PoseProblem, gather
+from faceposer.solve.reach import reach_of_rows
 from faceposer.solve.term import Array, PoseState
 
 # Pixels from which a constraint counts as not met, and the share of the force against it that makes an opponent.
 NOTABLE_PX = 3.0
 _SHARE = 0.35
+# Share of what a point misses that lies beyond its reach, from which that is why.
+_BEYOND = 0.5
 
 
 @dataclass(frozen=True)
@@ -21,10 +25,12 @@ class Conflict:
     Attributes:
         index: Of the constraint.
         opponent: Index of the constraint that does most against it; None where it is what faces usually do.
+        mobility: Of a point that is pulled beyond its reach, from 0, it hardly moves, to 1 (``Reach``); else None.
     """
 
     index: int
     opponent: int | None
+    mobility: float | None = None
 
 
 def find_conflicts(problem: PoseProblem, p: ArrayLike) -> list[Conflict]:
@@ -42,14 +48,28 @@ def find_conflicts(problem: PoseProblem, p: ArrayLike) -> list[Conflict]:
     if not unmet:
         return []
     anchored, slots = gather(problem.model, constraints)
-    state = PoseState(anchored, pose)
+    state, start = PoseState(anchored, pose), PoseState(anchored, problem.start)
+    beyond: dict[int, float] = {}
     forces: dict[int, Array] = {}
     for i in active:
         terms = CONSTRAINTS[constraints[i].kind].terms([constraints[i]], [slots[i]], problem.model)
+        constraint = constraints[i]
+        if isinstance(constraint, PointConstraint) and problem.limits is not None:
+            for term in terms:
+                if isinstance(term, PointTerm):
+                    term.take_up(problem.model, start, problem.limits)
+            rows, neutral = start.anchored_at(slots[i])
+            reach = reach_of_rows(problem.model, start.p, rows, neutral, constraint.camera, problem.limits)
+            pull = constraint.target - start.pixels[slots[i]]
+            if i in unmet and float(np.hypot(*(pull - reach.limited(pull))[0])) > _BEYOND * residuals[i]:
+                beyond[i] = float(reach.mobility[0])
         forces[i] = -np.sum([term.value_and_gradient(state)[1] for term in terms], axis=0)
     metric = np.linalg.inv(problem.curvature(pose))
     conflicts = []
     for i in unmet:
+        if i in beyond:
+            conflicts.append(Conflict(i, None, beyond[i]))
+            continue
         own = forces[i] @ metric
         strength = float(own @ forces[i])
         shares = {j: -float(own @ forces[j]) / max(strength, 1e-12) for j in active if j != i}

@@ -16,6 +16,8 @@ from faceposer.solve.term import Array
 SLOPE_TOLERANCE = 1e-2
 RELATIVE_TOLERANCE = 1e-7
 _MAX_ITERATIONS = 100
+# Energies that differ by less are equal.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +58,9 @@ def best_start(problem: PoseProblem) -> tuple[Array, int]:
     """
     candidates = [problem.start, *problem.conditional_means()]
     energies = [problem.energy_and_gradient(candidate)[0] for candidate in candidates]
-    return candidates[int(np.argmin(energies))], len(candidates)
+    # A start that is as good as any, but for rounding, stays exactly as it is.
+    best = 0 if energies[0] <= min(energies) + _ROUNDING else int(np.argmin(energies))
+    return candidates[best], len(candidates)
 
 
 def _square_root(curvature: Array) -> Array:

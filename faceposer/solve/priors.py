@@ -17,8 +17,8 @@ PRIORS: tuple[Prior, ...] = get_args(Prior)
 
 # How far outside its limits a rig weight may stray, as a standard deviation and a share of their distance.
 _BOUND_SCALE = 0.05
-# How far apart the eyes may look, in rig weights, as a standard deviation: about half a degree.
-_GAZE_SIGMA = 0.015
+# How far apart the eyes may look, in radians, as a standard deviation: about a quarter of a degree.
+_GAZE_SIGMA = 0.005
 
 
 class MixturePrior:
@@ -83,7 +83,7 @@ class WeightBounds:
 
 
 class ParallelGaze(ResidualTerm):
-    """w / sigma^2 |A (p - p0)|^2, A p being how far the eyes look apart, in rig weights: across, and up or down.
+    """w / sigma^2 |A (p - p0)|^2, A p being how far the eyes look apart, in radians: up or down, and across.
 
     Eyes look at one place. The capture measures each eye by itself, and its noise would make a face squint.
     """
@@ -105,23 +105,12 @@ class ParallelGaze(ResidualTerm):
 
 
 def gaze_differences(model: FaceModel) -> Array:
-    """Return A, (2, r): the differences between the eyes' looks across and upwards, in rig weights.
+    """Return A, (2, r): the differences between the eyes' looks upwards and across, in radians.
 
-    A character that lacks some of the eight eyeLook shapes has none, (0, r).
+    To first order; (0, r) for a character without two eyes that turn.
     """
-    names = model.subject.shape_names
-    if not all(f"eyeLook{way}{side}" in names for way in ("In", "Out", "Up", "Down") for side in ("Left", "Right")):
-        return np.zeros((0, model.n_coefficients))
-
-    def direction(name: str) -> Array:
-        row: Array = model.subspace.directions[names.index(name)]
-        return row
-
-    across = direction("eyeLookOutLeft") - direction("eyeLookInLeft")
-    across = across - (direction("eyeLookInRight") - direction("eyeLookOutRight"))
-    upwards = direction("eyeLookUpLeft") - direction("eyeLookDownLeft")
-    upwards = upwards - (direction("eyeLookUpRight") - direction("eyeLookDownRight"))
-    return np.stack([across, upwards])
+    turns = model.eye_turns
+    return turns[0, :2] - turns[1, :2] if len(turns) == 2 else np.zeros((0, model.n_coefficients))
 
 
 def centred_at(model: FaceModel, start: Array, prior: Prior = "regions", wholeness: float = 0.0) -> LocalMoments:

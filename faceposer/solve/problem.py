@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.model.mixture import GaussianMixture
+from faceposer.model.muscles import dependent_pairs
 from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.constraints.point import PointTerm
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
@@ -18,12 +19,16 @@ from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, Resi
 
 #: Spread of a pull that a new session has, from 0 (local) to 1 (the whole face).
 SPREAD = 0.5
+#: Spread of what was measured on a real face, as recorded trajectories are: all of it moved, not what an artist meant.
+RECORDED_SPREAD = 1.0
 # Factors on the prior's weight, of the Gaussian and of the bounds.
 _GAUSSIAN, _BOUNDS = 0.7, 1.5
 # Least motion: its strength at a spread of 0, and how fast it falls with the spread, 5 (1 - spread)^1.74.
 _MOTION, _MOTION_POWER = 5.0, 1.74
 # From this spread on the prior goes over to the examples' own expressions.
 _WHOLE_FROM = 0.75
+# However little the prior weighs, a rig's limits and a common direction of both eyes count at least so much.
+_LEAST_HOLD = 1.0
 # Keeps the problem bounded where neither a constraint nor the prior says anything, far below what either says.
 _RIDGE = 1e-6
 
@@ -51,6 +56,11 @@ class PoseProblem:
 
     The rows of the basis at all constrained points are gathered once, so that an evaluation does not depend on the size
     of the mesh.
+
+    Attributes:
+        start: The pose that the prior is seen from, shape (r,): the one that is given, with the eyes turned.
+        limits: Of the weights of the model's density, widened to where the face began, shape (W, 2); None without any.
+        terms: What the energy is a sum of.
     """
 
     def __init__(
@@ -65,6 +75,8 @@ class PoseProblem:
         held: Sequence[Term] = (),
         offset: ArrayLike | None = None,
         spread: float = SPREAD,
+        bare: bool = False,
+        home: ArrayLike | None = None,
     ) -> None:
         """Gather the problem.
 
@@ -76,13 +88,16 @@ class PoseProblem:
             mixture: A density over coefficients to take as the whole prior; if None, the prior is the model's own
                 density seen from the start, with bounds on the rig's weights.
             prior: Whether the model's own density judges region by region, the face as a whole, or, without regard to
-                the start and the bounds, as it was learned ("plain", the paper's).
+                the start, as it was learned ("plain", the paper's).
             evidence: Terms that tell of the face as constraints do, but are none, such as points tracked in a film;
                 they look at the coefficients alone.
             held: Likewise, but what they ask for tells nothing of the rest of the face, as where the eyes look.
             offset: What is added to the start without a price, as gaze is, shape (r,).
             spread: How much of the face follows a pull, from 0, as little as explains it, to 1, all that usually moves
                 along in what was learned from.
+            home: Where the face began, if it goes on from frame to frame, shape (r,); the start if None. The rig's
+                limits are widened to this pose alone; widened to every frame's, they would give way step by step.
+            bare: The constraints alone, whatever the face: no prior, no bounds, and targets beyond all reach stay.
 
         Raises:
             ValueError: If a constraint names a place that the face does not have.
@@ -111,25 +126,44 @@ class PoseProblem:
         # Nothing pulls: seen from the start, the start is the least of all energies.
         self.at_rest = centred and len(self.terms) == 1
         self.mixture = model.mixture if mixture is None else mixture
+        self.limits: Array | None = None
+        self._home = self.start if home is None else np.asarray(home, dtype=np.float64)
+        if bare:
+            return
+        if mixture is None:
+            self._take_up_points(pulls)
         if centred:
             self._take_up_prior(begin, prior, spread, pulls)
         elif prior_weight > 0:
             self.terms.append(MixturePrior(self.mixture, prior_weight))
-        if mixture is None and prior_weight > 0:
-            self.terms.append(ParallelGaze(gaze_differences(model), self.start, prior_weight))
+        if mixture is None:
+            self._hold_together()
+
+    def _take_up_points(self, pulls: Sequence[Term]) -> None:
+        """Widen the rig's limits to the start, and let points see it."""
+        density = self.model.rig_density
+        self.limits = limits_around(density.limits, density.directions @ self._home)
+        state = self.state(self.start)
+        for term in pulls:
+            if isinstance(term, PointTerm):
+                term.take_up(self.model, state, self.limits)
+
+    def _hold_together(self) -> None:
+        """Add what holds at every weight of the prior: the rig's limits, and that both eyes look the same way."""
+        weight = max(self.prior_weight, _LEAST_HOLD)
+        limits, directions = self.model.subject.shape_limits, self.model.subspace.directions
+        for shape, other, beyond in dependent_pairs(self.model.subject.shape_names):
+            directions = np.vstack([directions, directions[shape] - directions[other]])
+            limits = np.vstack([limits, [-limits[other, 1], beyond]])
+        self.terms.append(WeightBounds(directions, limits, _BOUNDS * weight, self._home))
+        self.terms.append(ParallelGaze(gaze_differences(self.model), self.start, weight))
 
     def _take_up_prior(self, begin: Array, prior: Prior, spread: float, pulls: Sequence[Term]) -> None:
         """Add the terms of the model's density as it looks from the pose ``begin``, given the terms ``pulls``.
 
         What moves the start keeps the prior as it was seen from before: only its place moves along.
         """
-        density = self.model.rig_density
-        state = self.state(self.start)
-        limits = limits_around(density.limits, density.directions @ self.start)
-        for term in pulls:
-            if isinstance(term, PointTerm):
-                term.limit(self.model, state, limits)
-        rows, residual = _linearised(pulls, state)
+        rows, residual = _linearised(pulls, self.state(self.start))
         wholeness = max(0.0, (spread - _WHOLE_FROM) / (1.0 - _WHOLE_FROM))
         self.mixture = centred_at(self.model, begin, prior, wholeness).near(rows, residual)
         if self.start is not begin:
@@ -139,13 +173,11 @@ class PoseProblem:
             return
         self.terms.append(MixturePrior(self.mixture, _GAUSSIAN * weight))
         strength = _MOTION * weight * (1.0 - spread) ** _MOTION_POWER
-        if strength > 0 and len(rows) and prior == "regions":
+        if strength > 0 and len(rows) and prior == "regions" and self.limits is not None:
             evidence = Evidence(rows.T @ rows, rows.T @ residual)
             precision = 0.5 * _GAUSSIAN * weight * self.mixture.precisions[0]
+            limits = limits_around(self.limits, self.model.rig_density.directions @ self.start)
             self.terms.append(LeastMotion(self.model, self.start, evidence, precision, strength, limits))
-        self.terms.append(
-            WeightBounds(self.model.subspace.directions, self.model.subject.shape_limits, _BOUNDS * weight, self.start)
-        )
 
     def state(self, p: Array) -> PoseState:
         """Return the anchored points at coefficients ``p`` of shape (r,)."""

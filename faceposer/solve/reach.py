@@ -1,6 +1,7 @@
 """How far a point of the face can go: the reach of a pull, and of places that only move along with others."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
+from faceposer.model.muscles import dependent_pairs
 from faceposer.solve.term import Array
 
 # A shape that moves a point by less than the first share of what it moves elsewhere cannot be meant by a pull on it;
@@ -17,6 +19,8 @@ _ALONG, _MEANT = 0.12, 0.35
 _BONE_CM, _FLESH_CM = 0.08, 0.3
 # A pull is met nearly whole up to its reach, and not at all beyond.
 _SHARPNESS = 8.0
+#: Mobility below which a part of the face hardly moves.
+HARDLY_MOVES = 0.2
 # How far a weight without limits can go.
 _FAR = 3.0
 # Pixels by which a hand misses: so far a point that can move at all goes, whatever its reach.
@@ -40,9 +44,28 @@ class Reach:
 
     def pixels(self, directions: Array) -> Array:
         """Return how far each point can go in its unit direction of ``directions``, (n, 2), in pixels, shape (n,)."""
-        forward = np.einsum("nwk,nk->nw", self.steps, directions).clip(min=0.0)
+        along = np.einsum("nwk,nk->nw", self.steps, directions).clip(min=0.0)
+        lengths = np.maximum(np.sqrt(np.einsum("nwk,nwk->nw", self.steps, self.steps)), 1e-12)
+        # What also goes elsewhere counts the less, the more it does: a^2 / |s| for a step s that goes by a this way.
+        forward = along * along / lengths
         reach: Array = np.sqrt(np.einsum("nw,nw->n", forward, forward)) + self.mobility * _TREMOR_PX
         return reach
+
+    def outline(self, index: int, n: int = 36) -> Array:
+        """Return the border of what point ``index`` can reach, as ``n`` displacements in pixels, shape (n, 2).
+
+        Steps J_w, each taken by a share of 0 to 1, with squares of the shares summing to at most 1, reach a convex
+        region. ``pixels`` is its support function h; its border where the direction u points outwards is
+        sum_w max(0, u . J_w) J_w / h(u).
+        """
+        return self.border(index, _directions(n))
+
+    def border(self, index: int, directions: Array) -> Array:
+        """Return the points of the ``outline`` with the outward unit ``directions``, (n, 2), shape (n, 2)."""
+        forward = np.maximum(directions @ self.steps[index].T, 0.0)
+        support = np.sqrt(np.einsum("nw,nw->n", forward, forward))
+        border: Array = (forward @ self.steps[index]) / np.maximum(support, 1e-9)[:, None]
+        return border
 
     def limited(self, pulls: Array) -> Array:
         """Return ``pulls``, (n, 2) in pixels, each of length l shortened to l / (1 + (l / q)^8)^(1/8) for a reach q."""
@@ -68,7 +91,7 @@ def reach_of(model: FaceModel, p: Array, points: SurfacePoints, camera: Camera, 
         camera: Where they are seen.
         limits: Of the weights of the model's density, shape (W, 2); its own, widened to the pose, if None.
     """
-    rows, neutral = model.rows_at(points)
+    rows, neutral = model.rows_of(points)
     return reach_of_rows(model, p, rows, neutral, camera, limits)
 
 
@@ -78,10 +101,14 @@ def reach_of_rows(
     """Return the same for points given by their derivatives, (n, 3, r), and neutral positions, (n, 3)."""
     density, samples = model.rig_density, model.motion_samples
     weights = density.directions @ p
-    lower, upper = (limits_around(density.limits, weights) if limits is None else limits).T
+    lower, upper = (limits_around(density.limits, weights) if limits is None else limits.copy()).T
+    names = [model.subject.shape_names[row] for row in density.shape_rows]
+    for shape, other, beyond in dependent_pairs(names):
+        upper[shape] = max(min(upper[shape], weights[other] + beyond), weights[shape])
     moves = rows @ density.projection
-    sizes = samples.scale * np.sqrt(np.einsum("nkw,nkw->nw", moves, moves))
-    shares = sizes / np.maximum(samples.largest, 1e-9)
+    sizes = np.sqrt(np.einsum("nkw,nkw->nw", moves, moves))
+    shares = sizes / density.largest
+    sizes = samples.scale * sizes
     meant = _smooth_step((shares - _ALONG) / (_MEANT - _ALONG))
     _, by_place = camera.project_with_jacobian(neutral + rows @ p)
     pixels = np.einsum("nik,nkw->nwi", by_place, moves) * meant[:, :, None]
@@ -90,6 +117,12 @@ def reach_of_rows(
     scale = np.sqrt(0.5 * np.einsum("nik,nik->n", by_place, by_place))
     own = np.sqrt(np.einsum("nw,nw->n", sizes * meant, sizes * meant))
     return Reach(steps, _smooth_step((own - _BONE_CM) / (_FLESH_CM - _BONE_CM)), scale)
+
+
+@lru_cache(maxsize=4)
+def _directions(n: int) -> Array:
+    angles = np.arange(n) * (2.0 * np.pi / n)
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 def _smooth_step(t: Array) -> Array:

@@ -56,13 +56,18 @@ class Hover:
 
     Attributes:
         pin: Index of the constraint, or None.
-        surface: Whether a press would take hold of the face.
+        point: Of the face that a press would take hold of, or None.
         position: Pixel in the view.
     """
 
     pin: int | None
-    surface: bool
+    point: SurfacePoint | None
     position: tuple[float, float]
+
+    @property
+    def surface(self) -> bool:
+        """Whether a press would take hold of the face."""
+        return self.point is not None
 
 
 class ToolContext(Protocol):

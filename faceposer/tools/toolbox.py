@@ -71,6 +71,11 @@ class Toolbox:
         return self._active is not None and self._active is not self.camera_tool
 
     @property
+    def drags_points(self) -> bool:
+        """Whether the gesture under way drags the selected points."""
+        return self._active is self.point_tool
+
+    @property
     def cursor(self) -> str:
         """Name of the shape that the pointer should have over the view; see ``faceposer.viewer.cursors``."""
         if self._active is self.camera_tool:
@@ -235,11 +240,9 @@ class Toolbox:
         return True
 
     def _note_hover(self, event: PointerEvent) -> None:
-        self.hover = Hover(
-            self._handle_under(event.position), self._context.pick(event.position) is not None, event.position
-        )
-        if self.hover.pin is not None:
-            self.hover = replace(self.hover, surface=False)
+        handle = self._handle_under(event.position)
+        point = self._context.pick(event.position) if handle is None else None
+        self.hover = Hover(handle, point, event.position)
 
     def _handle_under(self, position: tuple[float, float]) -> int | None:
         """Return the constraint whose handle a press at ``position`` would take, or None."""

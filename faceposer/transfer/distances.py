@@ -92,7 +92,7 @@ class DistanceTransfer:
             previous: The target's pose one frame before, from which it is searched; None to search everywhere.
         """
         from faceposer.solve.map_solver import solve
-        from faceposer.solve.problem import PoseProblem
+        from faceposer.solve.problem import RECORDED_SPREAD, PoseProblem
 
         term = SpaceDistanceTerm(self._theirs, self.distances(coefficients[None])[0], self._weights)
         held: list[RigWeightTerm] = []
@@ -107,6 +107,12 @@ class DistanceTransfer:
             held = [RigWeightTerm(self.target, rows, wanted[rows], 1.0 / _GAZE_SIGMA**2)]
             offset = self.target.coefficients_of(wanted)
         problem = PoseProblem(
-            self.target, (), prior_weight=self._prior_weight, evidence=[term], held=held, offset=offset
+            self.target,
+            (),
+            prior_weight=self._prior_weight,
+            evidence=[term],
+            held=held,
+            offset=offset,
+            spread=RECORDED_SPREAD,
         )
         return solve(problem, previous).coefficients

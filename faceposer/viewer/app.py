@@ -95,6 +95,7 @@ class App:
         self.window = self._window = Window(self.settings.window_size, hidden)
         self.gui = Gui(self.window)
         self.scene = Scene(self.window.ctx)
+        self.scene.expression_lines = self.settings.expression_lines
         self.marks = Marks()
         self.session = session
         self.scene.set_model(session.model)
@@ -140,10 +141,12 @@ class App:
         self.window.show()
         self.step(force=True)
         self.session.worker.prepare()
+        self.scene.prepare()
         with interrupted_by_signals(self):
             while not (self.closing or self.interrupted):
                 self.window.wait(self._patience())
                 self.step()
+                self.scene.prepare()
 
     def _patience(self) -> float:
         """Return for how many seconds there is nothing to do unless something happens."""

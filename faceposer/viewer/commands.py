@@ -137,6 +137,11 @@ class Commands:
         """Draw without textures, or with them."""
         self._app.shading = "full" if self._app.shading == "clay" else "clay"
 
+    def toggle_expression_lines(self) -> None:
+        """Draw the lines of the skin that a pose makes, or not."""
+        shown = not self._app.settings.expression_lines
+        self._app.settings.expression_lines = self._app.scene.expression_lines = shown
+
     def toggle_points(self) -> None:
         """Draw the pins, or not."""
         self._app.points_shown = not self._app.points_shown
@@ -332,6 +337,14 @@ def build_actions(app: "App") -> Actions:
                 ("T",),
                 checked=lambda: app.shading == "clay",
                 help="Draw without textures",
+            ),
+            Action(
+                "expression-lines",
+                "Expression lines",
+                "View",
+                do.toggle_expression_lines,
+                checked=lambda: app.settings.expression_lines,
+                help="Draw the lines that a pose makes in the skin: forehead, frown lines, crow's feet, nose, cheeks",
             ),
             Action(
                 "points",

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from faceposer.solve.conflicts import find_conflicts
 from faceposer.solve.problem import PoseProblem
+from faceposer.solve.reach import HARDLY_MOVES
 from faceposer.viewer.overlay import PinMark, pin_marks
 from faceposer.viewer.overlay_marks import ShapeMarks, shape_marks
 from faceposer.viewer.point_names import PointNames
@@ -59,13 +60,22 @@ class DrawnConstraints:
             return {}
         if session.revision != self._conflicts[0]:
             problem = PoseProblem(
-                session.model, document.constraints, document.start, document.prior_weight, prior=document.prior
+                session.model,
+                document.constraints,
+                document.start,
+                document.prior_weight,
+                prior=document.prior,
+                spread=document.spread,
             )
             found = find_conflicts(problem, session.coefficients)
             texts = {}
             for conflict in found:
-                if conflict.opponent is None:
-                    texts[conflict.index] = "Not reached: no face of this kind usually goes so far."
+                if conflict.mobility is not None and conflict.mobility < HARDLY_MOVES:
+                    texts[conflict.index] = "Not reached: this part of the face hardly moves."
+                elif conflict.mobility is not None:
+                    texts[conflict.index] = "Not reached: this is farther than this part of the face can go."
+                elif conflict.opponent is None:
+                    texts[conflict.index] = "Not reached: no face usually goes so far."
                 else:
                     opponent = document.constraints[conflict.opponent]
                     texts[conflict.index] = f"Fights with {self.names.of(opponent)} ({opponent.kind})."

@@ -163,7 +163,8 @@ class Exchange(Feature):
             elif form.suffix in exporting.PICTURES:
                 turn = form.seconds if form.turning or isinstance(motion, np.ndarray) else 0.0
                 size, rate = (form.width, form.height), float(form.rate)
-                look = exporting.Look(size, "front", turn, rate, app.shading, app.viewport.view)
+                lines = app.settings.expression_lines
+                look = exporting.Look(size, "front", turn, rate, app.shading, app.viewport.view, lines)
                 self.filming = Filming(path, exporting.picture_steps(path, model, motion, look, app.window.ctx))
             else:
                 exporting.write(path, model, motion)

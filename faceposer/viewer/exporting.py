@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.geometry.camera import Camera, OrbitView
+from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.picture_view import View
 from faceposer.interchange import export
 from faceposer.interchange.progress import Progress, no_progress
 from faceposer.interchange.sampling import resampled
 from faceposer.model.face_model import FaceModel
+from faceposer.model.framing import face_view
 from faceposer.model.performance import Performance
 from faceposer.viewer.film import FASTEST_GIF, Picture, find_ffmpeg, write_gif, write_mp4
 from faceposer.viewer.offscreen import offscreen_context
@@ -55,6 +56,7 @@ class Look:
         rate: Frames per second, None for what suits the format and the performance.
         shading: "full", or "clay" without textures.
         orbit: The view itself; in place of ``view`` where the camera stands still.
+        expression_lines: Draw the lines of the skin that a pose makes; clay has none.
     """
 
     size: tuple[int, int] = (640, 640)
@@ -63,6 +65,7 @@ class Look:
     rate: float | None = None
     shading: Shading = "full"
     orbit: View | None = None
+    expression_lines: bool = True
 
 
 def write(
@@ -120,15 +123,14 @@ def picture_steps(
     if suffix == ".png":
         if isinstance(motion, Performance):
             raise FacePoserError(f"'{path}' shows one pose and not {len(motion)}; choose a frame, or write a .gif.")
-        with _pictures(model, look.size, look.shading, ctx) as pictures:
-            vertices = model.subject.vertices
-            view = look.orbit or OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0), look.view)
+        with _pictures(model, look, look.size, ctx) as pictures:
+            view = look.orbit or face_view(model.subject, look.view, look.size[0] / look.size[1])
             write_png(path, pictures.draw(motion, view.camera(look.size)))
         return
     shot = _Shot(model, motion, look, suffix)
     if suffix == ".mp4":
         find_ffmpeg()
-    with _pictures(model, shot.size, look.shading, ctx) as pictures:
+    with _pictures(model, look, shot.size, ctx) as pictures:
 
         def draw(frame: int) -> Picture:
             return pictures.draw(shot.pose(frame), shot.camera(frame))
@@ -197,9 +199,9 @@ class _Shot:
 class _Pictures:
     """Draws poses of one face at one size."""
 
-    def __init__(self, ctx: moderngl.Context, model: FaceModel, size: tuple[int, int], shading: Shading) -> None:
+    def __init__(self, ctx: moderngl.Context, model: FaceModel, look: Look, size: tuple[int, int]) -> None:
         self._model = model
-        self._shading = shading
+        self._look = look
         self._renderer = Renderer(ctx)
         self._renderer.set_subject(model.subject)
         self._target = ColourTarget(ctx, size, min(_SAMPLES, ctx.max_samples))
@@ -212,7 +214,8 @@ class _Pictures:
             vertices = self._model.instance(pose)
             self._renderer.update(vertices, self._normals(vertices))
             self._shown = pose
-        self._renderer.draw(self._target.framebuffer, camera, self._shading)
+        look = self._look
+        self._renderer.draw(self._target.framebuffer, camera, look.shading, expression_lines=look.expression_lines)
         self._target.resolve()
         return self._target.read()
 
@@ -223,11 +226,9 @@ class _Pictures:
 
 
 @contextmanager
-def _pictures(
-    model: FaceModel, size: tuple[int, int], shading: Shading, ctx: moderngl.Context | None
-) -> Iterator[_Pictures]:
+def _pictures(model: FaceModel, look: Look, size: tuple[int, int], ctx: moderngl.Context | None) -> Iterator[_Pictures]:
     with ExitStack() as stack:
         context = ctx or stack.enter_context(offscreen_context())
-        pictures = _Pictures(context, model, size, shading)
+        pictures = _Pictures(context, model, look, size)
         stack.callback(pictures.release)
         yield pictures

@@ -207,6 +207,7 @@ def build_features(app: "App") -> Features:
     from faceposer.viewer.following import Following
     from faceposer.viewer.photos import Photos
     from faceposer.viewer.poses import PosesFeature
+    from faceposer.viewer.range_marks import RangeMarks
     from faceposer.viewer.timeline import Timeline
     from faceposer.viewer.transferring import Transferring
 
@@ -221,5 +222,6 @@ def build_features(app: "App") -> Features:
             AnimationFiles(app),
             Transferring(app),
             exchange,
+            RangeMarks(app),
         ]
     )

@@ -17,6 +17,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.priors import Prior
+from faceposer.solve.problem import RECORDED_SPREAD, SPREAD
 from faceposer.viewer.actions import Action, Submenu
 from faceposer.viewer.features import Feature
 from faceposer.viewer.overlay_trajectories import TrajectoryPainter
@@ -69,6 +70,7 @@ class FollowingRequest:
         constraints: What holds in all frames.
         prior_weight: Weight of the prior.
         prior: How it judges.
+        spread: How much of the face follows.
     """
 
     model: FaceModel
@@ -80,6 +82,7 @@ class FollowingRequest:
     constraints: tuple[Constraint, ...] = ()
     prior_weight: float = 1.0
     prior: Prior = "regions"
+    spread: float = SPREAD
 
 
 @dataclass
@@ -146,6 +149,7 @@ class FollowingJob:
                 smoothness=request.options.smoothness,
                 prior_weight=request.prior_weight,
                 prior=request.prior,
+                spread=request.spread,
                 start=request.start,
                 constraints=request.constraints,
                 on_frame=self._note,
@@ -304,6 +308,8 @@ class Following(Feature):
             constraints,
             document.prior_weight,
             document.prior,
+            # Drawn by hand, the ways of a few points mean what a drag means; from a file they are a real face's.
+            RECORDED_SPREAD if first is None else document.spread,
         )
         self.job = FollowingJob(request, self._wake)
         self.app.redraw()

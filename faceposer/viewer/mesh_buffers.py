@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from faceposer.model.subject import Subject
+from faceposer.viewer.line_buffers import LineBuffers
 
 
 def drawn_by_processor(ctx: moderngl.Context) -> bool:
@@ -40,21 +41,25 @@ class MeshBuffers:
         first_use[self.source[::-1]] = np.arange(len(pairs), dtype=np.int32)[::-1]
         self.edges = ctx.buffer(np.ascontiguousarray(first_use[_edges(subject)]))
         self.textures = {name: _texture(ctx, data) for name, data in subject.textures.items()}
+        self.lines = LineBuffers(ctx, subject, self.source, indices.reshape(-1, 3))
         self._revision: object = None
 
-    def update(self, vertices: NDArray[np.float32], normals: NDArray[np.float32], revision: object) -> None:
-        """Upload positions and normals, each (N, 3), unless ``revision`` is what is there already."""
+    def update(self, vertices: NDArray[np.float32], normals: NDArray[np.float32], revision: object) -> bool:
+        """Upload positions and normals, each (N, 3), and return True, unless ``revision`` is there already."""
         if revision is not None and revision == self._revision:
-            return
+            return False
         np.take(vertices, self.source, axis=0, out=self._staging[:, :3])
         np.take(normals, self.source, axis=0, out=self._staging[:, 3:])
         self.points.write(self._staging)
+        self.lines.update(vertices)
         self._revision = revision
+        return True
 
     def release(self) -> None:
         """Free what the GPU holds."""
         for buffer in (self.points, self.uvs, self.triangles, self.edges):
             buffer.release()
+        self.lines.release()
         for texture in self.textures.values():
             texture.release()
 

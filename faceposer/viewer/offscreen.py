@@ -42,6 +42,7 @@ def render_subject(
     shading: Shading = "full",
     wireframe: bool = False,
     photo: tuple[NDArray[np.uint8], Camera, float, float] | None = None,
+    expression_lines: bool = True,
 ) -> NDArray[np.uint8]:
     """Return a picture of ``subject`` with ``vertices``, (N, 3), under ``camera``, of shape (height, width, 3).
 
@@ -53,6 +54,7 @@ def render_subject(
         shading: Skin, eyes and teeth, or clay.
         wireframe: Draw the edges of the mesh too.
         photo: The pixels of a photo, top row first, its camera, and its opacity behind the face and before it.
+        expression_lines: Draw the lines of the skin that the pose makes; clay has none.
 
     Raises:
         FacePoserError: If the system has no OpenGL through EGL.
@@ -67,7 +69,7 @@ def render_subject(
         if photo is not None:
             picture, taken, behind, before = photo
             layer = PhotoLayer(photo_texture(ctx, picture), taken.size, taken.focal, behind, before)
-        renderer.draw(target.framebuffer, camera, shading, wireframe, layer)
+        renderer.draw(target.framebuffer, camera, shading, wireframe, layer, expression_lines)
         if layer is not None:
             layer.picture.release()
         target.resolve()

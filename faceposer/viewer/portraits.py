@@ -43,7 +43,8 @@ class Portraits:
 
     def of_pose(self, key: Hashable, pose: Callable[[], Array], size: int) -> int | None:
         """Return the texture with the picture of the coefficients that ``pose`` gives, or None until it is drawn."""
-        return self._get((key, size), lambda: self.draw(pose(), size))
+        drawn = (key, size, self._app.scene.expression_lines)
+        return self._get(drawn, lambda: self.draw(pose(), size))
 
     def of_file(self, path: Path, stamp: int) -> int | None:
         """Return the texture with the picture in the file ``path``, or None until it is read and where it is none."""

@@ -1,5 +1,6 @@
 """Draws a posed subject into any framebuffer."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -9,15 +10,17 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.camera import Camera
 from faceposer.model.materials import BASE_COLOURS
-from faceposer.model.subject import Subject
+from faceposer.model.subject import Part, Subject
 from faceposer.resources import shader_text
+from faceposer.viewer.eye_shading import EyeShading
 from faceposer.viewer.mesh_buffers import MeshBuffers
+from faceposer.viewer.neck_fade import NO_FADE, neck_fade
 
 Shading = Literal["full", "clay"]
+#: One program, or several that get the same uniforms.
+Programs = moderngl.Program | Sequence[moderngl.Program]
 _BASE = {"clay": (0.42, 0.42, 0.43), **BASE_COLOURS}
 _MATERIALS = ("clay", "skin", "eye", "teeth", "gums", "tongue", "lashes")
-# Share of the mesh's height over which the cut of the neck fades away.
-_NECK_FADE = 0.07
 
 
 @dataclass(frozen=True)
@@ -69,24 +72,26 @@ def view_matrix(camera: Camera) -> NDArray[np.float32]:
     return matrix
 
 
-def load_program(ctx: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
-    """Compile the shaders of these file names; ``//#include NAME`` stands for another file."""
+def load_program(ctx: moderngl.Context, vertex: str, fragment: str, define: str = "") -> moderngl.Program:
+    """Compile the shaders of these file names; ``//#include NAME`` stands for another file, ``define`` for #ifdef."""
 
     def source(name: str) -> str:
-        lines = shader_text(name).splitlines()
-        return "\n".join(shader_text(line.split()[1]) if line.startswith("//#include ") else line for line in lines)
+        version, *lines = shader_text(name).splitlines()
+        included = [shader_text(line.split()[1]) if line.startswith("//#include ") else line for line in lines]
+        return "\n".join([version, *([f"#define {define}"] if define else []), *included])
 
     return ctx.program(vertex_shader=source(vertex), fragment_shader=source(fragment))
 
 
-def set_uniform(program: moderngl.Program, name: str, value: Any) -> None:
-    """Set a uniform, or nothing where the compiler has found that the shader does not need it."""
-    if name in program:
-        if isinstance(value, np.ndarray):
-            # GLSL keeps matrices by columns.
-            program[name].write(np.ascontiguousarray(value.T, dtype=np.float32))  # type: ignore[union-attr]
-        else:
-            program[name].value = value  # type: ignore[union-attr]
+def set_uniform(programs: Programs, name: str, value: Any) -> None:
+    """Set a uniform of one or several programs, or nothing where a compiler has found that it is not needed."""
+    for program in programs if isinstance(programs, Sequence) else (programs,):
+        if name in program:
+            if isinstance(value, np.ndarray):
+                # GLSL keeps matrices by columns.
+                program[name].write(np.ascontiguousarray(value.T, dtype=np.float32))  # type: ignore[union-attr]
+            else:
+                program[name].value = value  # type: ignore[union-attr]
 
 
 class Renderer:
@@ -95,7 +100,10 @@ class Renderer:
     def __init__(self, ctx: moderngl.Context) -> None:
         """Compile the shaders in ``ctx``."""
         self.ctx = ctx
-        self._surface = load_program(ctx, "surface.vert", "surface.frag")
+        # Without expression lines, and with them: on a processor even code that is passed over takes time.
+        self._surface = [load_program(ctx, "surface.vert", "surface.frag")]
+        self._eye = load_program(ctx, "eye.vert", "eye.frag")
+        self._lashes = load_program(ctx, "eye.vert", "lashes.frag")
         self._background = load_program(ctx, "background.vert", "background.frag")
         self._edges = load_program(ctx, "edges.vert", "edges.frag")
         self._triangle_id = load_program(ctx, "triangle_id.vert", "triangle_id.frag")
@@ -103,17 +111,27 @@ class Renderer:
         self._photo_quad = ctx.vertex_array(self._photo, [])
         self._backdrop = ctx.vertex_array(self._background, [])
         self.buffers: MeshBuffers | None = None
+        self._eyes: EyeShading | None = None
+        self._neck = NO_FADE
         self._arrays: dict[str, moderngl.VertexArray] = {}
 
     def set_subject(self, subject: Subject) -> None:
         """Draw ``subject`` from now on."""
         self.release_subject()
         buffers = self.buffers = MeshBuffers(self.ctx, subject)
+        self._eyes = EyeShading(subject)
+        self._neck = neck_fade(subject)
         points = (buffers.points, "3f 3f", "position", "normal")
         bare = (buffers.points, "3f 3x4", "position")
         self._arrays = {
             "surface": self.ctx.vertex_array(
-                self._surface, [points, (buffers.uvs, "2f", "uv")], index_buffer=buffers.triangles
+                self._surface[0], [points, (buffers.uvs, "2f", "uv")], index_buffer=buffers.triangles
+            ),
+            "eye": self.ctx.vertex_array(
+                self._eye, [points, (buffers.uvs, "2f", "uv")], index_buffer=buffers.triangles
+            ),
+            "lashes": self.ctx.vertex_array(
+                self._lashes, [bare, (buffers.uvs, "2f", "uv")], index_buffer=buffers.triangles
             ),
             "id": self.ctx.vertex_array(self._triangle_id, [bare], index_buffer=buffers.triangles),
             "edges": self.ctx.vertex_array(self._edges, [bare], index_buffer=buffers.edges),
@@ -121,7 +139,8 @@ class Renderer:
 
     def update(self, vertices: NDArray[np.float32], normals: NDArray[np.float32], revision: object = None) -> None:
         """Take over a pose: positions and normals, each (N, 3); nothing is done if ``revision`` is known already."""
-        self._require_buffers().update(vertices, normals, revision)
+        if self._require_buffers().update(vertices, normals, revision) and self._eyes is not None:
+            self._eyes.update(vertices)
 
     def draw(
         self,
@@ -130,10 +149,12 @@ class Renderer:
         shading: Shading = "full",
         wireframe: bool = False,
         photo: PhotoLayer | None = None,
+        expression_lines: bool = True,
     ) -> None:
         """Draw the backdrop and the subject into all of ``target``, whose size must be the camera's.
 
-        With a ``photo`` that lies behind, what fades into the backdrop fades into the photo.
+        With a ``photo`` that lies behind, what fades into the backdrop fades into the photo. Clay has no
+        ``expression_lines``.
         """
         ctx, buffers = self.ctx, self._require_buffers()
         target.use()
@@ -152,18 +173,23 @@ class Renderer:
 
         ctx.enable(moderngl.DEPTH_TEST)
         ctx.depth_func = "<="
-        program = self._surface
-        set_uniform(program, "over_photo", over_photo)
-        self._set_camera(program, camera)
-        set_uniform(program, "viewport", size)
-        set_uniform(program, "neck", _cut_of_neck(buffers.subject))
-        set_uniform(program, "mouth", _front_of_teeth(buffers.subject))
+        lined = expression_lines and shading == "full" and buffers.lines.use()
+        if lined:
+            self.prepare()
+        for name, unit in buffers.lines.units.items():
+            set_uniform(self._surface, name, unit)
+        for program in (self._surface, self._eye, self._lashes):
+            self._set_camera(program, camera)
+            set_uniform(program, "viewport", size)
+        set_uniform(self._surface, "over_photo", over_photo)
+        set_uniform(self._surface, "neck", self._neck)
+        set_uniform(self._surface, "mouth", _front_of_teeth(buffers.subject))
         if over_photo:
             # Only what is nearest fades into the photo: its depth comes first.
             target.color_mask = (False, False, False, False)
-            self._draw_parts(shading, opaque=True)
+            self._draw_parts(camera, shading, opaque=True, lined=lined)
             target.color_mask = (True, True, True, True)
-        self._draw_parts(shading, opaque=True)
+        self._draw_parts(camera, shading, opaque=True, lined=lined)
         if wireframe:
             self._set_camera(self._edges, camera)
             ctx.enable(moderngl.BLEND)
@@ -171,11 +197,24 @@ class Renderer:
             self._arrays["edges"].render(moderngl.LINES)
         ctx.enable(moderngl.BLEND)
         target.depth_mask = False
-        self._draw_parts(shading, opaque=False)
+        self._draw_parts(camera, shading, opaque=False)
         target.depth_mask = True
         ctx.disable(moderngl.DEPTH_TEST | moderngl.BLEND)
         if photo is not None and photo.before > 0.0:
             self._draw_photo(photo, camera, photo.before)
+
+    def prepare(self) -> None:
+        """Do now what else the first pose would wait for."""
+        buffers = self._require_buffers()
+        buffers.lines.prepare()
+        if buffers.lines.triangles is None or "lined" in self._arrays:
+            return
+        if len(self._surface) == 1:
+            self._surface.append(load_program(self.ctx, "surface.vert", "surface.frag", "EXPRESSION_LINES"))
+        plain = [(buffers.points, "3f 3f", "position", "normal"), (buffers.uvs, "2f", "uv")]
+        both = {"plain": plain, "lined": [*plain, (buffers.lines.places, "3f", "line_coordinates")]}
+        for program, (name, content) in zip(self._surface, both.items(), strict=True):
+            self._arrays[name] = self.ctx.vertex_array(program, content, index_buffer=buffers.lines.triangles)
 
     def _draw_photo(self, photo: PhotoLayer, camera: Camera, opacity: float) -> None:
         left, top, right, bottom = photo.corners(camera)
@@ -188,7 +227,7 @@ class Renderer:
         self._photo_quad.render(moderngl.TRIANGLE_STRIP, vertices=4)
         self.ctx.disable(moderngl.BLEND)
 
-    def _draw_parts(self, shading: Shading, opaque: bool) -> None:
+    def _draw_parts(self, camera: Camera, shading: Shading, opaque: bool, lined: bool = False) -> None:
         buffers = self._require_buffers()
         subject = buffers.subject
         for part in subject.parts:
@@ -199,13 +238,36 @@ class Renderer:
                 continue
             name = "clay" if clay else part.material
             texture = None if clay else buffers.textures.get(part.name, buffers.textures.get(part.material))
-            set_uniform(self._surface, "material", _MATERIALS.index(name))
-            set_uniform(self._surface, "textured", texture is not None)
-            set_uniform(self._surface, "base", _BASE[name])
+            program, kind = self._program_of(part, name, camera)
+            set_uniform(program, "textured", texture is not None)
+            set_uniform(program, "base", _BASE[name])
             if texture is not None:
                 texture.use(0)
             first, last = subject.part_triangles(part)
-            self._arrays["surface"].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
+            begin = buffers.lines.first_lined.get(part.name, last) if lined else last
+            if begin == last:
+                self._arrays[kind].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
+            else:
+                self._arrays["plain"].render(moderngl.TRIANGLES, vertices=3 * (begin - first), first=3 * first)
+                self._arrays["lined"].render(moderngl.TRIANGLES, vertices=3 * (last - begin), first=3 * begin)
+
+    def _program_of(self, part: Part, material: str, camera: Camera) -> tuple[Programs, str]:
+        """Return the program that draws a part and the name of its vertex array, with what is particular to it set."""
+        if self._eyes is not None and material == "lashes":
+            set_uniform(self._lashes, "seen", self._eyes.lashes_seen(part, camera))
+            return self._lashes, "lashes"
+        if self._eyes is not None and part.name in self._eyes.eyes:
+            eye = self._eyes.eyes[part.name]
+            set_uniform(self._eye, "centre", eye.centre)
+            set_uniform(self._eye, "radius", eye.radius)
+            set_uniform(self._eye, "turn", eye.turn)
+            set_uniform(self._eye, "own_picture", eye.own_picture)
+            set_uniform(self._eye, "catchlight", eye.catchlight(camera))
+            set_uniform(self._eye, "corners", eye.corners)
+            set_uniform(self._eye, "lids", [tuple(row) for row in eye.lids.tolist()])
+            return self._eye, "eye"
+        set_uniform(self._surface, "material", _MATERIALS.index(material))
+        return self._surface, "surface"
 
     def draw_ids(self, target: moderngl.Framebuffer, camera: Camera) -> None:
         """Write the index plus one of the nearest front-facing triangle into each pixel of ``target``, 0 where none.
@@ -227,7 +289,7 @@ class Renderer:
                 self._arrays["id"].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
         self.ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
 
-    def _set_camera(self, program: moderngl.Program, camera: Camera) -> None:
+    def _set_camera(self, program: Programs, camera: Camera) -> None:
         set_uniform(program, "view", view_matrix(camera))
         set_uniform(program, "projection", projection_matrix(camera))
 
@@ -250,16 +312,16 @@ class Renderer:
         self.release_subject()
         self._backdrop.release()
         self._photo_quad.release()
-        for program in (self._surface, self._background, self._edges, self._triangle_id, self._photo):
+        for program in (
+            *self._surface,
+            self._eye,
+            self._lashes,
+            self._background,
+            self._edges,
+            self._triangle_id,
+            self._photo,
+        ):
             program.release()
-
-
-def _cut_of_neck(subject: Subject) -> tuple[float, float]:
-    """Return between which heights the skin fades away; below everything where the mesh ends above the neck."""
-    low, high = float(subject.vertices[:, 1].min()), float(subject.vertices[:, 1].max())
-    if "neck" not in subject.regions:
-        return low - 2.0, low - 1.0
-    return low, low + _NECK_FADE * (high - low)
 
 
 def _front_of_teeth(subject: Subject) -> float:

@@ -8,6 +8,7 @@ from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints, points_on_triangles
 from faceposer.model.face_model import FaceModel
+from faceposer.model.subject import Subject
 from faceposer.viewer.renderer import PhotoLayer, Renderer, Shading
 from faceposer.viewer.targets import ColourTarget, IdTarget, Size
 
@@ -17,6 +18,7 @@ class Scene:
 
     Attributes:
         photo: What lies behind the face or before it, or None.
+        expression_lines: Whether the lines of the skin that a pose makes are drawn; clay has none.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
@@ -33,6 +35,7 @@ class Scene:
         self.vertices: NDArray[np.float32] = np.zeros((0, 3), dtype=np.float32)
         self.normals: NDArray[np.float32] = np.zeros((0, 3), dtype=np.float32)
         self.photo: PhotoLayer | None = None
+        self.expression_lines = True
         self.pictures_drawn = 0
 
     @property
@@ -63,17 +66,22 @@ class Scene:
         self.normals = self._normals(self.vertices)
         self._renderer.update(self.vertices, self.normals, self._pose)
 
-    def bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return the lowest and the highest corner, each (3,), of the neutral face."""
-        vertices = self._require_model().subject.vertices
-        return vertices.min(axis=0), vertices.max(axis=0)
+    @property
+    def subject(self) -> Subject:
+        """The character shown."""
+        return self._require_model().subject
+
+    def prepare(self) -> None:
+        """Do now, while nobody waits, what the first pose of this face needs."""
+        self._renderer.prepare()
 
     def draw(self, camera: Camera, shading: Shading, wireframe: bool, samples: int) -> moderngl.Texture:
         """Return the picture under ``camera``, bottom row first, with ``samples`` per pixel; 0 for no multisampling."""
-        key = (camera, self._pose, shading, wireframe, samples, id(self._model), self.photo)
+        lines = self.expression_lines
+        key = (camera, self._pose, shading, wireframe, samples, id(self._model), self.photo, lines)
         if self._drawn is None or self._drawn[0] != key:
             target = self._target(camera.size, min(samples, self._ctx.max_samples))
-            self._renderer.draw(target.framebuffer, camera, shading, wireframe, self.photo)
+            self._renderer.draw(target.framebuffer, camera, shading, wireframe, self.photo, lines)
             target.resolve()
             self._drawn = (key, target)
             self.pictures_drawn += 1
@@ -85,7 +93,7 @@ class Scene:
         vertices = self._require_model().instance(coefficients)
         self._renderer.update(vertices, self._normals(vertices))
         target = ColourTarget(self._ctx, camera.size, min(samples, self._ctx.max_samples))
-        self._renderer.draw(target.framebuffer, camera)
+        self._renderer.draw(target.framebuffer, camera, expression_lines=self.expression_lines)
         target.resolve()
         picture = target.read()
         target.release()

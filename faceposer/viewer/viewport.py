@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.picture_view import PictureView, View
+from faceposer.model.framing import face_view
 from faceposer.session.session import Session
 from faceposer.tools.tool import Navigation
 from faceposer.viewer.scene import Scene
@@ -77,12 +78,9 @@ class Viewport:
     # Views
 
     def framed(self, name: str = "front") -> OrbitView:
-        """Return the view ``name`` with all of the face in it, however narrow the rectangle is."""
-        lower, upper = self._scene.bounds()
-        view = OrbitView.preset(lower, upper, name)
+        """Return the view ``name`` in which the face fills the rectangle, however narrow that is."""
         width, height = self.size
-        across = 1.15 * float(upper[0] - lower[0]) / float(upper[1] - lower[1])
-        return view.zoomed(min(1.0, width / (across * height))) if min(width, height) > 1 else view
+        return face_view(self._scene.subject, name, width / height if min(width, height) > 1 else 1.0)
 
     def look(self, name: str) -> None:
         """Turn to the direction ``name`` around what is looked at; the view through a photo is left."""
@@ -92,7 +90,7 @@ class Viewport:
             self.view = self.view.looking(name)
 
     def frame_face(self) -> None:
-        """Bring all of the face into view from the present direction."""
+        """Let the face fill the view from the present direction."""
         framed = self.framed()
         if isinstance(self.view, PictureView):
             self.view = self._framed_in_picture(self.view)

@@ -41,7 +41,7 @@ def paint_hide(skin: SkinTexels, look: HideLook) -> NDArray[np.uint8]:
     wide, middle, fine = noise[0](p, 3.5, 3), noise[1](p, 0.9, 3), noise[2](p, 0.07, 2)
 
     colour = np.broadcast_to(np.array(look.base, dtype=np.float32), p.shape).copy()
-    behind = smoothstep(11.0, 3.0, z + 0.5 * wide) * (1.0 - masks["ears"])
+    behind = smoothstep(11.0, 3.0, z + 0.5 * wide) * (1.0 - masks["free_ears"])
     above = smoothstep(77.0, 82.5, y + 0.7 * wide)
     colour = blend(colour, look.back, 0.75 * np.maximum(behind, above))
     below = smoothstep(66.5, 61.5, y + 0.4 * wide) * smoothstep(3.0, 9.0, z)
@@ -70,7 +70,7 @@ def paint_hide(skin: SkinTexels, look: HideLook) -> NDArray[np.uint8]:
 
 def _ears(colour: Image32, skin: SkinTexels, look: HideLook, q: Image32, noise: Image32) -> Image32:
     """Tint the ears: their hollow pink with veins, their back as the scalp."""
-    mask = smoothstep(0.3, 0.8, skin.masks["ears"])
+    mask = skin.masks["free_ears"]
     ahead = smoothstep(-0.15, 0.35, skin.normal[:, 2] * 0.8 + np.sign(skin.place[:, 0]) * skin.normal[:, 0] * 0.6)
     colour = blend(colour, look.back, 0.55 * mask * (1.0 - ahead))
     hollow = smoothstep(1.0, 0.35, skin.occlusion)

@@ -45,9 +45,6 @@ def paint_eye(look: IrisLook, size: int = 1024) -> NDArray[np.uint8]:
     iris = _iris(theta, phi, look, rng)
     share = smoothstep(IRIS_ANGLE + 0.5, IRIS_ANGLE - 0.9, theta)[..., None]
     colour = white * (1.0 - share) + iris * share
-    # The upper lid keeps light from the upper part of the ball.
-    height = theta * np.sin(phi)
-    colour *= (1.0 - 0.30 * smoothstep(6.0, 34.0, height))[..., None]
     colour = np.where(theta[..., None] < 99.0, colour, np.array([190, 150, 140], np.float32))
     return np.rint(np.clip(colour, 0, 255)).astype(np.uint8)
 

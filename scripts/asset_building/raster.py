@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 Image32 = NDArray[np.float32]
 Floats = NDArray[np.float64]
@@ -16,6 +17,8 @@ HAIR_RESOLUTION = 50.0
 #: Distance in pixels between the dots that make up a hair.
 _STEP = 0.6
 _MAX_STEPS = 600
+#: Two texels that are this near in space, in centimetres, and farther apart in the texture lie on both sides of a seam.
+_SEAM_REACH, _SEAM_GAP = 0.12, 12
 
 
 @dataclass(frozen=True)
@@ -98,6 +101,7 @@ def draw_strokes(
     strengths: Image32,
     bend: Image32,
     allowed: NDArray[np.bool_],
+    places: Image32 | None = None,
 ) -> Image32:
     """Draw hairs that follow a flow on the surface; each starts full and ends fine.
 
@@ -112,6 +116,8 @@ def draw_strokes(
         strengths: Their opacity, shape (n,).
         bend: How much each turns away to its side, as the tangent of the angle, shape (n,).
         allowed: Covered texels that hairs may enter, shape (K,).
+        places: Positions of the covered texels in centimetres, shape (K, 3), by which hairs that reach a seam of the
+            texture go on beyond it; else they end there.
 
     Returns:
         Optical thickness, shape (H, W): 1 - exp(-thickness) is the opacity.
@@ -128,22 +134,63 @@ def draw_strokes(
     at = np.stack([columns[starts], rows[starts]], axis=1).astype(np.float32)
     travelled = np.zeros(len(starts), dtype=np.float32)
     thickness = np.zeros(height * width)
+    seam = None if places is None else _Seam(texels.covered, places)
+    before = np.stack([columns[starts], rows[starts]], axis=1)
+    may_cross = np.full(len(starts), seam is not None)
     for _ in range(_MAX_STEPS):
+        if seam is not None:
+            seam.cross(at, before, may_cross)
         column, row = np.clip(np.rint(at).astype(int), 0, [width - 1, height - 1]).T
         speed = np.linalg.norm(velocity[row, column], axis=1)
         going = enter[row, column] & (travelled < lengths) & (speed > 1.0)
         if not going.any():
             break
-        at, travelled, lengths, strengths, bend, speed, row, column = (
-            values[going] for values in (at, travelled, lengths, strengths, bend, speed, row, column)
+        at, travelled, lengths, strengths, bend, speed, row, column, may_cross = (
+            values[going] for values in (at, travelled, lengths, strengths, bend, speed, row, column, may_cross)
         )
         taper = 1.0 - 0.85 * (travelled / lengths) ** 1.5
         _splat(thickness, at, strengths * taper * _STEP * np.minimum(fineness[row, column], 1.5), width)
+        before = np.stack([column, row], axis=1)
         direction = velocity[row, column] / speed[:, None]
         direction = direction + bend[:, None] * np.stack([-direction[:, 1], direction[:, 0]], axis=1)
         at = at + _STEP * direction / np.linalg.norm(direction, axis=1, keepdims=True)
         travelled = travelled + _STEP / speed
     return thickness.reshape(height, width).astype(np.float32)
+
+
+class _Seam:
+    """Joins the borders of a texture's charts where the surface goes on."""
+
+    def __init__(self, covered: NDArray[np.bool_], places: Image32) -> None:
+        self._covered = covered
+        self._index = np.full(covered.shape, -1, dtype=np.int64)
+        self._index[covered] = np.arange(len(places))
+        self._places = places
+        inner = ndimage.binary_erosion(covered, iterations=2, border_value=0)
+        self._border = np.argwhere(covered & ~inner)[:, ::-1]
+        self._tree = cKDTree(places[self._index[self._border[:, 1], self._border[:, 0]]])
+
+    def cross(self, at: Image32, before: NDArray[np.int64], may_cross: NDArray[np.bool_]) -> None:
+        """Move positions ``at`` (n, 2) that have left their chart to the other side of the seam, if there is one.
+
+        Args:
+            at: Columns and rows; changed in place.
+            before: The covered texels that they come from, shape (n, 2).
+            may_cross: Which have not crossed yet, shape (n,); changed in place: hairs along a seam would be torn.
+        """
+        height, width = self._covered.shape
+        column, row = np.clip(np.rint(at).astype(int), 0, [width - 1, height - 1]).T
+        out = np.flatnonzero(~self._covered[row, column] & may_cross)
+        if not len(out):
+            return
+        from_place = self._places[self._index[before[out, 1], before[out, 0]]]
+        distances, found = self._tree.query(from_place, k=24, distance_upper_bound=_SEAM_REACH)
+        found = np.minimum(found, len(self._border) - 1)
+        far = np.abs(self._border[found] - before[out][:, None]).max(axis=2) > _SEAM_GAP
+        usable = far & np.isfinite(distances)
+        rows = np.flatnonzero(usable.any(axis=1))
+        at[out[rows]] = self._border[found[rows, usable[rows].argmax(axis=1)]]
+        may_cross[out[rows]] = False
 
 
 def _splat(image: Floats, at: Image32, amount: Image32, width: int) -> None:

@@ -56,7 +56,8 @@ class SkinTexels:
         place: Position on the base mesh in centimetres.
         normal: Unit normal on the base mesh.
         occlusion: Share of the surroundings that is open, 0..1.
-        masks: Further values by name: "lips", "eyelids", "ears", "inside" (of the mouth), "lash_line", "wet_line".
+        masks: Further values by name: "lips", "eyelids", "ears", "free_ears" (rising softly from their
+            roots), "inside" (of the mouth), "lash_line", "wet_line".
     """
 
     texels: TexelMap
@@ -158,7 +159,7 @@ def _flush(p: Image32, masks: dict[str, Image32]) -> Image32:
         + 0.35 * spot(p, (1.6, 69.0, 15.2), 0.8)
         + 0.20 * spot(p, (0.0, 63.2, 14.8), 1.6)
         + 0.15 * spot(p, (0.0, 67.2, 15.8), 1.0)
-        + 0.40 * masks["ears"]
+        + 0.40 * masks["free_ears"]
     ).astype(np.float32)
 
 
@@ -200,14 +201,21 @@ def _shade(colour: Colour, factor: float) -> Colour:
 
 
 def _strokes(
-    rng: np.random.Generator, skin: SkinTexels, density: Image32, flow: Image32, length: float, strength: float
+    rng: np.random.Generator,
+    skin: SkinTexels,
+    density: Image32,
+    flow: Image32,
+    length: float,
+    strength: float,
+    over_seams: bool = False,
 ) -> Image32:
     starts = _scatter(rng, skin, density)
     n = len(starts)
     lengths = (length * rng.uniform(0.6, 1.25, n)).astype(np.float32)
     strengths = (strength * rng.uniform(0.5, 1.2, n)).astype(np.float32)
     bend = rng.normal(0.0, 0.16, n).astype(np.float32)
-    return draw_strokes(skin.texels, flow, starts, lengths, strengths, bend, skin.masks["ears"] < 0.4)
+    places = skin.place if over_seams else None
+    return draw_strokes(skin.texels, flow, starts, lengths, strengths, bend, skin.masks["ears"] < 0.4, places)
 
 
 def _scalp(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Generator, noise: Noise) -> Image32:
@@ -227,7 +235,7 @@ def _scalp(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Gen
     colour = blend(colour, base, cover * (0.62 if look.combed_back else 0.50))
     fringe = smoothstep(-0.6, 0.3, above) * bare_ears
     for tone, count, strength in ((0.55, 60, 0.55), (1.35, 40, 0.40), (0.8, 60, 0.5)):
-        thick = _strokes(rng, skin, count * fringe**1.5, flow, look.hair_length, strength)
+        thick = _strokes(rng, skin, count * fringe**1.5, flow, look.hair_length, strength, over_seams=True)
         colour = _overlay(colour, skin, thick, _shade(look.hair, tone))
     return colour
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from faceposer.geometry.mesh import VertexNormals
 from scripts.asset_building.creature_texture import HideLook, paint_hide
@@ -15,13 +16,16 @@ from scripts.asset_building.head import LASH_RING, Skin, split_uv
 from scripts.asset_building.mouth_texture import paint_gums, paint_teeth, paint_tongue
 from scripts.asset_building.occlusion import ambient_occlusion
 from scripts.asset_building.piece import Floats, Ints
-from scripts.asset_building.raster import map_texels
+from scripts.asset_building.raster import map_texels, smoothstep
 from scripts.asset_building.skin_texture import SkinLook, SkinTexels, paint_skin
 from scripts.asset_building.source import Source
 from scripts.asset_building.unwrap import Layout
 
 SKIN_SIZE = 2048
 _MASKS = {"lips": "lips", "eyelids": "eyelids", "ears": "ears", "inside": "inside-mouth"}
+
+#: Width of an ear's root over which its colour becomes its own, in centimetres; every how many texels are looked at.
+_EAR_ROOT, _SPARSE = 1.3, 23
 
 
 @dataclass(frozen=True)
@@ -68,8 +72,19 @@ def skin_texels(source: Source, skin: Skin, rest: Floats, layout: Layout, size: 
     values = texels.values
     masks = {name: _look_up(source.mask(file), values[:, 7:9]) for name, file in _MASKS.items()}
     masks |= {"wet_line": values[:, 9], "lash_line": values[:, 10]}
+    masks["free_ears"] = _free_ears(values[:, :3], masks["ears"])
     normal = values[:, 3:6] / np.maximum(np.linalg.norm(values[:, 3:6], axis=1, keepdims=True), 1e-6)
     return SkinTexels(texels, values[:, :3], normal, values[:, 6], masks)
+
+
+def _free_ears(place: NDArray[np.float32], ears: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return how far texels at ``place`` (K, 3) belong to an ear, rising softly from its root, 0..1, shape (K,)."""
+    on_ear = np.flatnonzero((ears > 0.5) & (np.abs(place[:, 0]) > 6.0))
+    beside = np.flatnonzero((ears <= 0.5) & (np.abs(place[:, 0]) > 5.0))[::_SPARSE]
+    distance, _ = cKDTree(place[beside]).query(place[on_ear])
+    free = np.zeros(len(place), dtype=np.float32)
+    free[on_ear] = smoothstep(0.0, _EAR_ROOT, distance.astype(np.float32))
+    return free
 
 
 def vertex_masks(source: Source, skin: Skin) -> dict[str, Floats]:

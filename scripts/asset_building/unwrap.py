@@ -22,8 +22,8 @@ _DAMPING = 0.5
 #: The outside fills the texture above this height; below it lie the mouth's inside and the sockets.
 _STRIP = 0.11
 _MARGIN = 0.004
-#: Part of the seam, from the neck, that runs up a side of the square; the rest runs along its top.
-_SIDE_SHARE = 0.6
+#: Radius of the square's upper corners.
+_ROUNDING = 0.42
 
 
 @dataclass(frozen=True)
@@ -157,6 +157,8 @@ def _border_loops(quads: Ints) -> list[list[int]]:
 def _on_square(points: Floats, loop: list[int]) -> Floats:
     """Place the outer border on the unit square: the neck at the bottom, the seam up the sides and along the top.
 
+    The upper corners are rounded: the surface around a sharp one would be laid out with a crease.
+
     Returns:
         One position per vertex of ``loop``, shape (L, 2).
     """
@@ -172,10 +174,9 @@ def _on_square(points: Floats, loop: list[int]) -> Floats:
     down = run[: first_end + 1] / run[first_end]
     along = (run[first_end : second_start + 1] - run[first_end]) / (run[second_start] - run[first_end])
     up = (run[second_start:] - run[second_start]) / (run[-1] - run[second_start])
-    turn = 1.0 - _SIDE_SHARE
     # Seen from outside, counter-clockwise: the crown's left neighbourhood comes first.
-    path_down = np.array([[0.5, 1.0], [0.0, 1.0], [0.0, 0.0]])
-    at = np.array([0.0, turn, 1.0])
+    path_down = _rounded_quarter()
+    at = np.linspace(0.0, 1.0, len(path_down))
     seam = np.stack([np.interp(down, at, path_down[:, k]) for k in range(2)], axis=1)
     bottom = np.stack([along, np.zeros_like(along)], axis=1)
     back = np.stack([1.0 - np.interp(1.0 - up, at, path_down[:, 0]), np.interp(1.0 - up, at, path_down[:, 1])], axis=1)
@@ -183,6 +184,16 @@ def _on_square(points: Floats, loop: list[int]) -> Floats:
     result = np.empty_like(placed)
     result[order] = placed
     return result
+
+
+def _rounded_quarter() -> Floats:
+    """Return points in equal steps from the middle of the square's top round its left corner to its bottom, (n, 2)."""
+    turn = np.linspace(0.0, np.pi / 2.0, 40)
+    arc = _ROUNDING + _ROUNDING * np.stack([-np.sin(turn), np.cos(turn)], axis=1) + [0.0, 1.0 - 2.0 * _ROUNDING]
+    corners = np.concatenate([[[0.5, 1.0]], arc, [[0.0, 0.0]]])
+    run = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
+    steps = np.linspace(0.0, run[-1], 400)
+    return np.stack([np.interp(steps, run, corners[:, k]) for k in range(2)], axis=1)
 
 
 def _embed(points: Floats, quads: Ints, spokes: Ints, loop: list[int], border: Floats, density: Floats) -> Floats:

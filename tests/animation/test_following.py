@@ -294,3 +294,17 @@ def test_jumps_are_left_out_and_movements_stay(model: FaceModel) -> None:
 def test_trajectories_that_do_not_fit_are_refused(model: FaceModel, change: dict[str, object], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         replace(tracked(model, performed(model, 4)), **change)
+
+
+@pytest.mark.parametrize("prior_weight", [0.0, 1.0])
+def test_a_point_held_beyond_its_range_does_not_wear_the_limits_down(model: FaceModel, prior_weight: float) -> None:
+    camera, points = front(model), SurfacePoints.at_vertices([model.subject.feature_points["4.1"]])
+    here = camera.project(model.positions_at(points, model.neutral()))
+    away = np.minimum(np.arange(60) / 20.0, 1.0)[:, None, None] * (0.0, -120.0)
+    held = Trajectories(("brow",), points, here + away, 30.0, camera)
+    poses = follow(model, held, prior_weight=prior_weight).coefficients
+    lower, upper = model.subject.shape_limits.T
+    weights = np.array([model.weights_of(pose) for pose in poses])
+    beyond = np.maximum(lower - weights, weights - upper)[:, upper > lower].max(axis=1)
+    assert beyond.max() < 0.25
+    assert beyond[-1] < beyond[25] + 0.01

@@ -159,6 +159,21 @@ def test_the_prior_holds_the_face(face: Face) -> None:
     assert face.session.document.prior == "whole"
 
 
+def test_the_spread_says_how_much_of_the_face_follows(face: Face) -> None:
+    u, v = face.pixel("left mouth corner")
+    face.drag("left mouth corner", (u + 8, v - 10))
+    assert face.spread == 0.5
+    away = np.linalg.norm(face.subject.vertices - face.subject.vertices[face.subject.feature_points["8.3"]], axis=1) > 5
+    moved = []
+    for spread in (0.0, 1.0):
+        face.spread = spread
+        assert face.session.document.spread == spread
+        face.solve()
+        moved.append(float(np.linalg.norm(face.vertices - face.subject.vertices, axis=1)[away].mean()))
+    assert moved[0] < 0.5 * moved[1]
+    assert face.transfer_to("woman").spread == 1.0
+
+
 def test_weights_and_poses_are_what_the_face_starts_from(face: Face) -> None:
     face.set_weights({"jawOpen": 0.5})
     assert face.weights["jawOpen"] == pytest.approx(0.5, abs=0.02)
@@ -243,6 +258,7 @@ def test_a_picture_comes_as_an_array_and_as_a_file(face: Face, tmp_path: Path) -
         ("face.save_pose(' ')", "needs a name"),
         ("face.remove(other)", "does not pull"),
         ("setattr(face, 'prior_weight', -1.0)", "prior weight"),
+        ("setattr(face, 'spread', 1.5)", "The spread is a number from 0 to 1, not 1.5"),
         ("setattr(face, 'prior', 'none')", "The prior is one of"),
         ("face.set_distance('8.3', '8.4', nan)", "distance constraint.target must be a number"),
         ("face.set_distance('8.3', '8.4', -5)", "distance constraint.target must be a number"),

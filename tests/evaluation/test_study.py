@@ -19,7 +19,7 @@ from faceposer.evaluation.rows import rows_of
 from faceposer.evaluation.running import Bench, Done
 from faceposer.evaluation.takes import Source, frames_a_second, steady
 from faceposer.evaluation.trials import Cell
-from faceposer.evaluation.tuning import search
+from faceposer.evaluation.tuning import end_warning, search
 from faceposer.training.expressions import Recipe
 from tests.evaluation.performances import weights, write_take
 
@@ -292,8 +292,8 @@ def test_methods_say_what_they_can_and_need(
 
 
 def test_the_usual_methods_are_those_of_the_comparison() -> None:
-    assert "mfa-whole" not in known_methods(None)
-    assert known_methods(None)[:2] == ("mfa", "mfa-plain")
+    assert "mfa-undamped" not in known_methods(None)
+    assert known_methods(None)[:3] == ("mfa", "mfa-whole", "mfa-plain")
 
 
 def test_intervals_are_of_the_ratio_and_of_paired_differences() -> None:
@@ -322,13 +322,40 @@ def test_tuning_finds_the_lowest_and_tries_nothing_twice() -> None:
     tried = []
 
     def score(parameters: dict[str, float]) -> float:
-        tried.append((parameters["ridge"], parameters["steps"]))
-        return abs(np.log(parameters["ridge"] / 10.0)) + abs(parameters["steps"] - 4) + 1.0
+        tried.append(tuple(sorted(parameters.items())))
+        return abs(np.log(parameters["prior_weight"] / 4.0)) + abs(parameters["energy"] - 0.98) + 1.0
 
-    found = search(BoundedWeights, score)
-    assert found["parameters"] == {"ridge": 10.0, "steps": 4}
+    found = search(Ppca, score)
+    assert found["parameters"] == {"energy": 0.98, "prior_weight": 4.0, "augmented": True}
     assert found["score"] == 1.0 < found["score_as_is"]
     assert len(tried) == len(set(tried)) == len(found["tried"])
+    assert (found["at_end_of_grid"], found["at_natural_end"]) == ([], [])
+    assert end_warning("ppca", found) is None
+
+
+def test_tuning_tells_ends_of_grids_from_ends_of_what_there_is() -> None:
+    found = search(Ppca, lambda parameters: 10.0 - parameters["energy"] - parameters["prior_weight"])
+    assert found["parameters"]["prior_weight"] == max(Ppca.grid["prior_weight"])
+    assert found["parameters"]["energy"] == 1.0
+    assert (found["at_end_of_grid"], found["at_natural_end"]) == (["prior_weight"], ["energy"])
+    assert end_warning("ppca", found) == (
+        "ppca: prior_weight=8 at the end of the grid, beyond which there may be better; offer wider ones."
+    )
+    # What is better by less than is worth a word is no reason to go to the end.
+    found = search(Ppca, lambda parameters: 1.0 - 1e-6 * parameters["prior_weight"])
+    assert found["parameters"] == Ppca.parameters
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_what_a_technique_uses_lies_within_its_grid(name: str) -> None:
+    kind = METHODS[name]
+    assert set(kind.grid) <= set(kind.parameters)
+    assert set(kind.natural_ends) <= set(kind.grid)
+    for parameter, values in kind.grid.items():
+        used = kind.parameters[parameter]
+        assert used in values
+        if not isinstance(used, bool | str) and used not in kind.natural_ends.get(parameter, ()):
+            assert min(values) < used < max(values)
 
 
 def test_tuning_writes_what_it_found(
@@ -339,6 +366,7 @@ def test_tuning_writes_what_it_found(
     status, out, _ = run(capsys, *words, "--tune", "--trials", "2")
     assert status == 0
     assert "bounded-weights: ridge=" in out
+    assert "at the end of the grid" in out
     tuned = json.loads((tmp_path / "tuned.json").read_text())["methods"]["bounded-weights"]
     assert [entry["parameters"]["ridge"] for entry in tuned["tried"]] == [BoundedWeights.parameters["ridge"], 1.0]
     assert tuned["score"] == min(entry["score"] for entry in tuned["tried"])

@@ -12,13 +12,13 @@ from scripts.asset_building.decimation import Decimation
 from scripts.asset_building.ears import turn_ears
 from scripts.asset_building.eyes import build_eye, turned_eye
 from scripts.asset_building.piece import grid_quads
-from scripts.asset_building.raster import map_texels, smoothstep
+from scripts.asset_building.raster import TexelMap, draw_strokes, map_texels, smoothstep
 from scripts.asset_building.refinement import refined_in_places
 from scripts.asset_building.subdivision import catmull_clark, linear_split
 from scripts.asset_building.swell import Swell, swollen
 from scripts.asset_building.symmetry import even, even_units
 from scripts.asset_building.transfer import fitted_units
-from scripts.asset_building.unwrap import Layout, unwrap_skin
+from scripts.asset_building.unwrap import Layout, _rounded_quarter, unwrap_skin
 from scripts.build_assets import differences
 
 CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
@@ -259,3 +259,40 @@ def test_the_creature_has_thirty_examples_that_name_units() -> None:
         }
         assert EXPRESSIONS[name.replace("_left", "_right")] == swapped, name
     assert len({tuple(sorted(strengths.items())) for strengths in EXPRESSIONS.values()}) == 30
+
+
+def two_charts() -> tuple[TexelMap, NDArray[np.float32]]:
+    """Return a strip 4 cm long at 10 texels per centimetre, cut in the middle and laid out apart, and its places."""
+    covered = np.zeros((30, 80), dtype=bool)
+    covered[5:25, 5:25] = covered[5:25, 45:65] = True
+    row, column = np.nonzero(covered)
+    along = np.where(column < 40, column - 5, column - 45 + 20) / 10.0
+    places = np.stack([along, row / 10.0, 0 * along], axis=1).astype(np.float32)
+    slopes = np.tile(np.array([[10.0, 0.0, 0.0], [0.0, 10.0, 0.0]], np.float32), (len(places), 1, 1))
+    return TexelMap(covered, places, slopes), places
+
+
+def test_hairs_go_on_over_a_seam_of_the_texture() -> None:
+    texels, places = two_charts()
+    flow = np.tile(np.array([1.0, 0.0, 0.0], np.float32), (len(places), 1))
+    starts = np.flatnonzero((np.abs(places[:, 0] - 1.0) < 0.01) & (np.abs(places[:, 1] - 1.5) < 0.01))
+    one = np.ones(len(starts), np.float32)
+    allowed = np.ones(len(places), dtype=bool)
+    ended, whole = (
+        draw_strokes(texels, flow, starts, 2.0 * one, one, 0 * one, allowed, known) for known in (None, places)
+    )
+    assert ended[:, 20:24].sum() > 0
+    assert ended[:, 45:].sum() == 0
+    assert whole[14:17, 46:52].sum(axis=0).min() > 0.3 * ended[14:17, 16:20].sum(axis=0).mean()
+    assert whole[:, 58:].sum() == 0, "no longer than a hair is"
+
+
+def test_the_layouts_border_has_round_upper_corners_and_is_convex() -> None:
+    path = _rounded_quarter()
+    assert path[0].tolist() == [0.5, 1.0]
+    assert path[-1].tolist() == [0.0, 0.0]
+    steps = np.diff(path, axis=0)
+    turn = steps[:-1, 0] * steps[1:, 1] - steps[:-1, 1] * steps[1:, 0]
+    assert turn.min() > -1e-9
+    angles = np.degrees(np.arcsin(turn / np.linalg.norm(steps[:-1], axis=1) / np.linalg.norm(steps[1:], axis=1)))
+    assert angles.max() < 5

@@ -65,11 +65,11 @@ def test_strokes_are_compared(tmp_path: Path) -> None:
 @pytest.mark.skipif("FACEPOSER_CAPTURES" not in os.environ, reason="needs the capture files")
 def test_priors_are_compared(tmp_path: Path) -> None:
     cells = ("--kinds", "point", "--counts", "point=4", "--region-counts", "point=1", "--noise", "0", "--trials", "1")
-    methods = ("--methods", "mfa,mfa-whole,mfa-plain,ppca,pca", "--examples", "300", "--jobs", "1")
+    methods = ("--methods", "mfa,mfa-undamped,mfa-plain,ppca,pca", "--examples", "300", "--jobs", "1")
     result = run("evaluate.py", "--output", str(tmp_path), *cells, *methods, "--no-figures", captures=True)
     assert result.returncode == 0, result.stderr
     rows = json.loads((tmp_path / "results.json").read_text())["rows"]
-    assert {row["method"] for row in rows} == {"mfa", "mfa-whole", "mfa-plain", "ppca", "pca"}
+    assert {row["method"] for row in rows} == {"mfa", "mfa-undamped", "mfa-plain", "ppca", "pca"}
     assert {row.get("region") for row in rows} == {None, "brows", "lids", "midface", "mouth"}
 
 

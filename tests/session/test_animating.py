@@ -84,7 +84,7 @@ def test_undo_comes_back_to_the_frame_of_the_edit(session: Session) -> None:
     animation = session.animation
     animation.go_to(20)
     between = session.coefficients.copy()
-    set_shape(session, "browInnerUp", 0.9)
+    set_shape(session, "browOuterUpLeft", 0.9)
     assert animation.keyframes.frames == (0, 14, 20, 29), "the change became a key"
     animation.go_to(3)
     session.undo()
@@ -94,7 +94,7 @@ def test_undo_comes_back_to_the_frame_of_the_edit(session: Session) -> None:
     assert animation.shown == "between"
     session.redo()
     assert animation.frame == 20
-    assert weights(session)["browInnerUpLeft"] == pytest.approx(0.9, abs=0.05)
+    assert weights(session)["browOuterUpLeft"] == pytest.approx(0.9, abs=0.05)
     assert animation.shown == "key"
 
 
@@ -125,7 +125,7 @@ def test_without_keys_by_themselves_a_change_is_left_behind_and_undo_brings_it_b
     animation = session.animation
     animation.auto_key = False
     animation.go_to(20)
-    set_shape(session, "browInnerUp", 0.9)
+    set_shape(session, "browOuterUpLeft", 0.9)
     assert animation.shown == "changed"
     assert animation.keyframes.frames == (0, 14, 29)
     changed = session.coefficients.copy()

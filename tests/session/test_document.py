@@ -15,6 +15,7 @@ from faceposer.model.subject_file import load_subject, save_subject
 from faceposer.session.document import Document, read_document, write_document
 from faceposer.session.opening import open_session
 from faceposer.solve.constraints.point import PointConstraint
+from faceposer.solve.problem import SPREAD
 
 CAMERA = OrbitView((0.0, 1.0, 2.0), 0.3, 0.2).camera((640, 480))
 
@@ -49,6 +50,22 @@ def test_the_prior_is_kept_in_the_file(tmp_path: Path) -> None:
     write_document(tmp_path / "a.json", Document("man"))
     assert "prior" not in json.loads((tmp_path / "a.json").read_text())
     assert not Document("man").same_input(Document("man", prior="whole"))
+
+
+def test_the_spread_is_kept_in_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    for spread in (0.0, 0.3, 1.0):
+        write_document(path, Document("man", spread=spread))
+        assert json.loads(path.read_text())["spread"] == spread
+        assert read_document(path).spread == spread
+    write_document(path, Document("man"))
+    assert "spread" not in json.loads(path.read_text())
+    assert read_document(path).spread == SPREAD
+    assert not Document("man").same_input(Document("man", spread=0.3))
+    for wrong in (-0.1, 1.1, "much", None):
+        path.write_text(json.dumps(Document("man").to_json() | {"spread": wrong}))
+        with pytest.raises(FacePoserError, match="spread must be a number"):
+            read_document(path)
 
 
 def test_file_is_as_documented(tmp_path: Path) -> None:

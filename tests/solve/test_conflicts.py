@@ -55,9 +55,9 @@ def test_two_pins_that_fight_are_each_others_opponents(model: FaceModel, camera:
 def test_an_absurd_pin_is_held_back_by_what_faces_do(model: FaceModel, camera: Camera) -> None:
     corner = model.subject.feature_points["8.3"]
     nose = model.subject.feature_points["9.3"]
-    assert conflicts(model, [pin(model, camera, corner, 150, -150)]) == [Conflict(0, None)]
+    assert conflicts(model, [pin(model, camera, corner, 150, -150)]) == [Conflict(0, None, mobility=1.0)]
     found = conflicts(model, [pin(model, camera, corner, 150, -150), pin(model, camera, nose, 0, 0)])
-    assert Conflict(0, None) in found
+    assert Conflict(0, None, mobility=1.0) in found
 
 
 def test_what_is_met_gives_nothing(model: FaceModel, camera: Camera) -> None:

@@ -105,7 +105,7 @@ def test_gradient_and_jacobian_agree_with_finite_differences(model: FaceModel, k
     rng = np.random.default_rng(0)
     for _ in range(5):
         constraints = [MAKERS[kind](model, rng) for _ in range(4)]
-        problem = PoseProblem(model, constraints, prior_weight=0)
+        problem = PoseProblem(model, constraints, bare=True)
         term = problem.terms[1]
         p = random_pose(model, rng)
         state = problem.state(p)
@@ -190,7 +190,7 @@ def test_the_image_energy_counts_pixels_and_slopes_downhill(model: FaceModel) ->
     way = np.array([[u - 25.0, v], [u + 25.0, v]])
     stroke = StrokeConstraint(as_pixels(way), as_pixels(way + (0.0, -6.0)), 10.0, camera, energy="image")
     stroke = stroke.resolved(model, model.neutral())
-    problem = PoseProblem(model, [stroke], prior_weight=0)
+    problem = PoseProblem(model, [stroke], bare=True)
     (term,) = problem.terms[1:]
     assert isinstance(term, StrokeImageTerm)
     value, gradient = term.value_and_gradient(problem.state(model.neutral()))
@@ -221,7 +221,7 @@ def test_fixed_points_cost_the_same_however_many(model: FaceModel) -> None:
     energies = []
     for count in (200, 400):
         points = SurfacePoints.at_vertices(model.subject.regions["mouth"][:: 1200 // count])
-        problem = PoseProblem(model, [FixedConstraint(points).resolved(model, model.neutral())], prior_weight=0)
+        problem = PoseProblem(model, [FixedConstraint(points).resolved(model, model.neutral())], bare=True)
         energies.append(problem.terms[1].value_and_gradient(problem.state(p))[0])
         assert problem.constraints[0].residual_px(model, model.neutral()) < 1e-6
     assert energies[0] == pytest.approx(energies[1], rel=0.05)

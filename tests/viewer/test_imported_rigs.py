@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from faceposer.geometry.mesh_io import read_mesh
+from faceposer.model.expression_lines import expression_lines
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import save_subject
 from faceposer.session.opening import open_session
@@ -53,6 +54,14 @@ def robot(subject: Subject, start: Start, tmp_path: Path, monkeypatch: pytest.Mo
     save_subject(work / "head.npz", subject)
     monkeypatch.chdir(work)
     return start("head.npz")
+
+
+def test_expression_lines_are_found(subject: Subject) -> None:
+    lines = expression_lines(subject)
+    assert lines is not None
+    for shape, zone in (("browOuterUpLeft", "forehead_outer_left"), ("mouthSmileLeft", "nasolabial_lower_left")):
+        vertices = subject.vertices + subject.shapes[subject.shape_names.index(shape)]
+        assert lines.by_zone(vertices)[zone] > 0.7
 
 
 def test_tools_know_the_face(subject: Subject, robot: Robot, tmp_path: Path) -> None:

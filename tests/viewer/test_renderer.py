@@ -1,5 +1,6 @@
 """What is drawn lies where the camera says, and picking by picture agrees with picking by ray."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -124,6 +125,23 @@ def test_the_head_fills_the_picture_and_fades_at_the_neck(model: FaceModel) -> N
     assert rows.min() < 40
     assert rows.max() > 150
     assert warmth[rows.max() + 4 :].max() < 15, "no hard edge where the neck ends"
+
+
+@pytest.mark.parametrize("angles", [(0, 0), (180, 0), (90, 0), (0, -35), (150, -25)])
+def test_the_cut_of_the_neck_is_an_edge_from_no_side(model: FaceModel, angles: tuple[int, int]) -> None:
+    vertices = model.subject.vertices
+    yaw, pitch = (math.radians(angle) for angle in angles)
+    camera = replace(OrbitView.preset(*box(model)), yaw=yaw, pitch=pitch).camera((300, 300))
+    shown, empty = (render_subject(model.subject, v, camera, 0).astype(int) for v in (vertices, vertices + 1e4))
+    differs = np.abs(shown - empty).max(axis=2)
+    strong = differs > 50
+    assert strong.mean() > 0.08
+    columns = np.flatnonzero(strong.sum(axis=0) > 80)
+    middle = columns[len(columns) // 4 : -len(columns) // 4]
+    last = strong.shape[0] - 1 - strong[::-1, middle].argmax(axis=0)
+    steps = np.abs(np.diff(differs, axis=0))
+    found = [steps[row - 2 : row + 25, column].max() for row, column in zip(last, middle, strict=True)]
+    assert np.median(found) < 40
 
 
 def test_missing_textures_are_replaced_by_plain_colours() -> None:

@@ -10,11 +10,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from faceposer.evaluation.methods.handles import Handles, missing_package
 from faceposer.evaluation.methods.method import Array, Method, Parameters
 from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.trials import skin_vertices
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.solve.constraints.registry import Constraint
 
@@ -37,10 +40,10 @@ class Arap(Method):
     kinds = ("point",)
     parameters = {"iterations": 10, "energy": "SPOKES_AND_RIMS", "follow": False, "still": 0.05}
     grid = {
-        "still": (0.001, 0.02, 0.05, 0.1),
+        "still": (0.001, 0.02, 0.05, 0.1, 0.2, 0.4),
         "follow": (False, True),
         "energy": ("SPOKES", "SPOKES_AND_RIMS", "ELEMENTS"),
-        "iterations": (3, 10),
+        "iterations": (3, 10, 30, 100),
     }
     requires: ClassVar[str | None] = "igl"
     max_trials: ClassVar[int | None] = 60
@@ -57,31 +60,48 @@ class Arap(Method):
             raise missing_package(self.name, "libigl") from error
         self._igl: Any = igl
         self._subject = subject = setting.subject
-        skin = subject.part("skin")
-        self._first, last = skin.vertices
-        first_triangle, last_triangle = subject.part_triangles(skin)
-        self._vertices = np.ascontiguousarray(subject.vertices[self._first : last], dtype=np.float64)
-        self._triangles = subject.triangles[first_triangle:last_triangle].astype(np.int64) - self._first
-        motion = np.linalg.norm(subject.shapes[:, self._first : last].astype(np.float64), axis=2).max(axis=0)
-        self._still = np.flatnonzero(motion <= parameters["still"] * motion.max())
+        self._skin = skin_vertices(subject)
+        self._vertices = np.ascontiguousarray(subject.vertices[self._skin], dtype=np.float64)
+        # The number of each vertex among those of the skin, -1 of the others.
+        self._among_skin = np.full(len(subject.vertices), -1, dtype=np.int64)
+        self._among_skin[self._skin] = np.arange(len(self._skin))
+        triangles = self._among_skin[subject.triangles]
+        self._triangles = np.ascontiguousarray(triangles[(triangles >= 0).all(axis=1)])
+        motion = np.linalg.norm(subject.shapes[:, self._skin].astype(np.float64), axis=2).max(axis=0)
+        still = motion <= parameters["still"] * motion.max()
+        self._still = np.flatnonzero(still | self._adrift(still))
         self._iterations = int(parameters["iterations"])
         self._energy = getattr(igl.ARAPEnergyType, f"ARAP_ENERGY_TYPE_{parameters['energy']}")
         self._followers: list[tuple[slice, NDArray[np.intp]]] = []
         if parameters["follow"]:
             nearest = cKDTree(self._vertices)
             for part in subject.parts:
-                if part.name != "skin" and part.material != "eye":
+                if part.material not in ("skin", "eye"):
                     run = slice(*part.vertices)
                     ids = np.unique(nearest.query(subject.vertices[run])[1]).astype(np.intp)
                     if len(ids) >= 3:
                         self._followers.append((run, ids))
+
+    def _adrift(self, still: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which vertices of the skin, shape (n,), lie on pieces, but the largest, of which nothing is ``still``.
+
+        With no handle on them either, nothing would say where they are: modelled brows and teeth are such pieces.
+        """
+        edges = self._triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+        n = len(self._vertices)
+        graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
+        pieces, of = connected_components(graph, directed=False)
+        free = np.bincount(of, still, pieces) == 0
+        free[np.bincount(of, minlength=pieces).argmax()] = False
+        adrift: NDArray[np.bool_] = free[of]
+        return adrift
 
     def held(self, handles: Handles) -> tuple[NDArray[np.int32], Array]:
         """Return the skin vertices that are held or moved, shape (b,), and where they go, (b, 3).
 
         Handles that fall on one vertex take it to the mean of where they want it.
         """
-        moved, which, counts = np.unique(handles.vertices - self._first, return_inverse=True, return_counts=True)
+        moved, which, counts = np.unique(self._among_skin[handles.vertices], return_inverse=True, return_counts=True)
         sums = np.zeros((len(moved), 3))
         np.add.at(sums, which, handles.displacements())
         still = np.setdiff1d(self._still, moved)
@@ -111,7 +131,7 @@ class Arap(Method):
     def vertices(self, found: Array) -> ArrayLike:
         """Return the vertices, shape (N, 3), of the face with the skin ``found``, shape (n, 3)."""
         vertices = self._subject.vertices.astype(np.float64)
-        vertices[self._first : self._first + len(found)] = found
+        vertices[self._skin] = found
         for run, ids in self._followers:
             vertices[run] = rigid_alignment(self._vertices[ids], found[ids]).apply(vertices[run])
         return vertices

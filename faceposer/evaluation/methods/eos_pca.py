@@ -30,13 +30,15 @@ class EosPca(ModelMethod):
     name = "eos"
     title = "Linear fit of a morphable model (eos)"
     kinds = ("point",)
-    parameters = {"lambda": 0.5, "coefficients": 52, "augmented": True, "base": "mean"}
+    parameters = {"lambda": 0.5, "coefficients": 54, "augmented": True, "base": "mean"}
     grid = {
         "base": ("mean", "neutral"),
         "augmented": (False, True),
-        "coefficients": (10, 20, 52),
-        "lambda": (0.25, 0.5, 1.0, 2.0, 4.0, 8.0),
+        "coefficients": (10, 20, 54),
+        "lambda": (0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0),
     }
+    # No shipped head has more shapes.
+    natural_ends = {"coefficients": (54,)}
     requires: ClassVar[str | None] = "eos"
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:

@@ -22,7 +22,12 @@ class Ppca(ModelMethod):
     name = "ppca"
     title = "PCA with one Gaussian (PPCA)"
     parameters = {"prior_weight": 1.0, "augmented": True, "energy": 1.0}
-    grid = {"augmented": (False, True), "energy": (0.99, 0.999, 1.0), "prior_weight": (0.5, 1.0, 2.0, 4.0)}
+    grid = {
+        "augmented": (False, True),
+        "energy": (0.95, 0.98, 0.99, 0.999, 1.0),
+        "prior_weight": (0.25, 0.5, 1.0, 2.0, 4.0, 8.0),
+    }
+    natural_ends = {"energy": (1.0,)}
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:
         """Learn the subspace from the captures of the ``setting``."""
@@ -40,8 +45,10 @@ class Pca(ModelMethod):
 
     name = "pca"
     title = "PCA without a prior"
-    parameters = {"augmented": False, "energy": 0.95}
-    grid = {"augmented": (False, True), "energy": (0.9, 0.95, 0.98, 0.99, 0.999)}
+    parameters = {"augmented": False, "energy": 0.5}
+    grid = {"augmented": (False, True), "energy": (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.999, 1.0)}
+    # The first component alone has more than half.
+    natural_ends = {"energy": (0.5, 1.0)}
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:
         """Learn the subspace from the captures of the ``setting``."""
@@ -49,4 +56,4 @@ class Pca(ModelMethod):
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
         """Return the coefficients, shape (r,), of the face that fits best."""
-        return solve(PoseProblem(self.model, constraints, prior_weight=0.0)).coefficients
+        return solve(PoseProblem(self.model, constraints, bare=True)).coefficients

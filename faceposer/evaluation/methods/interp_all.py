@@ -16,7 +16,7 @@ class InterpAll(ModelMethod):
     name = "interp-all"
     title = "Interpolation of all examples (Interp-all)"
     parameters = {"temperature": 4.0, "augmented": True}
-    grid = {"augmented": (False, True), "temperature": (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)}
+    grid = {"augmented": (False, True), "temperature": (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)}
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:
         """Take the examples of the ``setting``."""

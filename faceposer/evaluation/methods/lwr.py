@@ -24,13 +24,14 @@ class Lwr(ModelMethod):
 
     name = "lwr"
     title = "Locally weighted regression (LWR)"
-    parameters = {"neighbours": 1000, "augmented": True, "prior_weight": 2.0, "ridge": 1e-3}
+    parameters = {"neighbours": 2000, "augmented": True, "prior_weight": 1.0, "ridge": 1e-4}
     grid = {
         "augmented": (False, True),
-        "neighbours": (100, 300, 1000, 3000),
-        "prior_weight": (0.5, 1.0, 2.0, 4.0),
-        "ridge": (1e-4, 1e-3, 3e-3),
+        "neighbours": (100, 300, 1000, 2000, 4000, 8000, 12000),
+        "prior_weight": (0.25, 0.5, 1.0, 2.0, 4.0, 8.0),
+        "ridge": (1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2),
     }
+    natural_ends = {"neighbours": (12000,)}
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:
         """Take the examples of the ``setting``."""

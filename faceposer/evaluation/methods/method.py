@@ -30,6 +30,7 @@ class Method:
         kinds: The constraints that it understands.
         parameters: What ``faceposer evaluate --tune`` found best on the end of the training take.
         grid: The values of each parameter between which it chose.
+        natural_ends: Ends of these grids, by parameter, beyond which there is nothing to offer, such as all examples.
         requires: An optional package that it imports, without which a study passes it over; None if there is none.
         max_trials: So many trials of a cell at most, of a technique too slow for all; None for all.
     """
@@ -39,6 +40,7 @@ class Method:
     kinds: ClassVar[tuple[str, ...]] = KINDS
     parameters: ClassVar[Parameters] = {}
     grid: ClassVar[dict[str, Sequence[Any]]] = {}
+    natural_ends: ClassVar[dict[str, Sequence[Any]]] = {}
     requires: ClassVar[str | None] = None
     max_trials: ClassVar[int | None] = None
 
@@ -55,6 +57,14 @@ class Method:
         raise NotImplementedError
 
 
+def posed(model: FaceModel, coefficients: Array) -> ArrayLike:
+    """Return the vertices, shape (N, 3), by which a pose with ``coefficients``, shape (r,), is judged.
+
+    All techniques that find coefficients, and the scripts that study priors, make vertices here and nowhere else.
+    """
+    return model.instance(coefficients)
+
+
 class ModelMethod(Method):
     """A technique that finds coefficients of a face model.
 
@@ -66,7 +76,7 @@ class ModelMethod(Method):
 
     def vertices(self, found: Array) -> ArrayLike:
         """Return the vertices, shape (N, 3), of the face with the coefficients ``found``, shape (r,)."""
-        return self.model.instance(found)
+        return posed(self.model, found)
 
 
 def prepared(kind: type[Method], setting: Setting, **changes: Any) -> Method:

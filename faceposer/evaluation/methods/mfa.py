@@ -1,24 +1,30 @@
 """Mixtures of factor analyzers: the prior that ships, over regions or the whole face, and the paper's recipe."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from faceposer.evaluation.methods.method import Array, ModelMethod, Parameters
 from faceposer.evaluation.methods.subspace import model_with_energy
 from faceposer.evaluation.setting import Setting
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import solve
-from faceposer.solve.priors import Prior
 from faceposer.solve.problem import PoseProblem
 
+#: What ``PoseProblem`` is told of the program's own prior, by technique; nothing is what a new session has.
+PRIOR_ARGUMENTS: dict[str, dict[str, Any]] = {
+    "mfa": {},
+    "mfa-whole": {},
+    "mfa-undamped": {"prior": "whole"},
+}
 
-class RegionalMfa(ModelMethod):
+
+class ShippedMfa(ModelMethod):
     """What ships: the mixture seen from the start and near to the constraints, with bounds on the rig's weights."""
 
     name = "mfa"
     title = "Mixture of factor analyzers, as shipped"
     parameters = {"prior_weight": 1.0}
-    grid = {"prior_weight": (0.25, 0.5, 1.0, 2.0, 4.0)}
-    _prior: Prior = "regions"
+    grid = {"prior_weight": (0.25, 0.5, 1.0, 1.5, 2.0, 4.0)}
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:
         """Prepare the method for a ``setting``."""
@@ -27,15 +33,22 @@ class RegionalMfa(ModelMethod):
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
         """Return the coefficients, shape (r,), of the likeliest face."""
-        return solve(PoseProblem(self.model, constraints, prior_weight=self._weight, prior=self._prior)).coefficients
+        arguments = PRIOR_ARGUMENTS[self.name]
+        return solve(PoseProblem(self.model, constraints, prior_weight=self._weight, **arguments)).coefficients
 
 
-class WholeMfa(RegionalMfa):
-    """The same, but regions tell of each other all that the mixture says."""
+class WholeMfa(ShippedMfa):
+    """The same with *Spread* at the whole face: what is pulled takes along all that usually goes with it."""
 
     name = "mfa-whole"
+    title = "The same, Spread at whole face"
+
+
+class UndampedMfa(ShippedMfa):
+    """The same by the prior *Whole face*: regions tell of each other all that the mixture says."""
+
+    name = "mfa-undamped"
     title = "The same, regions not damped"
-    _prior: Prior = "whole"
 
 
 class PlainMfa(ModelMethod):
@@ -43,13 +56,14 @@ class PlainMfa(ModelMethod):
 
     name = "mfa-plain"
     title = "Mixture of factor analyzers by plain maximum likelihood (the paper)"
-    parameters = {"prior_weight": 1.0, "augmented": True, "components": 30, "factors": 10, "energy": 0.99}
+    parameters = {"prior_weight": 2.0, "augmented": True, "components": 30, "factors": 10, "energy": 0.99}
     grid = {
         "augmented": (False, True),
-        "energy": (0.99, 0.999, 1.0),
-        "components": (10, 30),
-        "prior_weight": (0.5, 1.0, 2.0, 4.0),
+        "energy": (0.9, 0.95, 0.98, 0.99, 0.999, 1.0),
+        "components": (3, 10, 30, 60, 120),
+        "prior_weight": (0.25, 0.5, 1.0, 2.0, 4.0, 8.0),
     }
+    natural_ends = {"energy": (1.0,)}
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:
         """Learn the mixture from the captures of the ``setting``."""

@@ -22,12 +22,15 @@ class OptBlend(ModelMethod):
 
     name = "opt-blend"
     title = "Optimisation of a blend of all examples (Opt-blend)"
-    parameters = {"examples": 2000, "augmented": True, "ridge": 0.1, "sum_penalty": 1e3, "iterations": 60}
+    parameters = {"examples": 2000, "augmented": True, "ridge": 0.1, "sum_penalty": 30.0, "iterations": 60}
     grid = {
         "augmented": (False, True),
-        "ridge": (1e-3, 1e-2, 1e-1, 1.0),
-        "examples": (2000, 12000),
+        "ridge": (1e-3, 1e-2, 3e-2, 1e-1, 3e-1, 1.0, 10.0),
+        "examples": (500, 1000, 2000, 4000, 12000),
+        "sum_penalty": (1.0, 10.0, 30.0, 100.0, 1e3, 1e4),
+        "iterations": (15, 30, 60, 120, 240),
     }
+    natural_ends = {"examples": (12000,)}
 
     def __init__(self, setting: Setting, parameters: Parameters) -> None:
         """Take the examples of the ``setting``."""
@@ -39,7 +42,7 @@ class OptBlend(ModelMethod):
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
         """Return the coefficients, shape (r,), of the best blend, from the neutral face."""
-        problem = PoseProblem(self.model, constraints, prior_weight=0.0)
+        problem = PoseProblem(self.model, constraints, bare=True)
         rows = self._coefficients
 
         def energy(weights: Array) -> tuple[float, Array]:

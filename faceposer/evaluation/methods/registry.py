@@ -7,14 +7,15 @@ from faceposer.evaluation.methods.gaussian import Pca, Ppca
 from faceposer.evaluation.methods.interp_all import InterpAll
 from faceposer.evaluation.methods.lwr import Lwr
 from faceposer.evaluation.methods.method import Method
-from faceposer.evaluation.methods.mfa import PlainMfa, RegionalMfa, WholeMfa
+from faceposer.evaluation.methods.mfa import PlainMfa, ShippedMfa, UndampedMfa, WholeMfa
 from faceposer.evaluation.methods.opt_blend import OptBlend
 
 METHODS: dict[str, type[Method]] = {
     kind.name: kind
     for kind in (
-        RegionalMfa,
+        ShippedMfa,
         WholeMfa,
+        UndampedMfa,
         PlainMfa,
         Ppca,
         Pca,

@@ -19,6 +19,8 @@ from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 
 # How far a hand misses the pixel that it means, in pixels: sigma of eq. (9).
 SIGMA_PX = 1.5
+# By what share of its length a pull passes by what it means, as a standard deviation, and how many points are few.
+_SLACK, _FEW = 0.15, 3.0
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,12 @@ class PointConstraint(Switches):
 
 
 class PointTerm(ResidualTerm):
-    """sum over i of w_i |y_i(p) - z_i|^2 / sigma^2 (paper, eqs. (9) and (25))."""
+    """sum over i of w_i (a_i^2 / sigma^2 + b_i^2 / sigma_i^2), a_i and b_i being y_i(p) - z_i along and across pull i.
+
+    This is the paper's eqs. (9) and (25), with sigma_i = sigma. A hand that pulls a few points tells their direction no
+    better than to some degrees, and a face that has to be exact there is no natural one: with the pull's length l_i and
+    n points, sigma_i^2 = sigma^2 + (t l_i min(1, 3 / n))^2 once `take_up` has seen where the pulls begin.
+    """
 
     def __init__(self, constraints: Sequence[PointConstraint], points: Indices) -> None:
         """Prepare the term for ``constraints`` whose points have the indices ``points`` in the state."""
@@ -105,9 +112,12 @@ class PointTerm(ResidualTerm):
         self._targets = np.array([constraint.target for constraint in constraints])
         self._cameras = [constraint.camera for constraint in constraints]
         self._points = points
+        self._across = np.tile([0.0, 1.0], (len(constraints), 1))
 
-    def limit(self, model: FaceModel, state: PoseState, limits: Array) -> None:
-        """Bring targets that no face reaches from the ``state`` back to its reach (``faceposer.solve.reach``).
+    def take_up(self, model: FaceModel, state: PoseState, limits: Array) -> None:
+        """Look at the pulls from the ``state`` where they begin: their reach (``faceposer.solve.reach``) and direction.
+
+        Targets that no face reaches are brought back to its reach.
 
         Args:
             model: The face.
@@ -120,16 +130,29 @@ class PointTerm(ResidualTerm):
             seen = [i for i, own in enumerate(self._cameras) if own == camera]
             reach = reach_of_rows(model, state.p, rows[seen], neutral[seen], camera, limits)
             self._targets[seen] = here[seen] + reach.limited(self._targets[seen] - here[seen])
+        pulls = self._targets - here
+        lengths = np.hypot(*pulls.T)
+        far = lengths > 1e-6
+        self._across[far] = np.column_stack([-pulls[far, 1], pulls[far, 0]]) / lengths[far, None]
+        slack = _SLACK * min(1.0, _FEW / len(lengths)) * lengths
+        self.weights[1::2] /= 1.0 + (slack / SIGMA_PX) ** 2
 
     def residual(self, state: PoseState) -> Array:
-        """Return pixel minus target, shape (2 n,)."""
-        return (state.pixels[self._points] - self._targets).ravel()
+        """Return pixel minus target, along and across the pull, shape (2 n,)."""
+        return np.einsum("nij,nj->ni", self._axes, state.pixels[self._points] - self._targets).ravel()
+
+    @property
+    def _axes(self) -> Array:
+        """Unit vectors along and across the pulls, shape (n, 2, 2)."""
+        along = np.column_stack([self._across[:, 1], -self._across[:, 0]])
+        return np.stack([along, self._across], axis=1)
 
     def jacobian(self, state: PoseState) -> Array:
-        """Return the derivatives of the pixels, shape (2 n, r)."""
-        jacobian = state.pixel_jacobian(self._points)
+        """Return the derivatives of the residuals, shape (2 n, r)."""
+        jacobian = self._axes @ state.pixel_jacobian(self._points)
         return jacobian.reshape(-1, jacobian.shape[-1])
 
     def pull_back(self, state: PoseState, by_residual: Array) -> Array:
         """Return jacobian^T ``by_residual``, shape (r,)."""
-        return state.pull_back(self._points, by_residual.reshape(-1, 2))
+        by_pixel = np.einsum("nij,ni->nj", self._axes, by_residual.reshape(-1, 2))
+        return state.pull_back(self._points, by_pixel)

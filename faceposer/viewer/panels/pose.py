@@ -1,5 +1,6 @@
 """The panel's first part: which face, how it follows, and back to neutral."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -7,10 +8,11 @@ from imgui_bundle import imgui
 
 from faceposer.model.subject_file import available_subjects
 from faceposer.solve.constraints.fixed import FixedConstraint
-from faceposer.solve.priors import PRIORS
+from faceposer.solve.priors import PRIORS, Prior
+from faceposer.solve.problem import SPREAD
 from faceposer.viewer.panels.constraint_details import LARGEST_HOLD
-from faceposer.viewer.panels.widgets import action_button, button_width, choice, tooltip
-from faceposer.viewer.theme import Icon, em
+from faceposer.viewer.panels.widgets import action_button, button_width, caption, choice, tooltip
+from faceposer.viewer.theme import FAINT, FIELD, RAISED, Icon, em
 
 if TYPE_CHECKING:
     from faceposer.viewer.app import App
@@ -18,10 +20,17 @@ if TYPE_CHECKING:
 _MODES = ("live", "apply")
 _LARGEST_WEIGHT = 10.0
 _USUAL_WEIGHT = 1.0
+_PRIOR_LABELS: dict[Prior, str] = {"regions": "By region", "whole": "Whole face", "plain": "As learned"}
+# In the order of ``PRIORS``.
+_PRIOR_TEXTS = (
+    "The usual way: muscles that work together in real faces move together, as far as Spread says.",
+    "The face is judged as a whole: whatever moved together in the captured performances moves together here.",
+    "The learned expressions as they are, as in the paper: the face drifts to its usual expressions by itself.",
+)
 
 
 class PosePanel:
-    """Subject, mode, prior weight, neutral."""
+    """Subject, mode, spread, prior weight, neutral."""
 
     def __init__(self) -> None:
         self._subjects: list[tuple[str, str]] | None = None
@@ -40,9 +49,10 @@ class PosePanel:
         if session.mode == "apply":
             action_button(app.marks, app.actions["apply"], -1.0, strong=session.pending)
         imgui.spacing()
+        self._draw_spread(app)
         self._draw_weight(app)
-        self._draw_prior(app)
         self._draw_hold(app)
+        self._draw_advanced(app)
         imgui.spacing()
         width = button_width(3)
         action_button(app.marks, app.actions["reset"], width, "Reset")
@@ -69,42 +79,116 @@ class PosePanel:
                 app.files.open(name)
         imgui.end_combo()
 
+    def _draw_spread(self, app: "App") -> None:
+        session = app.session
+
+        tip = (
+            "How much of the face follows what you pull. Local: only the muscles that it takes. Whole face: all that "
+            "usually moves along in real faces. Ctrl+click to type a value from 0 to 1, Esc to take a drag back."
+        )
+        # The other priors know no spread.
+        imgui.begin_disabled(session.document.prior != "regions")
+        self._draw_slider(
+            app,
+            "spread",
+            "Spread",
+            session.document.spread,
+            (SPREAD, 1.0, "%.2f"),
+            session.set_spread,
+            "Change the spread",
+            tip,
+            ends=("Local", "Whole face"),
+        )
+        imgui.end_disabled()
+
     def _draw_weight(self, app: "App") -> None:
         session = app.session
-        weight = session.document.prior_weight
-        imgui.align_text_to_frame_padding()
-        imgui.text("Prior weight")
-        imgui.same_line(em(6.6))
-        reset = weight != _USUAL_WEIGHT and not app.slider_edit.active
-        imgui.set_next_item_width(-em(2.3) if reset else -1.0)
-        flags = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.clamp_on_input
-        changed, value = imgui.slider_float("##weight", weight, 0.0, _LARGEST_WEIGHT, "%.2f", flags)
-        app.marks.note("weight")
-        app.slider_edit.follow(
-            session, "weight", "Change the prior weight", changed, lambda: session.set_prior_weight(value)
-        )
-        tooltip(
+        tip = (
             "How strongly the face keeps to natural expressions. At 0 only the points count. "
             "Ctrl+click to type a value, Esc to take a drag back."
         )
+        self._draw_slider(
+            app,
+            "weight",
+            "Prior weight",
+            session.document.prior_weight,
+            (_USUAL_WEIGHT, _LARGEST_WEIGHT, "%.2f"),
+            session.set_prior_weight,
+            "Change the prior weight",
+            tip,
+            logarithmic=True,
+        )
+
+    def _draw_slider(
+        self,
+        app: "App",
+        name: str,
+        title: str,
+        value: float,
+        measures: tuple[float, float, str],
+        change: Callable[[float], None],
+        step: str,
+        tip: str,
+        logarithmic: bool = False,
+        ends: tuple[str, str] = ("", ""),
+    ) -> None:
+        """Draw a slider from 0, with a button that brings the default back.
+
+        Args:
+            app: The window.
+            name: Of the widget.
+            title: Beside it.
+            value: Now.
+            measures: Its default, its largest value, and how the value is written.
+            change: Brings a value into the session.
+            step: What the history calls it.
+            tip: Of the tooltip.
+            logarithmic: Whether small values get more room.
+            ends: What its left and its right end mean, written below.
+        """
+        session = app.session
+        usual, largest, form = measures
+        imgui.align_text_to_frame_padding()
+        imgui.text(title)
+        imgui.same_line(em(6.6))
+        reset = value != usual and not app.slider_edit.active
+        imgui.set_next_item_width(-em(2.3) if reset else -1.0)
+        flags = imgui.SliderFlags_.clamp_on_input | (imgui.SliderFlags_.logarithmic if logarithmic else 0)
+        changed, new = imgui.slider_float(f"##{name}", value, 0.0, largest, form, flags)
+        app.marks.note(name)
+        app.slider_edit.follow(session, name, step, changed, lambda: change(new))
+        tooltip(tip)
         if reset:
             imgui.same_line()
-            if imgui.button(f"{Icon.UNDO}##weight", (em(1.8), 0.0)) and not session.editing:
-                session.set_prior_weight(_USUAL_WEIGHT)
-            app.marks.note("weight:reset")
-            tooltip("Back to 1")
+            if imgui.button(f"{Icon.UNDO}##{name}", (em(1.8), 0.0)) and not session.editing:
+                change(usual)
+            app.marks.note(f"{name}:reset")
+            tooltip(f"Back to {usual:g}")
+        if ends[0]:
+            imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - 0.6 * imgui.get_style().item_spacing.y)
+            imgui.set_cursor_pos_x(em(6.6))
+            imgui.text_colored(FAINT, ends[0])
+            imgui.same_line(imgui.get_content_region_avail().x - imgui.calc_text_size(ends[1]).x)
+            imgui.text_colored(FAINT, ends[1])
 
-    def _draw_prior(self, app: "App") -> None:
+    def _draw_advanced(self, app: "App") -> None:
+        """Draw which prior judges, under a header that is closed at first."""
         session = app.session
-        tips = (
-            "Each region of the face is kept natural by itself: a brow can be raised and the mouth stays.",
-            "The face is kept natural as a whole: what one region does tells of all others.",
-            "The mixture as it was learned, as in the paper: the face goes to its usual expressions by itself.",
-        )
-        chosen = choice(
-            app.marks, "prior", ("By region", "Whole face", "As learned"), PRIORS.index(session.document.prior), tips
-        )
-        if PRIORS[chosen] != session.document.prior and not session.editing:
+        prior = session.document.prior
+        # A session that has another prior shows it.
+        if prior != "regions":
+            imgui.set_next_item_open(True, imgui.Cond_.once)
+        imgui.push_style_color(imgui.Col_.header, imgui.ImVec4(*FIELD))
+        imgui.push_style_color(imgui.Col_.header_hovered, imgui.ImVec4(*RAISED))
+        opened = imgui.collapsing_header("Advanced")
+        imgui.pop_style_color(2)
+        app.marks.note("advanced")
+        tooltip("Other ways to judge what is natural")
+        if not opened:
+            return
+        chosen = choice(app.marks, "prior", tuple(_PRIOR_LABELS[p] for p in PRIORS), PRIORS.index(prior), _PRIOR_TEXTS)
+        caption(_PRIOR_TEXTS[chosen])
+        if PRIORS[chosen] != prior and not session.editing:
             session.set_prior(PRIORS[chosen])
 
     def _draw_hold(self, app: "App") -> None:

@@ -242,6 +242,7 @@ class TransferDialog:
         pixels = max(round(side * app.window.pixels[0] / max(app.window.size[0], 1)), 1)
         scene.set_model(model)
         scene.set_pose(pose)
+        scene.expression_lines = app.settings.expression_lines
         texture = scene.draw(portrait(model).camera((pixels, pixels)), app.shading, False, _SAMPLES)
         imgui.image(imgui.ImTextureRef(texture.glo), ImVec2(side, side), ImVec2(0.0, 1.0), ImVec2(1.0, 0.0))
         app.marks.note(f"transfer:picture:{name}")

@@ -28,6 +28,11 @@ def draw_view_panel(app: "App") -> None:
     _, app.wireframe = imgui.checkbox("Wireframe", app.wireframe)
     app.marks.note("wireframe")
     tooltip(app.actions["wireframe"].tooltip)
+    action = app.actions["expression-lines"]
+    if imgui.checkbox("Expression lines", app.settings.expression_lines)[0]:
+        action.run()
+    app.marks.note("expression-lines")
+    tooltip(action.tooltip)
     _, app.points_shown = imgui.checkbox("Show constraints", app.points_shown)
     app.marks.note("points-shown")
     tooltip(app.actions["points"].tooltip)

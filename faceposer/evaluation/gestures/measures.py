@@ -1,0 +1,236 @@
+"""What a face has done, in weights, millimetres and shares: what limits speak of.
+
+Millimetres are those of a head of 17.5 cm. A measure of two sides is called by its name with "_left" or "_right" after
+the place ("corner_left_up"). Directions: up and down, forward and back; out and in for places of one side, left and
+right (the character's) for places in the middle; moved is the length of the whole motion. "mouth_mean" and the like are
+the mean motion of a region of the evaluation.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.evaluation.gestures.gesture import HEAD_HEIGHT
+from faceposer.evaluation.gestures.hand import Performed
+from faceposer.evaluation.trials import FACE_REGIONS, region_vertices
+from faceposer.model.subject import ARKIT_SHAPES, Subject
+from faceposer.solve.weight_fit import fit_weights
+
+Array = NDArray[np.float64]
+SIDES = ("Left", "Right")
+
+#: Feature points of the left and the right side, by the name of the place.
+PAIRS: Mapping[str, tuple[str, str]] = {
+    "corner": ("8.3", "8.4"),
+    "cheek": ("5.1", "5.2"),
+    "cheekbone": ("5.3", "5.4"),
+    "brow_inner": ("4.1", "4.2"),
+    "brow_middle": ("4.3", "4.4"),
+    "brow_outer": ("4.5", "4.6"),
+    "upper_lid": ("3.1", "3.2"),
+    "lower_lid": ("3.3", "3.4"),
+    "nostril": ("9.1", "9.2"),
+    "upper_lip_half": ("8.5", "8.6"),
+    "ear": ("10.1", "10.2"),
+}
+#: Feature points in the middle.
+MIDDLES: Mapping[str, str] = {
+    "upper_lip": "8.1",
+    "lower_lip": "8.2",
+    "chin": "2.10",
+    "nose_tip": "9.3",
+    "nose_bridge": "9.12",
+}
+_DIRECTIONS = {"up": (1, 1.0), "down": (1, -1.0), "forward": (2, 1.0), "back": (2, -1.0)}
+# Skin this near to a region concerned, in millimetres, stretches with it.
+_MARGIN_MM = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class FaceChange:
+    """How the face that a gesture left differs from the neutral one."""
+
+    performed: Performed
+
+    @property
+    def subject(self) -> Subject:
+        """The character."""
+        return self.performed.model.subject
+
+    @cached_property
+    def motion(self) -> Array:
+        """The vertices' motion in millimetres, shape (N, 3)."""
+        moved = self.performed.vertices - self.subject.vertices
+        return moved.astype(np.float64) * self._millimetres
+
+    @property
+    def _millimetres(self) -> float:
+        return 10.0 * HEAD_HEIGHT / self.subject.height
+
+    @cached_property
+    def weights(self) -> Mapping[str, float]:
+        """The weights of ARKit's shapes as the panel shows them and files have them; empty without such shapes."""
+        if not set(self.subject.shape_names) & set(ARKIT_SHAPES):
+            return {}
+        return fit_weights(self.performed.model, self.performed.pose)
+
+    def values(self, unit: str) -> dict[str, float]:
+        """Return the values of ``unit`` by its name, or of its two sides by theirs; empty where the face has none."""
+        names = sided(unit)
+        return {name: value for name in names if (value := self._value(name)) is not None}
+
+    def _value(self, name: str) -> float | None:
+        if name in self.weights:
+            return self.weights[name]
+        place, _, direction = name.rpartition("_")
+        if direction == "mean":
+            ids = region_vertices(self.subject).get(place)
+            return None if ids is None else float(np.linalg.norm(self.motion[ids], axis=1).mean())
+        if name.startswith("lids_"):
+            return self._lids(*name.split("_")[1:])
+        if name == "mouth_opens":
+            return self._gap("2.2", "2.3")
+        if name == "lip_overhang":
+            # A lower lip that runs ahead of the chin is a duck's bill.
+            lip, chin = self._feature("8.2"), self._feature("2.10")
+            return None if lip is None or chin is None else float(lip[2] - chin[2])
+        return self._point(place, direction)
+
+    def _point(self, place: str, direction: str) -> float | None:
+        outwards = 1.0
+        key = MIDDLES.get(place)
+        if key is None:
+            base, _, side = place.rpartition("_")
+            if base not in PAIRS:
+                return None
+            outwards = 1.0 if side == "left" else -1.0
+            key = PAIRS[base][side == "right"]
+        moved = self._feature(key)
+        if moved is None:
+            return None
+        if direction == "moved":
+            return float(np.linalg.norm(moved))
+        if direction in ("out", "in", "left", "right"):
+            sign = {"out": outwards, "in": -outwards, "left": 1.0, "right": -1.0}[direction]
+            return float(sign * moved[0])
+        axis, sign = _DIRECTIONS[direction]
+        return float(sign * moved[axis])
+
+    def _feature(self, key: str) -> Array | None:
+        vertex = self.subject.feature_points.get(key)
+        return None if vertex is None else self.motion[vertex]
+
+    def _gap(self, upper: str, lower: str) -> float | None:
+        above, below = self._feature(upper), self._feature(lower)
+        return None if above is None or below is None else float(above[1] - below[1])
+
+    def _lids(self, side: str, direction: str) -> float | None:
+        """Return by what share of itself the gap between the lids closes or opens."""
+        upper, lower = (PAIRS[lid][side == "right"] for lid in ("upper_lid", "lower_lid"))
+        widened = self._gap(upper, lower)
+        if widened is None:
+            return None
+        points, y = self.subject.feature_points, self.subject.vertices[:, 1]
+        gap = float(y[points[upper]] - y[points[lower]]) * self._millimetres
+        return (widened if direction == "open" else -widened) / max(gap, 1e-6)
+
+    # Over the whole face
+
+    def spill_mm(self, concerned: tuple[str, ...]) -> float:
+        """Return the greatest motion of skin outside the regions ``concerned`` and beyond their margin."""
+        outside = skin_outside(self.subject, concerned)
+        return float(np.linalg.norm(self.motion[outside], axis=1).max(initial=0.0))
+
+    def other_side(self) -> float | None:
+        """Return the motion of the mirror images of the pulled places as a share of their own; None for the middle."""
+        own = other = 0.0
+        points = self.subject.feature_points
+        pulled = {drawn.vertex for drawn in self.performed.drawn}
+        for pair in PAIRS.values():
+            if not set(pair) <= points.keys():
+                continue
+            here, across = (float(np.linalg.norm(self.motion[points[key]])) for key in pair)
+            if points[pair[0]] in pulled:
+                own, other = own + here, other + across
+            if points[pair[1]] in pulled:
+                own, other = own + across, other + here
+        return other / own if own > 1e-9 else None
+
+    def gaze_deg(self) -> float | None:
+        """Return by how many degrees the axes of the eyes turn against each other; None without two eyes that move."""
+        axes: list[Array] = []
+        vertices = self.subject.vertices.astype(np.float64)
+        for side in ("eye_left", "eye_right"):
+            ids = self.subject.regions.get(side)
+            if ids is None or not len(ids):
+                return None
+            axes.append(_turned(vertices[ids], vertices[ids] + self.motion[ids] / self._millimetres)[:, 2])
+        left, right = axes
+        return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(left, right)), left @ right)))
+
+
+def sided(unit: str) -> tuple[str, ...]:
+    """Return the names of the sides of ``unit``, or its own if it has a side or none."""
+    if all(unit + side in ARKIT_SHAPES for side in SIDES):
+        return tuple(unit + side for side in SIDES)
+    place, _, direction = unit.rpartition("_")
+    if place in PAIRS or place == "lids":
+        return (f"{place}_left_{direction}", f"{place}_right_{direction}")
+    return (unit,)
+
+
+def known_unit(unit: str) -> bool:
+    """Whether ``unit`` is a name that limits may have."""
+    names = sided(unit)
+    if all(name in ARKIT_SHAPES for name in names) or names[0] in ("mouth_opens", "lip_overhang"):
+        return True
+    place, _, direction = names[0].rpartition("_")
+    if direction == "mean":
+        return place in FACE_REGIONS
+    if place.startswith("lids_"):
+        return direction in ("close", "open")
+    one_sided = place.removesuffix("_left").removesuffix("_right") in PAIRS
+    across = ("out", "in", "left", "right") if one_sided else ("left", "right")
+    return (one_sided or place in MIDDLES) and direction in (*_DIRECTIONS, *across, "moved")
+
+
+def region_ids(subject: Subject, name: str) -> NDArray[np.int64]:
+    """Return the vertices of a region, or of both of its sides; none where the subject has no such region."""
+    found = [subject.regions[key] for key in (name, f"{name}_left", f"{name}_right") if key in subject.regions]
+    return np.unique(np.concatenate(found)).astype(np.int64) if found else np.zeros(0, dtype=np.int64)
+
+
+@lru_cache(maxsize=256)
+def skin_outside(subject: Subject, concerned: tuple[str, ...]) -> NDArray[np.int64]:
+    """Return the skin's vertices that belong to no region ``concerned`` and lie farther than the margin from them.
+
+    Skin between the regions belongs to the nearest.
+    """
+    from scipy.spatial import cKDTree
+
+    skin = np.concatenate([np.arange(*part.vertices) for part in subject.parts if part.material == "skin"])
+    inside = np.unique(np.concatenate([region_ids(subject, name) for name in concerned]))
+    if not len(inside):
+        return skin
+    others = np.setdiff1d(np.unique(np.concatenate(list(subject.regions.values()))), inside)
+    others = np.intersect1d(others, skin)
+    vertices = subject.vertices.astype(np.float64)
+    near, _ = cKDTree(vertices[inside]).query(vertices[skin])
+    if len(others):
+        far, _ = cKDTree(vertices[others]).query(vertices[skin])
+        belongs = near <= far
+    else:
+        belongs = np.ones(len(skin), dtype=bool)
+    margin = 0.1 * _MARGIN_MM * subject.height / HEAD_HEIGHT
+    return skin[~belongs & (near > margin)]
+
+
+def _turned(before: Array, after: Array) -> Array:
+    """Return the rotation, (3, 3), that brings the points ``before`` nearest to ``after``, (n, 3) (Kabsch 1976)."""
+    u, _, vt = np.linalg.svd((before - before.mean(axis=0)).T @ (after - after.mean(axis=0)))
+    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    rotation: Array = (u @ flip @ vt).T
+    return rotation

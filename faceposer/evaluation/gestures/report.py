@@ -1,0 +1,112 @@
+"""A whole study: rows of all characters, and what is written of them."""
+
+import json
+import random
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from PIL import Image
+
+from faceposer.evaluation.gestures.characters import load_character
+from faceposer.evaluation.gestures.expressions import EXPRESSIONS
+from faceposer.evaluation.gestures.gesture import Gesture
+from faceposer.evaluation.gestures.hand import Performed, PriorSettings
+from faceposer.evaluation.gestures.pictures import Cell, Studio, beside, sheet, studio, write_jpeg
+from faceposer.evaluation.gestures.rows import Row, study
+from faceposer.evaluation.gestures.tables import markdown, spliced
+
+# Of the sheets: pictures a row, and pixels of each.
+_COLUMNS, _SIDE = 9, 176
+_EXPRESSION_SIDE = 240
+_BEFORE = "Before"
+
+
+def run(
+    characters: Sequence[str],
+    gestures: Sequence[Gesture],
+    settings: PriorSettings,
+    pictures: Path | None = None,
+    sheets: Path | None = None,
+    tell: Callable[[str], None] = lambda line: None,
+) -> list[Row]:
+    """Return the rows of all ``characters``, and write pictures.
+
+    Args:
+        characters: Names of characters.
+        gestures: What is done on each.
+        settings: Of the prior.
+        pictures: Folder for pictures before and after and for the sheets, or None.
+        sheets: Another folder for the sheets alone, or None.
+        tell: Is called with a line when a character is done.
+
+    Raises:
+        FacePoserError: If a character cannot be read, or nothing can be drawn.
+    """
+    folders = [folder for folder in (pictures, sheets) if folder is not None]
+    rows: list[Row] = []
+    expressions: list[Cell] = []
+    for character in characters:
+        model = load_character(character)
+        made = list(study(character, model, gestures, settings))
+        rows += [row for _, row in made]
+        if folders:
+            with studio(model.subject) as room:
+                expressions += _blind(room, [performed for performed, _ in made])
+                page = _character_sheet(room, made, None if pictures is None else pictures / character)
+                for folder in folders:
+                    write_jpeg(folder / f"gestures-{character}.jpg", page)
+        tell(f"{character}: {sum(row['holds'] for _, row in made)} of {len(made)} gestures hold")
+    if expressions:
+        page = sheet(expressions, len(EXPRESSIONS), _EXPRESSION_SIDE)
+        for folder in folders:
+            write_jpeg(folder / "gestures-expressions.jpg", page)
+    return rows
+
+
+def blind_order() -> list[Gesture]:
+    """Return the expressions as the sheet without captions has them, from the left."""
+    mixed = list(EXPRESSIONS)
+    random.Random(3).shuffle(mixed)
+    return mixed
+
+
+def write_json(path: Path, rows: Sequence[Row], settings: PriorSettings) -> None:
+    """Write ``rows`` with the ``settings`` that they were made under."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    content = {"settings": asdict(settings), "rows": list(rows)}
+    path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def write_page(path: Path, rows: Sequence[Row], settings: PriorSettings) -> None:
+    """Write the tables of ``rows`` between the marks of the page ``path``.
+
+    Raises:
+        FacePoserError: If it has no such marks.
+    """
+    told = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in asdict(settings).items())
+    page = spliced(path.read_text(encoding="utf-8"), markdown(rows, told))
+    path.write_text(page, encoding="utf-8")
+
+
+def _character_sheet(room: Studio, made: Sequence[tuple[Performed, Row]], folder: Path | None) -> Image.Image:
+    """Return the sheet of a character, and write each gesture before and after into ``folder``."""
+    cells: list[Cell] = []
+    for performed, row in made:
+        gesture = performed.gesture
+        before, after = room.before(gesture), room.after(performed)
+        if folder is not None:
+            write_jpeg(folder / f"{gesture.name}.jpg", beside(before, after))
+        if not any(cell.label == f"{_BEFORE}, {gesture.view}" for cell in cells):
+            cells.append(Cell(before, f"{_BEFORE}, {gesture.view}"))
+        cells.append(Cell(after, gesture.title, row["holds"]))
+    cells.sort(key=lambda cell: not cell.label.startswith(_BEFORE))
+    return sheet(cells, _COLUMNS, _SIDE)
+
+
+def _blind(room: Studio, made: Sequence[Performed]) -> list[Cell]:
+    """Return the expressions of a character without captions, if all were made."""
+    by_name = {performed.gesture.name: performed for performed in made}
+    if not all(gesture.name in by_name for gesture in EXPRESSIONS):
+        return []
+    return [Cell(room.after(by_name[gesture.name], arrows=False), "") for gesture in blind_order()]

@@ -1,0 +1,148 @@
+"""Rows: one gesture on one character, its measures beside its limits."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from faceposer.evaluation.gestures.gesture import Gesture
+from faceposer.evaluation.gestures.hand import Hand, Performed, PriorSettings, has_places
+from faceposer.evaluation.gestures.measures import FaceChange
+from faceposer.model.face_model import FaceModel
+from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.solve.priors import PRIORS
+
+Row = dict[str, Any]
+#: In every gesture and under every prior the eyes look the same way, but for so many degrees.
+GAZE_DEG = 1.0
+
+
+def perform(model: FaceModel, gesture: Gesture, settings: PriorSettings | None = None) -> Performed:
+    """Make ``gesture`` on the neutral face of ``model``."""
+    return Hand(model, settings).perform(gesture)
+
+
+def row_of(performed: Performed, character: str, gaze: dict[str, float | None] | None = None) -> Row:
+    """Return the row of a gesture that was made.
+
+    Args:
+        performed: The gesture.
+        character: Its name in the row.
+        gaze: Degrees between the eyes by prior, for the limit that holds under each; if None, of this prior alone.
+    """
+    gesture, change = performed.gesture, FaceChange(performed)
+    pulled = np.array([drawn.pulled_px for drawn in performed.drawn])
+    shares = np.divide(performed.residuals_px, np.maximum(pulled, 1e-6))
+    # What is pinned where it is has no share.
+    worst = int(np.argmax(np.where(pulled > 1.0, shares, -1.0)))
+    must: dict[str, Row] = {}
+    must_not: dict[str, Row] = {}
+    for limit in gesture.limits:
+        for name, value in change.values(limit.unit).items():
+            bound = "at_least" if limit.at_least is not None else "at_most"
+            (must if bound == "at_least" else must_not)[name] = {
+                _kind(name): _rounded(value),
+                bound: getattr(limit, bound),
+                "missed_by": _rounded(limit.missed_by(value)),
+                "holds": limit.holds(value),
+            }
+    other = change.other_side() if gesture.other_side is not None else None
+    spill = change.spill_mm(gesture.concerned)
+    degrees = gaze if gaze is not None else {performed.prior: change.gaze_deg()}
+    bounds = {
+        "residual": _bound(float(shares[worst]), gesture.residual),
+        "other_side": _bound(other, gesture.other_side),
+        "spill": _bound(spill, gesture.spill_mm),
+        "gaze": None,
+    }
+    turned = {prior: d for prior, d in degrees.items() if d is not None}
+    if turned:
+        farthest = max(turned, key=lambda prior: turned[prior])
+        bounds["gaze"] = (_bound(turned[farthest], GAZE_DEG) or {}) | {"prior": farthest}
+    judged = [*must.values(), *must_not.values(), *(b for b in bounds.values() if b is not None)]
+    return {
+        "character": character,
+        "gesture": gesture.name,
+        "actions": len(gesture.actions),
+        "pulled_px": _rounded(float(pulled[worst])),
+        "residual_px": _rounded(performed.residuals_px[worst]),
+        "must_move": must,
+        "must_not_move": must_not,
+        "other_side": _rounded(other),
+        "spill_mm": _rounded(spill),
+        "penetration_mm": None,
+        "gaze_deg": {prior: _rounded(value) for prior, value in degrees.items()},
+        "limits": {name: bound for name, bound in bounds.items() if bound is not None},
+        "solve_ms": _rounded(float(np.median(performed.solve_ms)) if performed.solve_ms else None),
+        "solves_ms": _rounded(sum(performed.solve_ms)),
+        "weights": {n: _rounded(w) for n, w in sorted(change.weights.items(), key=lambda x: -abs(x[1])) if w >= 0.02},
+        "holds": all(entry["holds"] for entry in judged),
+    }
+
+
+def study(
+    character: str, model: FaceModel, gestures: Sequence[Gesture], settings: PriorSettings
+) -> Iterator[tuple[Performed, Row]]:
+    """Make each of the ``gestures`` that the face has the places for, and give it with its row.
+
+    Each is made under the other priors too, for the gaze.
+    """
+    for gesture in gestures:
+        if not has_places(model.subject, gesture):
+            continue
+        performed = perform(model, gesture, settings)
+        gaze: dict[str, float | None] = {}
+        for prior in PRIORS:
+            other = settings.under(prior)
+            made = performed if other == settings else perform(model, gesture, other)
+            gaze[prior] = FaceChange(made).gaze_deg()
+        yield performed, row_of(performed, character, gaze)
+
+
+def missed(row: Row) -> list[str]:
+    """Return what does not hold of ``row``, each as name, value and limit, the farthest off first.
+
+    Where both sides are limited, the worse stands for both.
+    """
+    worst: dict[str, tuple[float, str]] = {}
+    for judged in (row["must_move"], row["must_not_move"], row["limits"]):
+        for name, entry in judged.items():
+            if entry["holds"]:
+                continue
+            value = next(entry[key] for key in ("weight", "mm", "share", "value") if key in entry)
+            sign, limit = ("≥", entry["at_least"]) if "at_least" in entry else ("≤", entry["at_most"])
+            shown = f"{name} ({entry['prior']} prior)" if "prior" in entry else _without_side(name, judged)
+            off = entry["missed_by"] / max(abs(limit), 0.05)
+            worst[shown] = max(worst.get(shown, (0.0, "")), (off, f"{shown} {value:.2g} ({sign} {limit:g})"))
+    return [text for _, text in sorted(worst.values(), reverse=True)]
+
+
+def _without_side(name: str, judged: Row) -> str:
+    """Return ``name`` without its side if that of the other side is ``judged`` too."""
+    for own, other, none in (
+        ("Left", "Right", ""),
+        ("Right", "Left", ""),
+        ("_left_", "_right_", "_"),
+        ("_right_", "_left_", "_"),
+    ):
+        if own in name and name.replace(own, other) in judged:
+            return name.replace(own, none)
+    return name
+
+
+def _kind(name: str) -> str:
+    if name in ARKIT_SHAPES:
+        return "weight"
+    return "share" if name.startswith("lids_") and name.endswith(("_close", "_open")) else "mm"
+
+
+def _bound(value: float | None, limit: float | None) -> Row | None:
+    """Return how ``value`` keeps the upper ``limit``, or None where there is no value or no limit."""
+    if value is None or limit is None:
+        return None
+    over = max(value - limit, 0.0)
+    return {"value": _rounded(value), "at_most": limit, "missed_by": _rounded(over), "holds": value <= limit}
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.4g}")

@@ -1,0 +1,175 @@
+"""Leaving out one performer at a time: each is tested with what the takes of all others teach.
+
+The study of each is one by itself, in a folder with the performer's name; above them are the files over all.
+"""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from faceposer.errors import FacePoserError
+from faceposer.evaluation.plan import Plan
+from faceposer.evaluation.rows import Row, csv_of, pooled_rows_of
+from faceposer.evaluation.running import Show
+from faceposer.evaluation.study import FORMAT, RESULTS, TABLE, TABLES, VERSION, Outcome, Study, machine
+from faceposer.evaluation.tables import error_tables, share_tables, time_table
+from faceposer.evaluation.takes import Source, Sparse
+from faceposer.model.subject import Subject
+from faceposer.session.document import write_text
+from faceposer.training.expressions import Recipe
+
+#: The name of the rows over all performers.
+POOLED = "pooled"
+# Each name is a folder of the study.
+_FORBIDDEN = frozenset('/\\:*?"<>|')
+
+
+@dataclass(frozen=True)
+class Performer:
+    """Somebody with takes.
+
+    Attributes:
+        name: Of the rows, and of a folder.
+        takes: Files, at least one.
+
+    Raises:
+        FacePoserError: If the name is none for a folder.
+    """
+
+    name: str
+    takes: tuple[Path, ...]
+
+    def __post_init__(self) -> None:
+        name = self.name
+        if not name or name[0] in ".-" or name == POOLED or not name.isprintable() or not _FORBIDDEN.isdisjoint(name):
+            raise FacePoserError(f"'{name}' cannot be the name of a performer; choose letters, digits and hyphens.")
+
+
+def leave_one_out(
+    performers: Sequence[Performer], subject: str, recipe: Recipe, sparse: Sparse = "auto"
+) -> dict[str, Source]:
+    """Return by name what each performer is tested with: the takes of all others to learn from.
+
+    Raises:
+        FacePoserError: If there are fewer than two performers, or two of one name or with one take.
+    """
+    names = [performer.name.casefold() for performer in performers]
+    if len(names) < 2:
+        raise FacePoserError("Leaving out one performer leaves nobody to learn from; give --performer at least twice.")
+    for performer in performers:
+        if names.count(performer.name.casefold()) > 1:
+            raise FacePoserError(
+                f"There are two performers called '{performer.name}'; give all takes of one after one --performer."
+            )
+    owners: dict[Path, str] = {}
+    for performer in performers:
+        for path in performer.takes:
+            other = owners.setdefault(path.resolve(), performer.name)
+            if other != performer.name:
+                raise FacePoserError(f"'{path}' is given as a take of {other} and of {performer.name}; keep one.")
+    sources = {}
+    for performer in performers:
+        others = [(other.name, path) for other in performers if other is not performer for path in other.takes]
+        sources[performer.name] = Source(
+            subject,
+            tuple(path for _, path in others),
+            performer.takes,
+            recipe,
+            sparse=sparse,
+            performers=tuple(name for name, _ in others),
+            left_out=performer.name,
+        )
+    return sources
+
+
+@dataclass(frozen=True)
+class PerformersOutcome:
+    """What came of leaving out performers.
+
+    Attributes:
+        pooled: Rows over the trials of all performers.
+        outcomes: Of each performer's study, by name.
+        left_out: Techniques that cannot be run here, each with a sentence that says why.
+    """
+
+    pooled: list[Row]
+    outcomes: dict[str, Outcome]
+    left_out: dict[str, str]
+
+    @property
+    def rows(self) -> list[Row]:
+        """All rows, those over all performers first, with whom they are of."""
+        named = {POOLED: self.pooled} | {name: outcome.rows for name, outcome in self.outcomes.items()}
+        return [{"performer": name, **row} for name, rows in named.items() for row in rows]
+
+    def tables(self) -> str:
+        """Return the tables of errors as Markdown, over all performers and of each."""
+        parts = ["## All performers, each left out once", error_tables(self.pooled), share_tables(self.pooled)]
+        parts.append(time_table(self.pooled))
+        for name, outcome in self.outcomes.items():
+            parts.append(f"## {name}, learned from the others")
+            parts += [error_tables(outcome.rows, legend=False), share_tables(outcome.rows)]
+        return "\n".join(part.rstrip("\n") + "\n" for part in parts if part)
+
+
+@dataclass(frozen=True)
+class PerformersStudy:
+    """A study of each performer, and what they say together.
+
+    Attributes:
+        sources: What each is tested with, by name.
+        plan: The cells, the same for all.
+        folder: Where the files are.
+        command: The words that repeat it.
+    """
+
+    sources: Mapping[str, Source]
+    plan: Plan
+    folder: Path
+    command: str
+
+    def study(self, name: str) -> Study:
+        """Return the study in which the performer ``name`` is left out."""
+        return Study(self.sources[name], self.plan, self.folder / name, self.command)
+
+    def run(self, subject: Subject, jobs: int, show: Callable[[str], Show], restart: bool = False) -> PerformersOutcome:
+        """Do what is left to do, and write what came of it.
+
+        Args:
+            subject: The face.
+            jobs: Number of processes.
+            show: Returns what is told of the progress of a performer's study.
+            restart: Whether to throw away all trials.
+
+        Raises:
+            FacePoserError: If a folder has another study's trials, a file cannot be used, a process was ended, or no
+                trial can be made of a performer's takes.
+        """
+        outcomes = {}
+        for name in self.sources:
+            outcomes[name] = self.study(name).run(subject, jobs, show(name), restart)
+            if not outcomes[name].rows:
+                raise FacePoserError(
+                    f"The takes of the performer '{name}' have too few frames in which the face moves to be tested on; "
+                    "give longer ones with --performer."
+                )
+        pooled = pooled_rows_of([outcome.scores for outcome in outcomes.values()], self.plan)
+        skipped: dict[str, str] = {}
+        for outcome in outcomes.values():
+            skipped |= outcome.left_out
+        found = PerformersOutcome(pooled, outcomes, skipped)
+        about = {
+            "format": FORMAT,
+            "version": VERSION,
+            "command": self.command,
+            "machine": machine(jobs),
+            "settings": {name: self.study(name).settings(subject) for name in self.sources},
+            "left_out": skipped,
+            "rows": found.rows,
+        }
+        write_text(self.folder / RESULTS, json.dumps(about, indent=1, ensure_ascii=False) + "\n", "result")
+        write_text(self.folder / TABLE, csv_of(found.rows), "table")
+        head = f"# {subject.name}\n\n    {self.command}\n\n"
+        write_text(self.folder / TABLES, head + found.tables(), "table")
+        return found

@@ -1,0 +1,164 @@
+"""Where lids end on an eyeball: points of the skin along the edge of the opening through which the ball is seen.
+
+Seen from the ball's centre, directions have an azimuth from straight ahead towards +x and an elevation. In each of some
+columns of equal azimuth, the opening is the run of elevations around straight ahead that no skin covers; its ends lie
+on the margins of the lids and, being points of the skin, go with it in every pose.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+#: Columns and coarse rows, and how often the ends between two rows are halved.
+_AZIMUTHS = np.radians(np.arange(-75.0, 75.1, 5.0))
+_ELEVATIONS = np.radians(np.arange(-56.0, 56.1, 7.0))
+_HALVINGS = 6
+# Skin covers the ball if it lies between these distances from its centre, in radii.
+_NEAREST, _FARTHEST = 0.985, 1.45
+# Openings narrower than this in all, in columns, are none.
+_FEWEST_COLUMNS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class LidMargins:
+    """Points of the skin along the margins of the lids of one eye, from one corner to the other.
+
+    Attributes:
+        corners: Vertices of the triangle that each point lies on, shape (n, 3).
+        barycentric: Its shares in them, shape (n, 3).
+        count: Points of the upper lid, which come first; those of the lower lid follow.
+    """
+
+    corners: NDArray[np.intp]
+    barycentric: Array
+    count: int
+
+    def angles(self, vertices: NDArray[np.floating], centre: ArrayLike) -> tuple[Array, Array]:
+        """Return azimuth and elevation, in radians, of the upper and of the lower margin seen from ``centre``.
+
+        Args:
+            vertices: The pose, shape (N, 3).
+            centre: Of the ball, shape (3,).
+
+        Returns:
+            Two arrays of shape (n, 2), each sorted by azimuth.
+        """
+        away = np.einsum("nk,nkd->nd", self.barycentric, vertices[self.corners]) - np.asarray(centre)
+        both = angles_of(away)
+        upper, lower = both[: self.count], both[self.count :]
+        return upper[upper[:, 0].argsort()], lower[lower[:, 0].argsort()]
+
+
+def angles_of(directions: Array) -> Array:
+    """Return azimuth and elevation, shape (n, 2), of ``directions``, shape (n, 3), not normalised."""
+    x, y, z = directions.T
+    return np.stack([np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))], axis=1)
+
+
+def directions_of(azimuth: ArrayLike, elevation: ArrayLike) -> Array:
+    """Return the unit directions, shape (..., 3), of azimuths and elevations."""
+    a, e = np.broadcast_arrays(np.asarray(azimuth, dtype=np.float64), np.asarray(elevation, dtype=np.float64))
+    return np.stack([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)], axis=-1)
+
+
+def find_lid_margins(
+    vertices: NDArray[np.floating], triangles: NDArray[np.integer], centre: Array, radius: float
+) -> LidMargins | None:
+    """Return the margins of the lids around an eyeball, or None where skin leaves no opening of an eye's shape.
+
+    Args:
+        vertices: The neutral face, which looks along +z, shape (N, 3).
+        triangles: Of the skin, shape (T, 3).
+        centre: Of the ball, shape (3,).
+        radius: Of the ball.
+    """
+    distance = np.linalg.norm(vertices - centre, axis=1)
+    near = (distance < _FARTHEST * radius) & (vertices[:, 2] > centre[2])
+    outside = distance > _NEAREST * radius
+    around = triangles[near[triangles].all(axis=1) & outside[triangles].any(axis=1)]
+    if not len(around):
+        return None
+    skin = _Skin(vertices[around].astype(np.float64) - centre, radius)
+    azimuth, elevation = np.meshgrid(_AZIMUTHS, _ELEVATIONS, indexing="ij")
+    open_at = (skin.covering(directions_of(azimuth.ravel(), elevation.ravel())) < 0).reshape(azimuth.shape)
+    runs = _runs(open_at)
+    if len(runs) < _FEWEST_COLUMNS:
+        return None
+    columns = _AZIMUTHS[[column for column, _, _ in runs]]
+    ends = []
+    for inner, outer in (
+        ([last for _, _, last in runs], [last + 1 for _, _, last in runs]),
+        ([first for _, first, _ in runs], [first - 1 for _, first, _ in runs]),
+    ):
+        free, covered = _ELEVATIONS[inner], _ELEVATIONS[outer]
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (free + covered)
+            is_open = skin.covering(directions_of(columns, middle)) < 0
+            free, covered = np.where(is_open, middle, free), np.where(is_open, covered, middle)
+        ends.append(directions_of(columns, covered))
+    directions = np.concatenate(ends)
+    hit = skin.covering(directions)
+    return LidMargins(around[hit].astype(np.intp), skin.barycentric(directions, hit), len(columns))
+
+
+def _runs(open_at: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
+    """Return column, first and last row of the opening in each column that it takes, from the middle outwards."""
+    middle = len(_AZIMUTHS) // 2
+    found: dict[int, tuple[int, int]] = {}
+    for columns in (range(middle, len(_AZIMUTHS)), range(middle - 1, -1, -1)):
+        before = found.get(middle)
+        for column in columns:
+            run = _run(open_at[column], before)
+            if run is None:
+                break
+            found[column] = before = run
+    return [(column, *found[column]) for column in sorted(found)]
+
+
+def _run(column: NDArray[np.bool_], beside: tuple[int, int] | None) -> tuple[int, int] | None:
+    """Return first and last of the rows that are open next to ``beside``, or around straight ahead."""
+    low, high = beside or (len(column) // 2 - 2, len(column) // 2 + 2)
+    rows = np.flatnonzero(column[low : high + 1]) + low
+    if not len(rows):
+        return None
+    first = last = int(rows[len(rows) // 2])
+    while first > 0 and column[first - 1]:
+        first -= 1
+    while last < len(column) - 1 and column[last + 1]:
+        last += 1
+    # What is open to the end of the grid is no opening between two lids.
+    return None if first == 0 or last == len(column) - 1 else (first, last)
+
+
+class _Skin:
+    """Triangles around the origin, which rays from there may meet."""
+
+    def __init__(self, corners: Array, radius: float) -> None:
+        a, b, c = np.moveaxis(corners, 1, 0)
+        self._edges = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+        self._volume = np.einsum("td,td->t", a, self._edges[0])
+        self._near, self._far = _NEAREST * radius, _FARTHEST * radius
+
+    def _shares(self, directions: Array) -> tuple[Array, Array]:
+        """Return barycentric shares times distance, shape (3, n, T), and distances, (n, T), of rays and triangles."""
+        shares = directions @ self._edges.transpose(0, 2, 1)
+        total = shares.sum(axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = self._volume / total
+        return shares / np.where(total == 0.0, np.inf, total), distance
+
+    def covering(self, directions: Array) -> NDArray[np.intp]:
+        """Return the nearest triangle outside the ball that each ray meets, or -1, shape (n,)."""
+        shares, distance = self._shares(directions)
+        meets = (shares >= -1e-9).all(axis=0) & (distance > self._near) & (distance < self._far)
+        distance = np.where(meets, distance, np.inf)
+        nearest = distance.argmin(axis=1)
+        return np.where(meets.any(axis=1), nearest, -1)
+
+    def barycentric(self, directions: Array, triangles: NDArray[np.intp]) -> Array:
+        """Return the shares, shape (n, 3), of where each ray meets its triangle."""
+        shares, _ = self._shares(directions)
+        return np.asarray(shares[:, np.arange(len(triangles)), triangles].T)

@@ -1,0 +1,233 @@
+"""Where expression lines lie on a face and how deep they are: one map of heights for all faces, in their chart.
+
+Forehead lines follow the brows, frown lines stand between them, crow's feet radiate from the outer corners of the
+eyes, bunny lines cross the sides of the nose, nasolabial folds run from its wings past the corners of the mouth, and
+marionette lines run down from these. Each is a valley along a smooth curve with a swelling beside it,
+
+    h(d) = -a [¾ exp(-d² / 2 w²) + ¼ exp(-2 d² / w²) - ⅖ exp(-d² / 2 (2.8 w)²)] + b exp(-(d - s)² / 2 (0.8 s)²),
+
+d the signed distance to the curve, w the width, a the depth, and b the swelling of the skin at the distance s on one
+side. Depth, width and course vary along the curves, and the two sides of the face differ a little.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Part of the chart that the map covers: least u, greatest u, least v, greatest v, in centimetres of the chart.
+EXTENT = (-8.0, 8.0, -8.5, 9.0)
+#: Layers of the map; in each, lines of different groups lie apart: in the first forehead lines, crow's feet and
+#: nasolabial folds, in the second frown lines, bunny lines and marionette lines, which come near to these.
+LAYERS = 2
+#: Samples per centimetre of the chart.
+DENSITY = 56
+_STEP = 0.05
+_SMOOTHED_CM = 0.22
+_SEED = 7
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A valley along a curve of the left side: y as a function of x, where x is u or v.
+
+    Attributes:
+        along: Which coordinate x is.
+        knots: Pairs (x, y) with rising x.
+        depth: In centimetres.
+        width: Standard deviation across, in centimetres.
+        ends: Over which lengths it fades at the least and the greatest x.
+        swelling: Height beside it, in centimetres, and at which distance; the sign says on which side.
+        wobble: Amplitude of its irregular course, in centimetres.
+        unevenness: How much its depth varies along it, as a share; its width varies by two thirds of that.
+        layer: Of the map.
+        sides: On which sides of the face it is; 0 for one line that crosses the middle.
+    """
+
+    along: Literal["u", "v"]
+    knots: tuple[tuple[float, float], ...]
+    depth: float
+    width: float
+    ends: tuple[float, float] = (0.5, 0.5)
+    swelling: tuple[float, float] = (0.0, 1.0)
+    wobble: float = 0.05
+    unevenness: float = 0.35
+    layer: int = 0
+    sides: tuple[int, ...] = (1, -1)
+
+
+def _forehead() -> list[_Line]:
+    main = [
+        # Height in the middle, arch over the brows, fall at the temples, reach, depth, width.
+        (5.28, 0.24, 0.070, 5.0, 0.034, 0.058),
+        (5.98, 0.22, 0.060, 5.6, 0.048, 0.068),
+        (6.72, 0.15, 0.050, 5.3, 0.044, 0.066),
+        (7.42, 0.08, 0.040, 4.3, 0.028, 0.058),
+    ]
+    lines = []
+    for middle, arch, fall, reach, depth, width in main:
+        us = np.linspace(-reach, reach, 15)
+        vs = middle + arch * np.exp(-(((np.abs(us) - 2.7) / 1.5) ** 2))
+        vs -= fall * np.maximum(np.abs(us) - 2.8, 0.0) ** 2
+        knots = tuple(zip(us.tolist(), vs.tolist(), strict=True))
+        lines.append(_Line("u", knots, depth, width, (2.4, 2.4), wobble=0.05, sides=(0,)))
+    short = [
+        ((-2.9, 5.70), (-0.4, 5.58)),
+        ((1.0, 6.36), (3.9, 6.50)),
+        ((-4.4, 6.34), (-2.0, 6.56)),
+        ((-0.9, 7.08), (1.6, 7.06)),
+        ((2.2, 5.76), (4.7, 5.50)),
+        ((-3.6, 7.10), (-1.7, 7.16)),
+        ((0.2, 5.66), (1.5, 5.60)),
+    ]
+    lines += [_Line("u", knots, 0.015, 0.040, (0.9, 0.9), wobble=0.05, sides=(0,)) for knots in short]
+    return lines
+
+
+def _frown() -> list[_Line]:
+    main = ((2.7, 0.48), (3.4, 0.64), (4.0, 0.78), (5.1, 0.74))
+    beside, between = ((3.3, 1.06), (4.0, 1.16), (4.7, 1.06)), ((3.1, 0.07), (4.0, -0.04), (4.6, -0.02))
+    return [
+        _Line("v", main, 0.066, 0.074, (0.8, 1.4), (0.045, 0.45), 0.03, 0.25, 1),
+        _Line("v", beside, 0.018, 0.055, (0.7, 0.9), wobble=0.03, layer=1),
+        _Line("v", between, 0.010, 0.046, (0.7, 0.9), wobble=0.02, layer=1, sides=(0,)),
+        _Line(
+            "u", ((-1.0, 1.98), (0.0, 2.14), (1.0, 2.00)), 0.022, 0.062, (0.9, 0.9), wobble=0.03, layer=1, sides=(0,)
+        ),
+    ]
+
+
+def _crows_feet() -> list[_Line]:
+    return [
+        _Line("u", ((5.30, 2.05), (5.9, 2.42), (6.6, 2.70), (7.1, 2.82)), 0.026, 0.048, (0.45, 0.9), wobble=0.03),
+        _Line("u", ((5.35, 1.66), (6.0, 1.80), (6.7, 1.82), (7.3, 1.76)), 0.034, 0.050, (0.45, 1.0), wobble=0.03),
+        _Line("u", ((5.35, 1.26), (5.9, 1.08), (6.6, 0.86), (7.2, 0.62)), 0.034, 0.050, (0.45, 1.0), wobble=0.03),
+        _Line("u", ((5.15, 0.86), (5.6, 0.46), (6.2, -0.02), (6.7, -0.46)), 0.024, 0.048, (0.45, 0.9), wobble=0.03),
+        _Line("u", ((5.75, 1.50), (6.4, 1.36), (6.9, 1.22)), 0.012, 0.036, (0.4, 0.6), wobble=0.03),
+        _Line("u", ((5.70, 2.02), (6.3, 2.16), (6.8, 2.20)), 0.011, 0.036, (0.4, 0.6), wobble=0.03),
+        # Beneath the lower lid.
+        _Line("u", ((2.6, 0.22), (3.4, -0.02), (4.3, 0.16), (5.1, 0.62)), 0.018, 0.060, (1.0, 0.9), wobble=0.03),
+    ]
+
+
+def _bunny() -> list[_Line]:
+    return [
+        _Line("u", ((-0.15, 1.66), (0.5, 1.44), (1.35, 0.78)), 0.030, 0.056, (0.5, 0.8), wobble=0.03, layer=1),
+        _Line("u", ((-0.10, 1.18), (0.6, 0.86), (1.50, 0.14)), 0.046, 0.064, (0.5, 0.9), wobble=0.03, layer=1),
+        _Line("u", ((-0.05, 0.66), (0.6, 0.36), (1.50, -0.42)), 0.040, 0.060, (0.5, 0.9), wobble=0.03, layer=1),
+        _Line("u", ((0.30, 0.12), (0.8, -0.12), (1.45, -0.70)), 0.020, 0.050, (0.4, 0.6), wobble=0.02, layer=1),
+        _Line(
+            "u", ((-0.7, 1.00), (0.0, 1.12), (0.6, 1.04)), 0.012, 0.045, (0.5, 0.5), wobble=0.03, layer=1, sides=(0,)
+        ),
+    ]
+
+
+def _mouth() -> list[_Line]:
+    fold = (
+        (-6.4, 3.58),
+        (-5.6, 3.60),
+        (-4.9, 3.40),
+        (-4.2, 3.06),
+        (-3.4, 2.62),
+        (-2.6, 2.18),
+        (-1.8, 1.80),
+        (-1.2, 1.65),
+        (-0.8, 1.6),
+    )
+    return [
+        _Line("v", fold, 0.052, 0.110, (2.8, 0.5), (0.090, 0.80), 0.015, 0.12),
+        _Line("v", fold, 0.034, 0.240, (3.0, 0.7), wobble=0.015, unevenness=0.10),
+        _Line(
+            "v",
+            ((-7.0, 2.94), (-6.2, 3.12), (-5.6, 3.02), (-5.2, 2.86)),
+            0.046,
+            0.085,
+            (1.1, 0.4),
+            (0.024, 0.5),
+            0.02,
+            layer=1,
+        ),
+    ]
+
+
+def _lines() -> list[_Line]:
+    return [*_forehead(), *_frown(), *_crows_feet(), *_bunny(), *_mouth()]
+
+
+@lru_cache(maxsize=1)
+def line_heights() -> NDArray[np.float32]:
+    """Return the heights over ``EXTENT`` for full strength, in centimetres, row 0 lowest, (rows, columns, LAYERS)."""
+    left, right, bottom, top = EXTENT
+    columns, rows = round((right - left) * DENSITY), round((top - bottom) * DENSITY)
+    us = left + (np.arange(columns) + 0.5) / DENSITY
+    vs = bottom + (np.arange(rows) + 0.5) / DENSITY
+    heights = np.zeros((rows, columns, LAYERS), dtype=np.float32)
+    random = np.random.default_rng(_SEED)
+    for line in _lines():
+        for side in line.sides:
+            _carve(heights[..., line.layer], us, vs, line, side, random)
+    return heights
+
+
+def _carve(
+    heights: NDArray[np.float32], us: Array, vs: Array, line: _Line, side: int, random: np.random.Generator
+) -> None:
+    """Add ``line`` to ``heights`` on the left (1), the right (-1), or across the middle (0)."""
+    knots = np.array(line.knots)
+    low, high = knots[0, 0], knots[-1, 0]
+    xs = np.arange(low - 1.0, high + 1.0, _STEP)
+    kernel = np.exp(-0.5 * (np.arange(-0.6, 0.61, _STEP) / _SMOOTHED_CM) ** 2)
+    # Beyond its ends the curve goes on as it came, so that smoothing does not bend it.
+    slopes = np.diff(knots[[0, 1, -2, -1]], axis=0)[[0, 2]]
+    beyond = knots[[0, -1]] + np.array([-2.0, 2.0])[:, None] * np.stack([[1.0, s[1] / s[0]] for s in slopes])
+    course = np.interp(xs, *np.vstack([beyond[0], knots, beyond[1]]).T)
+    padded = np.pad(course, len(kernel) // 2, mode="reflect", reflect_type="odd")
+    ys = np.convolve(padded, kernel / kernel.sum(), mode="valid")
+    # No two lines of a face are alike, nor are its two sides.
+    ys += line.wobble * (_irregular(xs, random, 1.1) + random.normal())
+    tilt = 1.0 / np.sqrt(1.0 + np.gradient(ys, xs) ** 2)
+    fade = _ramp((xs - low) / line.ends[0]) * _ramp((high - xs) / line.ends[1])
+    depth = line.depth * random.uniform(0.8, 1.2) * fade * (1.0 + line.unevenness * _irregular(xs, random, 1.6))
+    width = line.width * (1.0 + 0.65 * line.unevenness * _irregular(xs, random, 1.3)) * (0.65 + 0.35 * fade)
+    # A swelling begins and ends more softly than its valley.
+    swelling = line.swelling[0] * _ramp((xs - low) / (2.2 * line.ends[0])) * _ramp((high - xs) / (2.2 * line.ends[1]))
+
+    reach = max(6.5 * line.width, 3.0 * abs(line.swelling[1]) if line.swelling[0] else 0.0)
+    across, sign = ((us, vs) if line.along == "u" else (vs, us)), (-1.0 if side < 0 else 1.0)
+    # On the right side u is mirrored; the map's grid is symmetric, and so is the run of its columns.
+    first, second = (slice(None), slice(None)) if sign > 0 else (slice(None), slice(None, None, -1))
+    grid = heights[first, second]
+    x_ids = np.flatnonzero((across[0] >= low) & (across[0] <= high))
+    y_ids = np.flatnonzero((across[1] >= ys.min() - reach) & (across[1] <= ys.max() + reach))
+    if not len(x_ids) or not len(y_ids):
+        return
+    x = across[0][x_ids]
+    y, scale, a, w, b = (np.interp(x, xs, values) for values in (ys, tilt, depth, width, swelling))
+    d = ((across[1][y_ids][:, None] - y) * scale).astype(np.float32)
+    squares = d * d
+    w2 = (w * w).astype(np.float32)
+    crease = 0.75 * np.exp(-0.5 * squares / w2) + 0.25 * np.exp(-2.0 * squares / w2)
+    h = -a.astype(np.float32) * (crease - 0.4 * np.exp(-0.5 * squares / (7.84 * w2)))
+    if line.swelling[0]:
+        at = np.float32(line.swelling[1])
+        h += b.astype(np.float32) * np.exp(-0.5 * ((d - at) / (0.8 * at)) ** 2)
+    block = np.s_[y_ids[0] : y_ids[-1] + 1, x_ids[0] : x_ids[-1] + 1]
+    (grid if line.along == "u" else grid.T)[block] += h
+
+
+def _irregular(xs: Array, random: np.random.Generator, length: float) -> Array:
+    """Return a smooth random function of about unit amplitude whose bumps are about ``length`` long."""
+    waves = length * np.array([2.6, 1.5, 0.8])
+    phases = random.uniform(0.0, 2.0 * np.pi, 3)
+    total: Array = (np.array([0.65, 0.45, 0.12]) * np.sin(2.0 * np.pi * xs[:, None] / waves + phases)).sum(axis=1)
+    return total
+
+
+def _ramp(x: Array) -> Array:
+    clipped = np.clip(x, 0.0, 1.0)
+    ramp: Array = clipped * clipped * (3.0 - 2.0 * clipped)
+    return ramp

@@ -1,0 +1,123 @@
+"""The view that frames a face: from chin to hairline, neck and top of the head aside."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.geometry.camera import OrbitView
+from faceposer.model.subject import Subject
+
+Array = NDArray[np.float64]
+
+#: Share of the picture above the hairline and below the chin; what is left between them is filled by the face.
+ABOVE, BELOW = 0.15, 0.13
+#: Share of the picture's width that the head may take.
+ACROSS = 0.97
+# A vertex belongs to the moving part of a face if some shape moves it by this share of the greatest movement.
+_MOVES = 0.12
+_FOV_Y = math.radians(20.0)
+# Foreheads hardly move: their part of the face's height, as a share of the part that does.
+_FOREHEAD = 0.22
+# A vertex is near the plane of symmetry if it is nearer than this share of the mesh's width.
+_NEAR_MIDDLE = 0.25
+# Pictures of narrow shape show long ears whole as long as that makes the face no smaller than by this factor.
+_FOR_EARS = 1.45
+# Fewer vertices than this, or less height than this share of the mesh, are no face.
+_FEWEST, _LOWEST = 8, 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class FaceFrame:
+    """What a view of a face must show, in the unit of the mesh.
+
+    Attributes:
+        chin: The lowest point of the face, shape (3,).
+        hairline: The highest, shape (3,).
+        outline: Vertices of the head at the height of the face and above it, ears aside, shape (n, 3).
+    ears: Those of the ears, shape (m, 3).
+        middle: What a view circles, seen from above: x and z.
+    """
+
+    chin: Array
+    hairline: Array
+    outline: Array
+    ears: Array
+    middle: tuple[float, float]
+
+
+def face_frame(subject: Subject) -> FaceFrame | None:
+    """Return what frames the face of ``subject``, or None where nothing tells the face from the rest of the mesh.
+
+    Chin and hairline are MPEG-4's feature points 2.1 and 11.1; without them, the lowest and the highest place of the
+    skin that the shapes move, with a forehead above it.
+    """
+    vertices = subject.vertices.astype(np.float64)
+    points = [subject.feature_points.get(name) for name in ("2.1", "11.1")]
+    if points[0] is not None and points[1] is not None:
+        chin, hairline = vertices[points[0]], vertices[points[1]]
+    else:
+        moving = vertices[_moving_skin(subject)]
+        if len(moving) < _FEWEST:
+            return None
+        chin, hairline = moving[moving[:, 1].argmin()], moving[moving[:, 1].argmax()].copy()
+        hairline[1] = min(hairline[1] + _FOREHEAD * (hairline[1] - chin[1]), vertices[:, 1].max())
+    if hairline[1] - chin[1] < _LOWEST * np.ptp(vertices[:, 1]):
+        return None
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    ears = np.zeros(len(vertices), dtype=bool)
+    for region in ("ear_left", "ear_right"):
+        ears[subject.regions.get(region, ())] = True
+    beside = (vertices[:, 1] >= chin[1]) & ~ears
+    middle = (low + high) / 2.0
+    return FaceFrame(chin, hairline, vertices[beside], vertices[ears], (float(middle[0]), float(middle[2])))
+
+
+def face_view(subject: Subject, name: str = "front", aspect: float = 1.0) -> OrbitView:
+    """Return the view ``name`` that frames the face of ``subject`` in pictures ``aspect`` times as wide as high.
+
+    Seen from the front, chin and hairline lie at `BELOW` and `ABOVE` of the picture's height from its edges; in
+    pictures too narrow for the head, the face is smaller and still centred. A mesh without a known face is framed as a
+    whole.
+
+    Raises:
+        KeyError: If there is no such view.
+    """
+    return _front_view(subject, aspect).looking(name)
+
+
+def _front_view(subject: Subject, aspect: float) -> OrbitView:
+    frame = face_frame(subject)
+    if frame is None:
+        low, high = subject.vertices.min(axis=0), subject.vertices.max(axis=0)
+        across = 1.15 * float(high[0] - low[0]) / max(float(high[1] - low[1]), 1e-9)
+        return OrbitView.preset(low, high).zoomed(min(1.0, aspect / across))
+    x, z = frame.middle
+    half = math.tan(_FOV_Y / 2.0)
+    # Where the face's ends lie, as shares of half the picture's height above and below its middle.
+    top, bottom = 1.0 - 2.0 * ABOVE, 1.0 - 2.0 * BELOW
+    (chin_y, chin_z), (hair_y, hair_z) = ((p[1], p[2] - z) for p in (frame.chin, frame.hairline))
+    tall = ((hair_y - chin_y) / half + top * hair_z + bottom * chin_z) / (top + bottom)
+    wide, with_ears = (
+        float((np.abs(points[:, 0] - x) / (ACROSS * half * aspect) + points[:, 2] - z).max(initial=0.0))
+        for points in (frame.outline, frame.ears)
+    )
+    distance = max(tall, wide, min(with_ears, _FOR_EARS * tall))
+    over, under = bottom / (distance - hair_z), top / (distance - chin_z)
+    y = (over * hair_y + under * chin_y) / (over + under)
+    return OrbitView((x, float(y), z), 0.0, 0.0, float(distance), _FOV_Y)
+
+
+def _moving_skin(subject: Subject) -> NDArray[np.intp]:
+    """Return the vertices of the skin near the plane of symmetry that some shape moves far, shape (n,)."""
+    ids = [np.arange(*part.vertices) for part in subject.parts if part.material == "skin"]
+    if not ids or not len(subject.shapes):
+        return np.zeros(0, dtype=np.intp)
+    skin = np.concatenate(ids)
+    moved = np.zeros(len(skin), dtype=np.float32)
+    for shape in subject.shapes:
+        np.maximum(moved, np.abs(shape[skin]).max(axis=1), out=moved)
+    x = subject.vertices[skin, 0]
+    near = np.abs(x - (x.min() + x.max()) / 2.0) < _NEAR_MIDDLE * np.ptp(x)
+    return skin[near & (moved > _MOVES * max(float(moved.max()), 1e-9))]
