@@ -11,7 +11,7 @@ from scripts.asset_building.eyes import build_eye, place_eye
 from scripts.asset_building.halves import in_halves
 from scripts.asset_building.head import LASH_RING, LID_RINGS, Skin, cut_skin, ordered_ring, split_uv
 from scripts.asset_building.identity import NECK_TOP, Recipe, close_lips, identity_vertices, level_neck
-from scripts.asset_building.jaw import jaw_hinge, jaw_opening
+from scripts.asset_building.jaw import jaw_hinge
 from scripts.asset_building.jaw_skin import JawSkin, jaw_skin
 from scripts.asset_building.landmarks import feature_points, regions
 from scripts.asset_building.lashes import build_lashes
@@ -115,8 +115,6 @@ class Builder:
         ids, result = self.skin.base_ids, units.copy()
         opens, closes = ARKIT_SHAPES.index("jawOpen"), ARKIT_SHAPES.index("mouthClose")
         hinge = jaw_hinge(everyone)
-        for rigid in (self.group(_LOWER_TEETH), self.group("helper-tongue")):
-            result[opens, rigid] = jaw_opening(everyone[rigid], hinge)
         opening = self.jaw_skin.opening(everyone[ids], hinge)
         lips, near = (around_lips(self.skin, self.rest[ids], reach) for reach in (LIP_REACH, MOUTH_REACH))
         result[opens, ids] = opening
