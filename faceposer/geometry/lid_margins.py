@@ -46,7 +46,7 @@ class LidMargins:
         Returns:
             Two arrays of shape (n, 2), each sorted by azimuth.
         """
-        away = np.einsum("nk,nkd->nd", self.barycentric, vertices[self.corners]) - np.asarray(centre)
+        away = (self.barycentric[:, :, None] * vertices[self.corners]).sum(axis=1) - np.asarray(centre)
         both = angles_of(away)
         upper, lower = both[: self.count], both[self.count :]
         return upper[upper[:, 0].argsort()], lower[lower[:, 0].argsort()]

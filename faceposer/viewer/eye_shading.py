@@ -5,6 +5,7 @@ shader takes the lids' soft shadow; the catchlight is the picture of a soft box 
 the cornea and between the lids however the eye turns, as photographers place it.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,8 +95,9 @@ class _Ball:
             centre, radius = ball_of(round_ones)
         self.centre, self.radius = centre, radius
         self._ids = first + np.unique(np.linspace(0, last - first - 1, _FOLLOWED).astype(int))
-        self._neutral = subject.vertices[self._ids].astype(np.float64)
-        self._middle = self._neutral.mean(axis=0)
+        followed = subject.vertices[self._ids].astype(np.float64)
+        self._middle = followed.mean(axis=0)
+        self._rest = followed - self._middle
         self._margins: LidMargins | None = find_lid_margins(subject.vertices, skin, centre, radius)
         self._own_picture = _has_own_picture(subject, part, points)
 
@@ -103,11 +105,13 @@ class _Ball:
         """Return the ball in the pose ``vertices``, shape (N, 3)."""
         points = vertices[self._ids].astype(np.float64)
         middle = points.mean(axis=0)
-        rest = self._neutral - self._middle
-        u, _, vt = np.linalg.svd((points - middle).T @ rest)
-        flip = np.array([1.0, 1.0, np.linalg.det(u @ vt)])
-        turn = (u * flip) @ vt
-        scale = float(np.linalg.norm(points - middle) / np.linalg.norm(rest))
+        points -= middle
+        u, _, vt = np.linalg.svd(points.T @ self._rest)
+        turn = u @ vt
+        if turn[0] @ np.cross(turn[1], turn[2]) < 0.0:
+            u[:, 2] *= -1.0
+            turn = u @ vt
+        scale = math.sqrt(float(np.vdot(points, points) / np.vdot(self._rest, self._rest)))
         centre = middle + scale * turn @ (self.centre - self._middle)
         corners, lids = self._opening(vertices, centre)
         return Eye(centre, scale * self.radius, turn, corners, lids, self._own_picture)
@@ -119,7 +123,7 @@ class _Ball:
         upper, lower = self._margins.angles(vertices, centre)
         # The corners lie a little beyond the last points, where both lids meet.
         ends = [0.5 * (upper[end] + lower[end]) for end in (0, -1)]
-        step = float(np.median(np.diff(upper[:, 0])))
+        step = float(upper[-1, 0] - upper[0, 0]) / (len(upper) - 1)
         corners = (float(ends[0][0]) - 0.7 * step, float(ends[1][0]) + 0.7 * step)
         columns = np.linspace(*corners, COLUMNS)
         lids = np.empty((COLUMNS, 2))

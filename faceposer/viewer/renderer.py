@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.camera import Camera
 from faceposer.model.materials import BASE_COLOURS
-from faceposer.model.subject import Part, Subject
+from faceposer.model.subject import Subject
 from faceposer.resources import shader_text
-from faceposer.viewer.eye_shading import EyeShading
+from faceposer.viewer.eye_painter import EyePainter
 from faceposer.viewer.mesh_buffers import MeshBuffers
 from faceposer.viewer.neck_fade import NO_FADE, neck_fade
 
@@ -102,8 +102,9 @@ class Renderer:
         self.ctx = ctx
         # Without expression lines, and with them: on a processor even code that is passed over takes time.
         self._surface = [load_program(ctx, "surface.vert", "surface.frag")]
-        self._eye = load_program(ctx, "eye.vert", "eye.frag")
-        self._lashes = load_program(ctx, "eye.vert", "lashes.frag")
+        self._eyes = EyePainter(
+            ctx, load_program(ctx, "eye.vert", "eye.frag"), load_program(ctx, "eye.vert", "lashes.frag")
+        )
         self._background = load_program(ctx, "background.vert", "background.frag")
         self._edges = load_program(ctx, "edges.vert", "edges.frag")
         self._triangle_id = load_program(ctx, "triangle_id.vert", "triangle_id.frag")
@@ -111,7 +112,6 @@ class Renderer:
         self._photo_quad = ctx.vertex_array(self._photo, [])
         self._backdrop = ctx.vertex_array(self._background, [])
         self.buffers: MeshBuffers | None = None
-        self._eyes: EyeShading | None = None
         self._neck = NO_FADE
         self._arrays: dict[str, moderngl.VertexArray] = {}
 
@@ -119,7 +119,7 @@ class Renderer:
         """Draw ``subject`` from now on."""
         self.release_subject()
         buffers = self.buffers = MeshBuffers(self.ctx, subject)
-        self._eyes = EyeShading(subject)
+        self._eyes.set_buffers(buffers)
         self._neck = neck_fade(subject)
         points = (buffers.points, "3f 3f", "position", "normal")
         bare = (buffers.points, "3f 3x4", "position")
@@ -127,20 +127,14 @@ class Renderer:
             "surface": self.ctx.vertex_array(
                 self._surface[0], [points, (buffers.uvs, "2f", "uv")], index_buffer=buffers.triangles
             ),
-            "eye": self.ctx.vertex_array(
-                self._eye, [points, (buffers.uvs, "2f", "uv")], index_buffer=buffers.triangles
-            ),
-            "lashes": self.ctx.vertex_array(
-                self._lashes, [bare, (buffers.uvs, "2f", "uv")], index_buffer=buffers.triangles
-            ),
             "id": self.ctx.vertex_array(self._triangle_id, [bare], index_buffer=buffers.triangles),
             "edges": self.ctx.vertex_array(self._edges, [bare], index_buffer=buffers.edges),
         }
 
     def update(self, vertices: NDArray[np.float32], normals: NDArray[np.float32], revision: object = None) -> None:
         """Take over a pose: positions and normals, each (N, 3); nothing is done if ``revision`` is known already."""
-        if self._require_buffers().update(vertices, normals, revision) and self._eyes is not None:
-            self._eyes.update(vertices)
+        if self._require_buffers().update(vertices, normals, revision) and self._eyes.shading is not None:
+            self._eyes.shading.update(vertices)
 
     def draw(
         self,
@@ -178,7 +172,8 @@ class Renderer:
             self.prepare()
         for name, unit in buffers.lines.units.items():
             set_uniform(self._surface, name, unit)
-        for program in (self._surface, self._eye, self._lashes):
+        self._eyes.camera = camera
+        for program in (self._surface, *self._eyes.programs):
             self._set_camera(program, camera)
             set_uniform(program, "viewport", size)
         set_uniform(self._surface, "over_photo", over_photo)
@@ -187,9 +182,9 @@ class Renderer:
         if over_photo:
             # Only what is nearest fades into the photo: its depth comes first.
             target.color_mask = (False, False, False, False)
-            self._draw_parts(camera, shading, opaque=True, lined=lined)
+            self._draw_parts(shading, opaque=True, lined=lined)
             target.color_mask = (True, True, True, True)
-        self._draw_parts(camera, shading, opaque=True, lined=lined)
+        self._draw_parts(shading, opaque=True, lined=lined)
         if wireframe:
             self._set_camera(self._edges, camera)
             ctx.enable(moderngl.BLEND)
@@ -197,7 +192,7 @@ class Renderer:
             self._arrays["edges"].render(moderngl.LINES)
         ctx.enable(moderngl.BLEND)
         target.depth_mask = False
-        self._draw_parts(camera, shading, opaque=False)
+        self._draw_parts(shading, opaque=False)
         target.depth_mask = True
         ctx.disable(moderngl.DEPTH_TEST | moderngl.BLEND)
         if photo is not None and photo.before > 0.0:
@@ -227,7 +222,7 @@ class Renderer:
         self._photo_quad.render(moderngl.TRIANGLE_STRIP, vertices=4)
         self.ctx.disable(moderngl.BLEND)
 
-    def _draw_parts(self, camera: Camera, shading: Shading, opaque: bool, lined: bool = False) -> None:
+    def _draw_parts(self, shading: Shading, opaque: bool, lined: bool = False) -> None:
         buffers = self._require_buffers()
         subject = buffers.subject
         for part in subject.parts:
@@ -238,36 +233,20 @@ class Renderer:
                 continue
             name = "clay" if clay else part.material
             texture = None if clay else buffers.textures.get(part.name, buffers.textures.get(part.material))
-            program, kind = self._program_of(part, name, camera)
-            set_uniform(program, "textured", texture is not None)
-            set_uniform(program, "base", _BASE[name])
+            if self._eyes.draw(part, subject.part_triangles(part), texture):
+                continue
+            set_uniform(self._surface, "material", _MATERIALS.index(name))
+            set_uniform(self._surface, "textured", texture is not None)
+            set_uniform(self._surface, "base", _BASE[name])
             if texture is not None:
                 texture.use(0)
             first, last = subject.part_triangles(part)
             begin = buffers.lines.first_lined.get(part.name, last) if lined else last
             if begin == last:
-                self._arrays[kind].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
+                self._arrays["surface"].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
             else:
                 self._arrays["plain"].render(moderngl.TRIANGLES, vertices=3 * (begin - first), first=3 * first)
                 self._arrays["lined"].render(moderngl.TRIANGLES, vertices=3 * (last - begin), first=3 * begin)
-
-    def _program_of(self, part: Part, material: str, camera: Camera) -> tuple[Programs, str]:
-        """Return the program that draws a part and the name of its vertex array, with what is particular to it set."""
-        if self._eyes is not None and material == "lashes":
-            set_uniform(self._lashes, "seen", self._eyes.lashes_seen(part, camera))
-            return self._lashes, "lashes"
-        if self._eyes is not None and part.name in self._eyes.eyes:
-            eye = self._eyes.eyes[part.name]
-            set_uniform(self._eye, "centre", eye.centre)
-            set_uniform(self._eye, "radius", eye.radius)
-            set_uniform(self._eye, "turn", eye.turn)
-            set_uniform(self._eye, "own_picture", eye.own_picture)
-            set_uniform(self._eye, "catchlight", eye.catchlight(camera))
-            set_uniform(self._eye, "corners", eye.corners)
-            set_uniform(self._eye, "lids", [tuple(row) for row in eye.lids.tolist()])
-            return self._eye, "eye"
-        set_uniform(self._surface, "material", _MATERIALS.index(material))
-        return self._surface, "surface"
 
     def draw_ids(self, target: moderngl.Framebuffer, camera: Camera) -> None:
         """Write the index plus one of the nearest front-facing triangle into each pixel of ``target``, 0 where none.
@@ -303,6 +282,7 @@ class Renderer:
         for array in self._arrays.values():
             array.release()
         self._arrays = {}
+        self._eyes.release_subject()
         if self.buffers is not None:
             self.buffers.release()
             self.buffers = None
@@ -312,15 +292,8 @@ class Renderer:
         self.release_subject()
         self._backdrop.release()
         self._photo_quad.release()
-        for program in (
-            *self._surface,
-            self._eye,
-            self._lashes,
-            self._background,
-            self._edges,
-            self._triangle_id,
-            self._photo,
-        ):
+        self._eyes.release()
+        for program in (*self._surface, self._background, self._edges, self._triangle_id, self._photo):
             program.release()
 
 

@@ -41,6 +41,13 @@ class TexelMap:
         area: Image32 = np.linalg.norm(np.cross(self.along[:, 0], self.along[:, 1]), axis=1)
         return area
 
+    @property
+    def normals(self) -> Image32:
+        """Unit normals of the surface at the covered texels, on one side of it, shape (K, 3)."""
+        across = np.cross(self.along[:, 0], self.along[:, 1])
+        normals: Image32 = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+        return normals
+
     def image(self, values: Image32) -> Image32:
         """Return values at covered texels, shape (K, C), as an image (H, W, C); others get the nearest one's value."""
         image = np.zeros((*self.covered.shape, values.shape[1]), dtype=np.float32)
@@ -114,7 +121,7 @@ def draw_strokes(
         starts: Covered texels where the hairs are rooted, shape (n,).
         lengths: Their lengths in centimetres, shape (n,).
         strengths: Their opacity, shape (n,).
-        bend: How much each turns away to its side, as the tangent of the angle, shape (n,).
+        bend: How much each turns away to its side on the surface, as the tangent of the angle, shape (n,).
         allowed: Covered texels that hairs may enter, shape (K,).
         places: Positions of the covered texels in centimetres, shape (K, 3), by which hairs that reach a seam of the
             texture go on beyond it; else they end there.
@@ -125,6 +132,9 @@ def draw_strokes(
     height, width = texels.covered.shape
     velocity = np.zeros((height, width, 2), dtype=np.float32)
     velocity[texels.covered] = np.einsum("kij,kj->ki", texels.along, flow)
+    # Hairs bend on the surface; in the texture, which may be stretched, they bend otherwise.
+    sideways = np.zeros((height, width, 2), dtype=np.float32)
+    sideways[texels.covered] = np.einsum("kij,kj->ki", texels.along, np.cross(texels.normals, flow))
     enter = np.zeros((height, width), dtype=bool)
     enter[texels.covered] = allowed
     fineness = np.zeros((height, width), dtype=np.float32)
@@ -151,8 +161,7 @@ def draw_strokes(
         taper = 1.0 - 0.85 * (travelled / lengths) ** 1.5
         _splat(thickness, at, strengths * taper * _STEP * np.minimum(fineness[row, column], 1.5), width)
         before = np.stack([column, row], axis=1)
-        direction = velocity[row, column] / speed[:, None]
-        direction = direction + bend[:, None] * np.stack([-direction[:, 1], direction[:, 0]], axis=1)
+        direction = velocity[row, column] + bend[:, None] * sideways[row, column]
         at = at + _STEP * direction / np.linalg.norm(direction, axis=1, keepdims=True)
         travelled = travelled + _STEP / speed
     return thickness.reshape(height, width).astype(np.float32)
@@ -191,6 +200,36 @@ class _Seam:
         rows = np.flatnonzero(usable.any(axis=1))
         at[out[rows]] = self._border[found[rows, usable[rows].argmax(axis=1)]]
         may_cross[out[rows]] = False
+
+
+def softening(texels: TexelMap, reach: float) -> Image32:
+    """Return by how much fine detail must be softened, in pixels (H, W), so that it does not end where texels grow.
+
+    Where texels are smaller than others near by, the deviation of the blur that brings detail to the others' size, less
+    with distance from them.
+
+    Args:
+        texels: The surface.
+        reach: How far around larger texels detail is softened, in pixels.
+    """
+    size = np.zeros(texels.covered.shape, dtype=np.float32)
+    size[texels.covered] = 1.0 / np.sqrt(np.maximum(texels.pixels_per_area, 1e-3))
+    # Blurred at a quarter of the size: the fields are smooth.
+    small = size[::4, ::4]
+    around = ndimage.gaussian_filter(ndimage.maximum_filter(small, round(reach / 4)), reach / 8)
+    larger = np.clip(ndimage.zoom(around, 4, order=1)[: size.shape[0], : size.shape[1]], 1e-6, None)
+    ratio = np.where(size > 0.0, larger / np.maximum(size, 1e-6), 1.0)
+    sigma: Image32 = (0.8 * np.sqrt(np.maximum(ratio**2 - 1.0, 0.0))).astype(np.float32)
+    return np.minimum(sigma, 3.0)
+
+
+def softened(image: Image32, sigma: Image32) -> Image32:
+    """Return ``image`` (H, W) blurred with a deviation ``sigma`` (H, W) of 0 to 3 pixels that changes slowly."""
+    levels = [image, *(ndimage.gaussian_filter(image, deviation) for deviation in (1.0, 2.0, 3.0))]
+    result = np.zeros_like(image)
+    for k, level in enumerate(levels):
+        result += level * np.maximum(1.0 - np.abs(sigma - k), 0.0)
+    return result
 
 
 def _splat(image: Floats, at: Image32, amount: Image32, width: int) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial import cKDTree
 
-from scripts.asset_building.raster import Image32, Noise, TexelMap, draw_strokes, smoothstep
+from scripts.asset_building.raster import Image32, Noise, TexelMap, draw_strokes, smoothstep, softened, softening
 
 Colour = tuple[float, float, float]
 
@@ -67,6 +67,8 @@ class SkinTexels:
     masks: dict[str, Image32]
 
 
+#: How far around larger texels the detail of hair is softened, in pixels.
+_SOFTENED = 120.0
 #: Centimetres per degree around the head.
 _ARC = 7.0 * np.pi / 180.0
 #: Height of the hairline (y) by angle around the head's axis, from the middle of the forehead to that of the nape.
@@ -234,8 +236,10 @@ def _scalp(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Gen
     base = _shade(look.hair, 0.9)
     colour = blend(colour, base, cover * (0.62 if look.combed_back else 0.50))
     fringe = smoothstep(-0.6, 0.3, above) * bare_ears
+    sigma = softening(skin.texels, _SOFTENED)
     for tone, count, strength in ((0.55, 60, 0.55), (1.35, 40, 0.40), (0.8, 60, 0.5)):
         thick = _strokes(rng, skin, count * fringe**1.5, flow, look.hair_length, strength, over_seams=True)
+        thick = softened(thick, sigma)
         colour = _overlay(colour, skin, thick, _shade(look.hair, tone))
     return colour
 

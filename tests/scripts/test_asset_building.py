@@ -12,7 +12,7 @@ from scripts.asset_building.decimation import Decimation
 from scripts.asset_building.ears import turn_ears
 from scripts.asset_building.eyes import build_eye, turned_eye
 from scripts.asset_building.piece import grid_quads
-from scripts.asset_building.raster import TexelMap, draw_strokes, map_texels, smoothstep
+from scripts.asset_building.raster import TexelMap, draw_strokes, map_texels, smoothstep, softened, softening
 from scripts.asset_building.refinement import refined_in_places
 from scripts.asset_building.subdivision import catmull_clark, linear_split
 from scripts.asset_building.swell import Swell, swollen
@@ -296,3 +296,18 @@ def test_the_layouts_border_has_round_upper_corners_and_is_convex() -> None:
     assert turn.min() > -1e-9
     angles = np.degrees(np.arcsin(turn / np.linalg.norm(steps[:-1], axis=1) / np.linalg.norm(steps[1:], axis=1)))
     assert angles.max() < 5
+
+
+def test_detail_is_softened_where_texels_grow_and_nowhere_else() -> None:
+    texels, _ = two_charts()
+    assert softening(texels, 8.0).max() < 0.3
+    mixed = TexelMap(np.ones((40, 80), dtype=bool), texels.values, np.zeros((3200, 2, 3), np.float32))
+    mixed.along[:, 0, 0] = mixed.along[:, 1, 1] = 40.0 * np.where(np.arange(3200) % 80 > 40, 0.25, 1.0)
+    sigma = softening(mixed, 16.0)
+    assert sigma[20, 38] > 1.0
+    assert sigma[20, 5] < 0.3
+    assert sigma[20, 60] < 0.3
+    noise = np.random.default_rng(1).standard_normal((40, 80)).astype(np.float32)
+    blurred = softened(noise, sigma)
+    assert np.abs(blurred[:, :4] - noise[:, :4]).max() < 0.5
+    assert blurred[:, 35:40].std() < 0.5 * noise[:, 35:40].std()
