@@ -1,0 +1,143 @@
+"""Dental arches: teeth and gums of one jaw as a height field around an upright axis behind them."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from faceposer.model.contact.frames import AffineFrame, group_by_motion, moves_as_one, pieces, to_rest
+from faceposer.model.contact.samples import lattice
+from faceposer.model.subject import Subject
+
+Array = NDArray[np.float64]
+Ids = NDArray[np.intp]
+
+# Cells of the height field: columns over the angle to straight ahead up to this, and rows a share of the head's height.
+_WIDEST = np.deg2rad(115.0)
+_COLUMNS = 231
+_ROW = 0.002
+# Where the axis stands, as a share of the arch's depth from its back end.
+_AXIS = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class DentalArch:
+    """What teeth and gums of one jaw fill, at rest, in cylinder coordinates (angle, height, radius).
+
+    Attributes:
+        frame: The motion of the jaw.
+        triangles: Of its teeth and gums, shape (T, 3).
+        axis: Position x and z of the upright axis.
+        bottom: Height of the middle of the lowest row.
+        row: Height of a row.
+        front: Greatest radius of the surface in each cell, shape (columns, rows); -inf where there is none.
+    """
+
+    frame: AffineFrame
+    triangles: NDArray[np.int32]
+    axis: tuple[float, float]
+    bottom: float
+    row: float
+    front: Array
+
+    def cylinder(self, points: Array) -> tuple[Array, Array, Array]:
+        """Return angle, height and radius of ``points`` at rest, (n, 3), each of shape (n,)."""
+        x, z = points[:, 0] - self.axis[0], points[:, 2] - self.axis[1]
+        return np.arctan2(x, z), points[:, 1], np.sqrt(x * x + z * z)
+
+    def resting(self, points: Array, vertices: NDArray[np.floating]) -> Array:
+        """Return where ``points``, (n, 3), of the pose ``vertices``, (N, 3), lie relative to the jaw at rest."""
+        linear, moved = self.frame.motion(vertices)
+        return to_rest(points, self.frame.origin, linear, moved)
+
+    def column(self, angle: Array) -> Array:
+        """Return the position between columns, shape (n,), of each ``angle``."""
+        return (angle + _WIDEST) * ((_COLUMNS - 1) / (2.0 * _WIDEST))
+
+    @cached_property
+    def _way_out(self) -> Array:
+        """Distance in height from each cell to the nearest cell of its column without teeth, shape (columns, rows)."""
+        filled = np.pad(np.isfinite(self.front), ((0, 0), (1, 1)))
+        inside = ndimage.distance_transform_edt(filled, sampling=(1e6, self.row))
+        return inside[:, 1:-1]
+
+    @cached_property
+    def extended(self) -> Array:
+        """The field continued up and down from its ends, and sideways, so that every cell has a radius."""
+        field = self.front.copy()
+        known = np.isfinite(field)
+        nearest = ndimage.distance_transform_edt(
+            ~known, sampling=(3.0, 1.0), return_distances=False, return_indices=True
+        )
+        return field[nearest[0], nearest[1]]
+
+    def depth(self, points: Array) -> Array:
+        """Return how deep ``points`` at rest, (n, 3), lie behind the front of the teeth, shape (n,); 0 in front.
+
+        A point above or below the teeth lies behind nothing; one near their edges is not deeper than its way past them.
+        """
+        angle, height, radius = self.cylinder(points)
+        column = np.round(self.column(angle)).astype(np.intp)
+        line = np.round((height - self.bottom) / self.row).astype(np.intp)
+        met = (column >= 0) & (column < self.front.shape[0]) & (line >= 0) & (line < self.front.shape[1])
+        depth = np.zeros(len(points))
+        cell = (column[met], line[met])
+        depth[met] = np.clip(self.front[cell] - radius[met], 0.0, self._way_out[cell])
+        return depth
+
+    def gap(self, points: Array) -> Array:
+        """Return how far ``points`` at rest, (n, 3), lie before the teeth or the continued arch, shape (n,).
+
+        Negative behind; infinite beside the arch.
+        """
+        angle, height, radius = self.cylinder(points)
+        column = np.clip(np.round(self.column(angle)).astype(np.intp), 0, self.front.shape[0] - 1)
+        line = np.clip(np.round((height - self.bottom) / self.row).astype(np.intp), 0, self.front.shape[1] - 1)
+        gap: Array = np.where(np.abs(angle) < _WIDEST, radius - self.extended[column, line], np.inf)
+        return gap
+
+    @property
+    def top(self) -> float:
+        """Height of the middle of the highest row."""
+        return self.bottom + self.row * (self.front.shape[1] - 1)
+
+
+def find_arches(subject: Subject) -> list[DentalArch]:
+    """Return the dental arches of the ``subject``: its teeth and gums, sorted by how they move."""
+    candidates: list[Ids] = []
+    for part in subject.parts:
+        if part.material in ("teeth", "gums"):
+            whole = np.arange(*part.vertices, dtype=np.intp)
+            candidates += [whole] if moves_as_one(subject, whole) else pieces(subject, part)
+    arches = [_arch(subject, ids) for ids in group_by_motion(subject, [ids for ids in candidates if len(ids) >= 4])]
+    return [arch for arch in arches if arch is not None]
+
+
+def _arch(subject: Subject, ids: Ids) -> DentalArch | None:
+    chosen = np.zeros(len(subject.vertices), dtype=bool)
+    chosen[ids] = True
+    triangles = subject.triangles[chosen[subject.triangles].all(axis=1)]
+    points = subject.vertices[ids].astype(np.float64)
+    low, high = points.min(axis=0), points.max(axis=0)
+    if not len(triangles) or (high - low).max() < 0.02 * subject.height:
+        return None
+    axis = (0.5 * float(low[0] + high[0]), float(low[2] + _AXIS * (high[2] - low[2])))
+    row = _ROW * subject.height
+    rows = int(np.ceil((high[1] - low[1]) / row)) + 1
+    bottom = float(low[1])
+    surface = lattice(subject.vertices[triangles].astype(np.float64), 0.6 * row)
+    front = radius_raster(surface, axis, bottom, row, rows)
+    return DentalArch(AffineFrame.of(ids, subject.vertices), triangles, axis, bottom, row, front)
+
+
+def radius_raster(points: Array, axis: tuple[float, float], bottom: float, row: float, rows: int) -> Array:
+    """Return the greatest radius of ``points``, (n, 3), in each cell around ``axis``, or -inf, (columns, rows)."""
+    x, z = points[:, 0] - axis[0], points[:, 2] - axis[1]
+    column = np.round((np.arctan2(x, z) + _WIDEST) * ((_COLUMNS - 1) / (2.0 * _WIDEST))).astype(np.intp)
+    line = np.round((points[:, 1] - bottom) / row).astype(np.intp)
+    met = (column >= 0) & (column < _COLUMNS) & (line >= 0) & (line < rows)
+    raster = np.full(_COLUMNS * rows, -np.inf)
+    np.maximum.at(raster, column[met] * rows + line[met], np.hypot(x[met], z[met]))
+    return raster.reshape(_COLUMNS, rows)

@@ -1,0 +1,145 @@
+"""The edges of the lids: found as the border of the opening that the eyeball is seen through from its centre."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from faceposer.model.contact.eyeballs import Eyeball
+from faceposer.model.contact.samples import lattice
+from faceposer.model.subject import Subject
+
+Array = NDArray[np.float64]
+Ids = NDArray[np.intp]
+
+# The map of directions from the eye's centre: degrees sideways and up to which it goes, and degrees of a cell.
+_SIDE, _UP, _CELL = 100, 80, 1.0
+# Skin over the ball within this share of its radius is part of the lids; nearer than the second it lies on the ball.
+_REACH, _TOUCHING = 0.8, 1e-3
+# An edge vertex lies within so many cells of the border of the opening.
+_NEAR = 2.5
+# Fewer vertices do not make an edge, and an opening of fewer columns is none.
+_FEWEST, _NARROWEST = 3, 8
+
+
+@dataclass(frozen=True, eq=False)
+class LidEdges:
+    """Edges of the upper and the lower lid of one eye as vertices, from right to left of the character.
+
+    Attributes:
+        upper: Vertex ids, shape (u,).
+        lower: Vertex ids, shape (l,).
+    """
+
+    upper: Ids
+    lower: Ids
+
+    def overlap(self, ball: Eyeball, vertices: NDArray[np.floating]) -> tuple[Array, Array]:
+        """Return by which angle each vertex of the upper, (u,), and of the lower edge, (l,), lies past the other."""
+        relative = [ball.resting(vertices[ids].astype(np.float64), vertices) for ids in (self.upper, self.lower)]
+        (upper_side, upper_up, _), (lower_side, lower_up, _) = (azimuth_and_elevation(each) for each in relative)
+        return (
+            curve_at(lower_side, lower_up, upper_side) - upper_up,
+            lower_up - curve_at(upper_side, upper_up, lower_side),
+        )
+
+
+def curve_at(across: Array, up: Array, wanted: Array) -> Array:
+    """Return the height, shape (k,), of the curve through points (``across``, ``up``), shape (n,), at ``wanted``.
+
+    Where the curve runs back, the points count as if at the place that it has reached.
+    """
+    height: Array = np.interp(wanted, np.maximum.accumulate(across), up)
+    return height
+
+
+def over_the_ball(subject: Subject, ball: Eyeball) -> Ids:
+    """Return the skin vertices that lie on the eyeball or over it, before its centre, in rising order."""
+    skin = skin_ids(subject)
+    relative = subject.vertices[skin].astype(np.float64) - ball.centre
+    clearance, distance = ball.clearance(relative)
+    ahead = relative @ ball.axis > -0.1 * distance
+    return skin[(clearance >= -_TOUCHING * ball.radius) & (clearance < _REACH * ball.radius) & ahead]
+
+
+def skin_ids(subject: Subject) -> Ids:
+    """Return the vertices of all parts of skin, shape (n,)."""
+    runs = [np.arange(*part.vertices, dtype=np.intp) for part in subject.parts if part.material == "skin"]
+    return np.concatenate(runs) if runs else np.zeros(0, dtype=np.intp)
+
+
+def azimuth_and_elevation(relative: Array) -> tuple[Array, Array, Array]:
+    """Return angles to the left and up, and the distance, of points ``relative`` (n, 3) to a centre, (n,) each."""
+    distance = np.sqrt(np.einsum("nd,nd->n", relative, relative))
+    elevation = np.arcsin(np.clip(relative[:, 1] / np.maximum(distance, 1e-9), -1.0, 1.0))
+    return np.arctan2(relative[:, 0], relative[:, 2]), elevation, distance
+
+
+def find_edges(subject: Subject, ball: Eyeball) -> LidEdges | None:
+    """Return the edges of the lids before ``ball``, or None if it is not seen through an opening of the skin."""
+    near = over_the_ball(subject, ball)
+    chosen = np.zeros(len(subject.vertices), dtype=bool)
+    chosen[near] = True
+    triangles = subject.triangles[chosen[subject.triangles].any(axis=1)]
+    if not len(triangles):
+        return None
+    covered = _covered(subject.vertices[triangles].astype(np.float64) - ball.centre, ball)
+    labels, _ = ndimage.label(~covered)
+    column, line = _cells(ball.axis[None])
+    label = labels[column[0], line[0]]
+    if label == 0:
+        return None
+    opening = labels == label
+    columns = np.flatnonzero(opening.any(axis=1))
+    border = opening[[0, -1]].any() or opening[:, [0, -1]].any()
+    if border or len(columns) < _NARROWEST:
+        return None
+    highest = opening.shape[1] - 1 - np.argmax(opening[columns, ::-1], axis=1)
+    lowest = np.argmax(opening[columns], axis=1)
+    relative = subject.vertices[near].astype(np.float64) - ball.centre
+    azimuth, elevation, _ = azimuth_and_elevation(relative)
+    across, up = np.rad2deg(azimuth) / _CELL + _SIDE / _CELL, np.rad2deg(elevation) / _CELL + _UP / _CELL
+    edges = []
+    for border_line, is_upper in ((highest + 0.5, True), (lowest - 0.5, False)):
+        distance = np.hypot(across[:, None] - columns[None], up[:, None] - border_line[None]).min(axis=1)
+        middle = np.interp(across, columns, 0.5 * (highest + lowest))
+        on_side = (up > middle) == is_upper
+        inside = (across > columns[0]) & (across < columns[-1])
+        ids = near[(distance < _NEAR) & on_side & inside]
+        edges.append(_one_per_place(ids, subject.vertices, ball, is_upper))
+    upper, lower = edges
+    return LidEdges(upper, lower) if min(len(upper), len(lower)) >= _FEWEST else None
+
+
+def _one_per_place(ids: Ids, vertices: NDArray[np.floating], ball: Eyeball, is_upper: bool) -> Ids:
+    """Return those of the vertices ``ids`` that lie nearest to the opening in their surroundings, by azimuth."""
+    azimuth, elevation, _ = azimuth_and_elevation(vertices[ids].astype(np.float64) - ball.centre)
+    towards = elevation if is_upper else -elevation
+    # From the nose outwards, so that both eyes are treated alike.
+    order = np.argsort(azimuth if ball.centre[0] >= 0.0 else -azimuth, kind="stable")
+    kept: list[int] = []
+    for i in order:
+        if kept and abs(azimuth[i] - azimuth[kept[-1]]) < np.deg2rad(1.5):
+            if towards[i] < towards[kept[-1]]:
+                kept[-1] = int(i)
+        else:
+            kept.append(int(i))
+    return ids[kept] if ball.centre[0] >= 0.0 else ids[kept[::-1]]
+
+
+def _covered(corners: Array, ball: Eyeball) -> NDArray[np.bool_]:
+    """Return which directions from the centre meet triangles outside the ball, shape (columns, rows)."""
+    points = lattice(corners, 0.4 * np.deg2rad(_CELL) * ball.radius)
+    clearance, _ = ball.clearance(points)
+    column, line = _cells(points[clearance >= -_TOUCHING * ball.radius])
+    covered = np.zeros((int(2 * _SIDE / _CELL) + 1, int(2 * _UP / _CELL) + 1), dtype=bool)
+    met = (column >= 0) & (column < covered.shape[0]) & (line >= 0) & (line < covered.shape[1])
+    covered[column[met], line[met]] = True
+    return covered
+
+
+def _cells(relative: Array) -> tuple[Ids, Ids]:
+    azimuth, elevation, _ = azimuth_and_elevation(relative)
+    column = np.round((np.rad2deg(azimuth) + _SIDE) / _CELL).astype(np.intp)
+    return column, np.round((np.rad2deg(elevation) + _UP) / _CELL).astype(np.intp)
