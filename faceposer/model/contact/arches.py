@@ -1,4 +1,7 @@
-"""Dental arches: teeth and gums of one jaw as a height field around an upright axis behind them."""
+"""Dental arches: teeth and gums of one jaw as a height field around an upright axis behind them.
+
+Columns are equal steps of tan(angle / 2) = x / (r + z), which is smooth in front and costs no arc tangent.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,9 +17,10 @@ from faceposer.model.subject import Subject
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
 
-# Cells of the height field: columns over the angle to straight ahead up to this, and rows a share of the head's height.
-_WIDEST = np.deg2rad(115.0)
-_COLUMNS = 231
+# Cells of the height field: columns up to this tangent of half the angle to straight ahead, and rows a share of the
+# head's height.
+_WIDEST = 1.5
+_COLUMNS = 241
 _ROW = 0.002
 # Where the axis stands, as a share of the arch's depth from its back end.
 _AXIS = 0.3
@@ -24,7 +28,7 @@ _AXIS = 0.3
 
 @dataclass(frozen=True, eq=False)
 class DentalArch:
-    """What teeth and gums of one jaw fill, at rest, in cylinder coordinates (angle, height, radius).
+    """What teeth and gums of one jaw fill, at rest, in cylinder coordinates (column, height, radius).
 
     Attributes:
         frame: The motion of the jaw.
@@ -43,18 +47,25 @@ class DentalArch:
     front: Array
 
     def cylinder(self, points: Array) -> tuple[Array, Array, Array]:
-        """Return angle, height and radius of ``points`` at rest, (n, 3), each of shape (n,)."""
-        x, z = points[:, 0] - self.axis[0], points[:, 2] - self.axis[1]
-        return np.arctan2(x, z), points[:, 1], np.sqrt(x * x + z * z)
+        """Return column, height and radius of ``points`` at rest, (n, 3), each of shape (n,)."""
+        column, radius = _columns(points, self.axis)
+        return column, points[:, 1], radius
+
+    @staticmethod
+    def angle(place: Array) -> Array:
+        """Return the angle to straight ahead, shape (n,), of positions between columns."""
+        angle: Array = 2.0 * np.arctan(place * (2.0 * _WIDEST / (_COLUMNS - 1)) - _WIDEST)
+        return angle
+
+    @property
+    def column_step(self) -> float:
+        """Step of tan(angle / 2) from column to column."""
+        return 2.0 * _WIDEST / (_COLUMNS - 1)
 
     def resting(self, points: Array, vertices: NDArray[np.floating]) -> Array:
         """Return where ``points``, (n, 3), of the pose ``vertices``, (N, 3), lie relative to the jaw at rest."""
         linear, moved = self.frame.motion(vertices)
         return to_rest(points, self.frame.origin, linear, moved)
-
-    def column(self, angle: Array) -> Array:
-        """Return the position between columns, shape (n,), of each ``angle``."""
-        return (angle + _WIDEST) * ((_COLUMNS - 1) / (2.0 * _WIDEST))
 
     @cached_property
     def _way_out(self) -> Array:
@@ -78,8 +89,8 @@ class DentalArch:
 
         A point above or below the teeth lies behind nothing; one near their edges is not deeper than its way past them.
         """
-        angle, height, radius = self.cylinder(points)
-        column = np.round(self.column(angle)).astype(np.intp)
+        place, height, radius = self.cylinder(points)
+        column = np.round(place).astype(np.intp)
         line = np.round((height - self.bottom) / self.row).astype(np.intp)
         met = (column >= 0) & (column < self.front.shape[0]) & (line >= 0) & (line < self.front.shape[1])
         depth = np.zeros(len(points))
@@ -92,10 +103,10 @@ class DentalArch:
 
         Negative behind; infinite beside the arch.
         """
-        angle, height, radius = self.cylinder(points)
-        column = np.clip(np.round(self.column(angle)).astype(np.intp), 0, self.front.shape[0] - 1)
+        place, height, radius = self.cylinder(points)
+        column = np.clip(np.round(place).astype(np.intp), 0, self.front.shape[0] - 1)
         line = np.clip(np.round((height - self.bottom) / self.row).astype(np.intp), 0, self.front.shape[1] - 1)
-        gap: Array = np.where(np.abs(angle) < _WIDEST, radius - self.extended[column, line], np.inf)
+        gap: Array = np.where(column == np.round(place), radius - self.extended[column, line], np.inf)
         return gap
 
     @property
@@ -134,10 +145,19 @@ def _arch(subject: Subject, ids: Ids) -> DentalArch | None:
 
 def radius_raster(points: Array, axis: tuple[float, float], bottom: float, row: float, rows: int) -> Array:
     """Return the greatest radius of ``points``, (n, 3), in each cell around ``axis``, or -inf, (columns, rows)."""
-    x, z = points[:, 0] - axis[0], points[:, 2] - axis[1]
-    column = np.round((np.arctan2(x, z) + _WIDEST) * ((_COLUMNS - 1) / (2.0 * _WIDEST))).astype(np.intp)
+    place, radius = _columns(points, axis)
+    column = np.round(place).astype(np.intp)
     line = np.round((points[:, 1] - bottom) / row).astype(np.intp)
     met = (column >= 0) & (column < _COLUMNS) & (line >= 0) & (line < rows)
     raster = np.full(_COLUMNS * rows, -np.inf)
-    np.maximum.at(raster, column[met] * rows + line[met], np.hypot(x[met], z[met]))
+    np.maximum.at(raster, column[met] * rows + line[met], radius[met])
     return raster.reshape(_COLUMNS, rows)
+
+
+def _columns(points: Array, axis: tuple[float, float]) -> tuple[Array, Array]:
+    """Return the position between columns around ``axis`` of ``points``, (n, 3), and their radius, (n,) each."""
+    x, z = points[:, 0] - axis[0], points[:, 2] - axis[1]
+    radius = np.sqrt(x * x + z * z)
+    # Right behind the axis the tangent is infinite.
+    tangent = x / np.maximum(radius + z, 1e-3 * radius + 1e-9)
+    return np.clip((tangent + _WIDEST) * ((_COLUMNS - 1) / (2.0 * _WIDEST)), -1.0, float(_COLUMNS)), radius

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.model.contact.frames import AffineFrame, to_rest
+from faceposer.model.contact.frames import AffineFrame
 from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
 
-# Steps of the radius over the angle to the gaze axis.
-_STEPS = 90
+# Steps of the radius over the cosine of the angle to the gaze axis, and over that angle.
+_STEPS, _ANGLES = 400, 90
 # Radius over the sphere's, from which a bulge is a cornea; nearer to the axis than this angle it belongs to the bulge.
 _BULGE = 0.005
 _SCLERA_COSINE = 0.6
@@ -19,14 +19,14 @@ _SCLERA_COSINE = 0.6
 
 @dataclass(frozen=True, eq=False)
 class Eyeball:
-    """A surface of revolution about the gaze axis, at rest: radius over the angle to that axis.
+    """A surface of revolution about the gaze axis, at rest: radius r over the cosine of the angle to that axis.
 
     Attributes:
         frame: Its motion.
         centre: Centre of the sclera's sphere, shape (3,).
         radius: Radius of that sphere.
         axis: Unit vector through the cornea, shape (3,).
-        profile: Greatest radius at ``_STEPS`` + 1 equal steps of the angle from 0 to pi.
+        profile: Greatest radius at ``_STEPS`` + 1 equal steps of the cosine from -1 to 1.
     """
 
     frame: AffineFrame
@@ -35,23 +35,22 @@ class Eyeball:
     axis: Array
     profile: Array
 
-    def resting(self, points: Array, vertices: NDArray[np.floating]) -> Array:
-        """Return where ``points`` (n, 3) of the pose ``vertices`` (N, 3) lie relative to the centre at rest."""
+    def motion(self, vertices: NDArray[np.floating]) -> tuple[Array, Array]:
+        """Return the linear part, (3, 3), of the motion in the pose ``vertices``, (N, 3), and the centre there, (3,)."""
         linear, moved = self.frame.motion(vertices)
-        return to_rest(points, self.frame.origin, linear, moved) - self.centre
+        return linear, moved + linear @ (self.centre - self.frame.origin)
 
     def clearance(self, relative: Array) -> tuple[Array, Array]:
-        """Return how far points outside, at ``relative`` (n, 3) to the centre, are, and their distances, (n,) each."""
+        """Return how far points at rest, at ``relative`` (n, 3) to the centre, are outside, and their distances."""
         distance = np.sqrt(np.einsum("nd,nd->n", relative, relative))
-        cosine = np.clip((relative @ self.axis) / np.maximum(distance, 1e-9), -1.0, 1.0)
-        return distance - self.radii(cosine), distance
+        return distance - self.radii((relative @ self.axis) / np.maximum(distance, 1e-9)), distance
 
     def radii(self, cosine: Array) -> Array:
         """Return the radius at the ``cosine`` of the angle to the axis, shape (n,)."""
-        position = np.arccos(cosine) * (_STEPS / np.pi)
-        low = np.minimum(position.astype(np.intp), _STEPS - 1)
-        share = position - low
-        radii: Array = self.profile[low] * (1.0 - share) + self.profile[low + 1] * share
+        position = np.clip((cosine + 1.0) * (0.5 * _STEPS), 0.0, _STEPS - 1e-9)
+        low = position.astype(np.intp)
+        first = self.profile[low]
+        radii: Array = first + (position - low) * (self.profile[low + 1] - first)
         return radii
 
 
@@ -102,8 +101,9 @@ def _profile(relative: Array, axis: Array) -> Array:
     """Return the greatest radius over the angle to ``axis``; between rings of vertices it is interpolated."""
     distance = np.linalg.norm(relative, axis=1)
     angle = np.arccos(np.clip(relative @ axis / distance, -1.0, 1.0))
-    bins = np.round(angle * (_STEPS / np.pi)).astype(np.intp)
-    greatest = np.zeros(_STEPS + 1)
-    np.maximum.at(greatest, bins, distance)
+    greatest = np.zeros(_ANGLES + 1)
+    np.maximum.at(greatest, np.round(angle * (_ANGLES / np.pi)).astype(np.intp), distance)
     known = np.flatnonzero(greatest > 0.0)
-    return np.interp(np.arange(_STEPS + 1), known, greatest[known])
+    over_angle = np.interp(np.arange(_ANGLES + 1), known, greatest[known])
+    angles = np.arccos(np.linspace(-1.0, 1.0, _STEPS + 1))
+    return np.interp(angles, np.arange(_ANGLES + 1) * (np.pi / _ANGLES), over_angle)

@@ -13,6 +13,8 @@ from faceposer.model.subject import Part, Subject
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
 
+# So many vertices, spread over a part, tell its motion.
+_WITNESSES = 64
 # Vertices move as one piece if an affine map predicts them to this share of the head's height in every shape.
 _TOLERANCE = 1e-3
 
@@ -26,24 +28,27 @@ class AffineFrame:
 
     Attributes:
         ids: The vertices, shape (n,).
-        origin: Centroid of the vertices in the neutral face, shape (3,).
-        solver: Pseudoinverse of the centred neutral vertices, shape (3, n).
+        witnesses: Those of them that the map is fitted to, shape (w,).
+        origin: Centroid of the witnesses in the neutral face, shape (3,).
+        solver: Pseudoinverse of the centred neutral witnesses, shape (3, w).
     """
 
     ids: Ids
+    witnesses: Ids
     origin: Array
     solver: Array
 
     @classmethod
     def of(cls, ids: Ids, neutral: NDArray[np.floating]) -> "AffineFrame":
         """Return the frame of the vertices ``ids`` of the ``neutral`` face, shape (N, 3)."""
-        points = neutral[ids].astype(np.float64)
+        witnesses = ids[:: max(1, len(ids) // _WITNESSES)]
+        points = neutral[witnesses].astype(np.float64)
         origin = points.mean(axis=0)
-        return cls(ids, origin, np.linalg.pinv(points - origin, rcond=1e-6))
+        return cls(ids, witnesses, origin, np.linalg.pinv(points - origin, rcond=1e-6))
 
     def motion(self, vertices: NDArray[np.floating]) -> tuple[Array, Array]:
         """Return the linear part, (3, 3), and the place of the origin, (3,), in the pose ``vertices``, (N, 3)."""
-        points = vertices[self.ids].astype(np.float64)
+        points = vertices[self.witnesses].astype(np.float64)
         moved = points.mean(axis=0)
         return (self.solver @ (points - moved)).T, moved
 

@@ -19,6 +19,8 @@ _SIDE, _UP, _CELL = 100, 80, 1.0
 _REACH, _TOUCHING = 0.8, 1e-3
 # An edge vertex lies within so many cells of the border of the opening.
 _NEAR = 2.5
+# Vertices of an edge are so far apart, in radians of azimuth, and lie at most so far behind the line of their neighbours.
+_SPACING, _BEHIND = np.deg2rad(1.5), np.deg2rad(0.8)
 # Fewer vertices do not make an edge, and an opening of fewer columns is none.
 _FEWEST, _NARROWEST = 3, 8
 
@@ -37,7 +39,8 @@ class LidEdges:
 
     def overlap(self, ball: Eyeball, vertices: NDArray[np.floating]) -> tuple[Array, Array]:
         """Return by which angle each vertex of the upper, (u,), and of the lower edge, (l,), lies past the other."""
-        relative = [ball.resting(vertices[ids].astype(np.float64), vertices) for ids in (self.upper, self.lower)]
+        _, centre = ball.motion(vertices)
+        relative = [vertices[ids].astype(np.float64) - centre for ids in (self.upper, self.lower)]
         (upper_side, upper_up, _), (lower_side, lower_up, _) = (azimuth_and_elevation(each) for each in relative)
         return (
             curve_at(lower_side, lower_up, upper_side) - upper_up,
@@ -115,16 +118,23 @@ def find_edges(subject: Subject, ball: Eyeball) -> LidEdges | None:
 def _one_per_place(ids: Ids, vertices: NDArray[np.floating], ball: Eyeball, is_upper: bool) -> Ids:
     """Return those of the vertices ``ids`` that lie nearest to the opening in their surroundings, by azimuth."""
     azimuth, elevation, _ = azimuth_and_elevation(vertices[ids].astype(np.float64) - ball.centre)
-    towards = elevation if is_upper else -elevation
+    away = elevation if is_upper else -elevation
     # From the nose outwards, so that both eyes are treated alike.
     order = np.argsort(azimuth if ball.centre[0] >= 0.0 else -azimuth, kind="stable")
     kept: list[int] = []
     for i in order:
-        if kept and abs(azimuth[i] - azimuth[kept[-1]]) < np.deg2rad(1.5):
-            if towards[i] < towards[kept[-1]]:
+        if kept and abs(azimuth[i] - azimuth[kept[-1]]) < _SPACING:
+            if away[i] < away[kept[-1]]:
                 kept[-1] = int(i)
         else:
             kept.append(int(i))
+    while len(kept) > _FEWEST:
+        line, place = away[kept], azimuth[kept]
+        share = (place[1:-1] - place[:-2]) / (place[2:] - place[:-2])
+        behind = line[1:-1] - (line[:-2] + share * (line[2:] - line[:-2]))
+        if behind.max() < _BEHIND:
+            break
+        del kept[1 + int(behind.argmax())]
     return ids[kept] if ball.centre[0] >= 0.0 else ids[kept[::-1]]
 
 

@@ -49,8 +49,8 @@ def find_covering(subject: Subject, arch: DentalArch) -> Covering:
     bottom = arch.bottom - beyond
     surface = lattice(subject.vertices[all_skin].astype(np.float64), 0.8 * arch.row)
     outermost = radius_raster(surface, arch.axis, bottom, arch.row, rows)
-    angle, height, radius = arch.cylinder(subject.vertices[near].astype(np.float64))
-    column = np.clip(np.round(arch.column(angle)).astype(np.intp), 0, outermost.shape[0] - 1)
+    place, height, radius = arch.cylinder(subject.vertices[near].astype(np.float64))
+    column = np.clip(np.round(place).astype(np.intp), 0, outermost.shape[0] - 1)
     line = np.clip(np.round((height - bottom) / arch.row).astype(np.intp), 0, rows - 1)
     outer = near[radius > outermost[column, line] - _OUTERMOST * size]
     from_outer = surface_distance(subject, outer, _INSIDE * size)

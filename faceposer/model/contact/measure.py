@@ -96,13 +96,14 @@ class _BallGauge:
         return float((self._depth(vertices) - self._at_rest).max(initial=0.0))
 
     def _depth(self, vertices: Vertices) -> Array:
-        relative = self._ball.resting(self._samples.places(vertices), vertices)
+        linear, centre = self._ball.motion(vertices)
+        relative = (self._samples.places(vertices) - centre) @ np.linalg.inv(linear).T
         distance = np.linalg.norm(relative, axis=1)
         depth = np.zeros(len(relative))
         inside = np.flatnonzero(distance < self._farthest)
         if len(inside):
             directions = relative[inside] / np.maximum(distance[inside], 1e-9)[:, None]
-            stretch = np.linalg.norm(directions @ self._ball.frame.motion(vertices)[0].T, axis=1)
+            stretch = np.linalg.norm(directions @ linear.T, axis=1)
             depth[inside] = np.maximum(self._radii(directions) - distance[inside], 0.0) * stretch
         return depth
 
@@ -176,8 +177,8 @@ class _TeethGauge:
             corners[..., 1].min(axis=1) < arch.bottom + arch.row * rows
         )
         skin = radius_raster(lattice(corners[within], 0.6 * arch.row), arch.axis, arch.bottom, arch.row, rows)
-        angle, height, radius = arch.cylinder(arch.resting(vertices[arch.frame.ids].astype(np.float64), vertices))
-        column = np.clip(np.round(arch.column(angle)).astype(np.intp), 0, columns - 1)
+        place, height, radius = arch.cylinder(arch.resting(vertices[arch.frame.ids].astype(np.float64), vertices))
+        column = np.clip(np.round(place).astype(np.intp), 0, columns - 1)
         line = np.clip(np.round((height - arch.bottom) / arch.row).astype(np.intp), 0, rows - 1)
         over = skin[column, line]
         return np.where(np.isfinite(over), np.maximum(radius - over, 0.0), 0.0)

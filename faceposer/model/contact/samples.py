@@ -1,5 +1,6 @@
 """Places on a surface at which contact is looked for: vertices, middles of edges and centroids of triangles."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -50,6 +51,31 @@ class SurfaceSamples:
         a, b, c = self._corners
         middles = 0.5 * (values[first] + values[second])
         return np.concatenate([values, middles, (values[a] + values[b] + values[c]) / 3.0])
+
+    def greatest(self, points: Array, own: Array, near: NDArray[np.bool_], of: Callable[[Array, Ids], Array]) -> Array:
+        """Return the greatest value at each vertex and at the samples next to it, shape (V,).
+
+        Args:
+            points: The vertices' positions, shape (V, 3).
+            own: Their values, shape (V,); changed in place.
+            near: Which vertices may have samples with a value beside them, shape (V,).
+            of: Returns the values of samples from their positions, (n, 3), and their numbers, (n,).
+        """
+        first, second = self._ends
+        a, b, c = self._corners
+        edges = np.flatnonzero(near[first] | near[second])
+        triangles = np.flatnonzero(near[a] | near[b] | near[c])
+        first, second, a, b, c = first[edges], second[edges], a[triangles], b[triangles], c[triangles]
+        places = np.concatenate([0.5 * (points[first] + points[second]), (points[a] + points[b] + points[c]) / 3.0])
+        numbers = np.concatenate([len(self.ids) + edges, len(self.ids) + len(self.edges) + triangles])
+        values = of(places, numbers)
+        found = np.flatnonzero(values)
+        on_edge, on_triangle = found[found < len(edges)], found[found >= len(edges)]
+        for ends in (first, second):
+            np.maximum.at(own, ends[on_edge], values[on_edge])
+        for corners in (a, b, c):
+            np.maximum.at(own, corners[on_triangle - len(edges)], values[on_triangle])
+        return own
 
     @cached_property
     def _ends(self) -> tuple[Ids, Ids]:
