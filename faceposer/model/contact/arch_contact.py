@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from faceposer.model.contact.arches import DentalArch
-from faceposer.model.contact.lips import find_covering, surface_distance, triangles_among
 from faceposer.model.contact.lids import skin_ids
+from faceposer.model.contact.lips import find_covering, surface_distance, triangles_among
 from faceposer.model.contact.samples import SurfaceSamples
 from faceposer.model.contact.spreading import Spreading, fading, hinge
 from faceposer.model.subject import Subject
@@ -21,10 +21,10 @@ Ids = NDArray[np.intp]
 
 # Shares of the head's height: width of the valleys between teeth that are filled, how far the field goes on above and
 # below, how far the inside of the lips follows, where pushes begin to fade and have faded before the teeth and beyond
-# their ends, distance of the control points, how near vertices are whose neighbours may lie deeper, what is not felt.
+# their ends, distance of the control points, how near vertices are whose neighbours may lie deeper, start and margin of pushes.
 _VALLEY, _BEYOND, _INSIDE = 0.02, 0.06, 0.06
 _FADES, _FADED, _LEVEL_FADES, _LEVEL_FADED = 0.06, 0.12, 0.04, 0.08
-_SPACING, _NEAR, _SLACK = 0.022, 0.01, 0.0001
+_SPACING, _NEAR, _START, _MARGIN = 0.022, 0.01, 0.0001, 0.001
 # How much the field falls per way above and below the teeth and beyond the ends of the arch.
 _SLOPE = 2.5
 _UPPER_LIP = ("8.1", "8.5", "8.6", "8.9", "8.10", "2.2", "2.6", "2.7")
@@ -38,7 +38,7 @@ class ArchContact:
         """Prepare for an ``arch`` of ``subject``."""
         size = subject.height
         self._arch = arch
-        self._slack = _SLACK * size
+        self._start, self._margin = _START * size, _MARGIN * size
         self._near = _NEAR * size
         self._bottom, self._field = _obstacle(arch, size)
         covering = find_covering(subject, arch)
@@ -94,9 +94,9 @@ class ArchContact:
         push = np.zeros(len(points))
         push[:count] = self._samples.greatest(
             points[:count],
-            hinge(depth - self._allowed[:count], self._slack),
+            hinge(depth - self._allowed[:count], self._start, self._margin),
             near,
-            lambda places, numbers: hinge(self._depth(places) - self._allowed[numbers], self._slack),
+            lambda places, numbers: hinge(self._depth(places) - self._allowed[numbers], self._start, self._margin),
         )
         if not push.any():
             return
@@ -113,7 +113,7 @@ def _obstacle(arch: DentalArch, size: float) -> tuple[float, Array]:
     floor = float(arch.front[known].min()) - 4.0 * _BEYOND * size
     field = np.pad(np.where(known, arch.front, floor), ((0, 0), (pad, pad)), constant_values=floor)
     step = float(np.median(arch.front[known])) * 2.0 * arch.column_step
-    width = 2 * max(1, int(round(0.5 * _VALLEY * size / step))) + 1
+    width = 2 * max(1, round(0.5 * _VALLEY * size / step)) + 1
     field = ndimage.grey_closing(field, size=(width, 1))
     for axis, fall in ((1, _SLOPE * arch.row), (0, _SLOPE * step)):
         lines = np.moveaxis(field, axis, 0)

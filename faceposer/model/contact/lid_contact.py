@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from faceposer.model.contact.eyeballs import Eyeball
 from faceposer.model.contact.frames import pieces
 from faceposer.model.contact.lids import (
+    PRESSED,
     LidEdges,
     azimuth_and_elevation,
     find_edges,
@@ -32,9 +32,11 @@ Vertices = NDArray[np.floating]
 
 # Share of an overlap that the upper lid gives way by: it is the one that moves.
 _UPPER_SHARE = 0.8
-# In radii of the ball: how far from the edges skin turns with them, where pushes begin to fade and have faded, how near
-# a vertex is whose neighbours may lie deeper, and what is not felt.
-_TURNS, _FADES, _FADED, _NEAR, _SLACK = 0.75, 0.4, 0.8, 0.12, 0.0012
+# In radii of the ball: how far from the edges skin turns with them and how far it is their rim; where pushes begin to
+# fade and have faded; how near a vertex is whose neighbours may lie deeper.
+_TURNS, _RIM, _FADES, _FADED, _NEAR = 0.75, 0.3, 0.4, 0.8, 0.12
+# In radii of the ball and in radians: start and margin of the pushes out of the ball and of a lid by the other.
+_START, _MARGIN, _TURN_START, _TURN_MARGIN = 0.001, 0.018, 0.003, 0.006
 # Distance of the control points that spread pushes, in radians.
 _SPACING = 0.2
 
@@ -74,14 +76,13 @@ class LidContact:
         near = clearance < _NEAR * self._ball.radius
         if not near.any():
             return
-        own = hinge(-clearance - self._allowed[: len(points)], _SLACK * self._ball.radius)
+        start, margin = _START * self._ball.radius, _MARGIN * self._ball.radius
+        own = hinge(-clearance - self._allowed[: len(points)], start, margin)
         push = self._samples.greatest(
             points,
             own,
             near,
-            lambda places, numbers: hinge(
-                -self._ball.clearance(places @ back)[0] - self._allowed[numbers], _SLACK * self._ball.radius
-            ),
+            lambda places, numbers: hinge(-self._ball.clearance(places @ back)[0] - self._allowed[numbers], start, margin),
         )
         if not push.any():
             return
@@ -96,49 +97,74 @@ class _Turning:
     """Turns lids that have passed each other back to where they meet."""
 
     def __init__(self, subject: Subject, ball: Eyeball, edges: LidEdges, distances: list[Array]) -> None:
-        self._ball, self._edges = ball, edges
-        self._allowed = [np.maximum(angle, 0.0) for angle in edges.overlap(ball, subject.vertices)]
+        self._edges = edges
         skin = skin_ids(subject)
         reach = _TURNS * ball.radius
         near = skin[np.minimum(distances[0], distances[1])[skin] < reach]
+        points = subject.vertices[near].astype(np.float64) - ball.centre
+        azimuth, elevation, _ = azimuth_and_elevation(points)
         upper = _upper_share(distances, near)
-        azimuth = _azimuth(subject, ball, near)
-        blocks = [
-            _rows(_azimuth(subject, ball, ids), azimuth, share * fading(distance[near], 0.0, reach))
-            for ids, distance, share in zip(
-                (edges.upper, edges.lower), distances, (upper, 1.0 - upper), strict=True
-            )
-        ]
-        ids, rows = [near], [sparse.hstack(blocks)]
-        for lashes, is_upper in _lashes(subject, ball, edges):
-            place, ones = _azimuth(subject, ball, lashes), np.ones(len(lashes))
-            ids.append(lashes)
-            rows.append(
-                sparse.hstack(
-                    [
-                        _rows(_azimuth(subject, ball, edge), place, ones * (own == is_upper))
-                        for edge, own in ((edges.upper, True), (edges.lower, False))
-                    ]
-                )
-            )
-        self._ids = np.concatenate(ids)
-        self._weights = sparse.csr_array(sparse.vstack(rows))
+        outward = np.sign(ball.centre[0]) or 1.0
+        self._layers: list[_Layer] = []
+        curves = edges.curves(subject.vertices, ball.centre)
+        first = max(curve.azimuth[0] for curve in curves)
+        last = min(curve.azimuth[-1] for curve in curves)
+        on_edge = (azimuth > first) & (azimuth < last) & (ball.clearance(points)[0] >= 0.0)
+        for number, (distance, share) in enumerate(zip(distances, (upper, 1.0 - upper), strict=True)):
+            sign = 1.0 - 2.0 * number
+            keys = np.flatnonzero(on_edge & (share > 0.5) & (distance[near] < _RIM * ball.radius))
+            behind = np.maximum(sign * (elevation[keys] - curves[number](azimuth[keys])), 0.0)
+            across = sign * (curves[1 - number](azimuth[keys]) - elevation[keys]) + behind
+            fade = share * fading(distance[near], 0.0, reach)
+            along, up = outward * azimuth / _SPACING, elevation / _SPACING
+            spreading = Spreading.over(along, up, share, fade)
+            self._layers.append(_Layer(near[keys], keys, behind - np.maximum(across, PRESSED), sign, spreading))
+        self._near = near
+        lashes, roots = _followers(subject, ball, edges, near)
+        self._ids = np.concatenate([near, lashes])
+        self._roots = roots
 
     def apply(self, vertices: NDArray[np.float32], centre: Array) -> None:
-        upper, lower = self._edges.overlap(self._ball, vertices)
-        back_up = _UPPER_SHARE * hinge(upper - self._allowed[0], _SLACK)
-        back_down = (_UPPER_SHARE - 1.0) * hinge(lower - self._allowed[1], _SLACK)
-        if not (back_up.any() or back_down.any()):
+        """Correct the pose ``vertices``, shape (N, 3), of an eye at ``centre``, in place."""
+        curves = self._edges.curves(vertices, centre)
+        angle = np.zeros(len(self._near))
+        for layer, curve, part in zip(self._layers, curves[::-1], (_UPPER_SHARE, 1.0 - _UPPER_SHARE), strict=True):
+            azimuth, elevation, _ = azimuth_and_elevation(vertices[layer.ids].astype(np.float64) - centre)
+            past = layer.sign * (curve(azimuth) - elevation) + layer.allowed
+            push = part * hinge(past, _TURN_START, _TURN_MARGIN)
+            if push.any():
+                whole = np.zeros(len(self._near))
+                whole[layer.keys] = push
+                angle += layer.sign * np.maximum(whole, layer.spreading(whole))
+        if not angle.any():
             return
-        angle = self._weights @ np.concatenate([back_up, back_down])
+        angle = np.concatenate([angle, angle[self._roots]])
         points = vertices[self._ids] - centre
         across = np.maximum(np.sqrt(points[:, 0] ** 2 + points[:, 2] ** 2), 1e-9)
         cosine, sine = np.cos(angle), np.sin(angle)
-        shrink = cosine - sine * points[:, 1] / across
-        turned = np.column_stack(
-            [points[:, 0] * shrink, across * sine + points[:, 1] * cosine, points[:, 2] * shrink]
-        )
-        vertices[self._ids] += (turned - points).astype(np.float32)
+        shrink = cosine - sine * points[:, 1] / across - 1.0
+        up = across * sine + points[:, 1] * (cosine - 1.0)
+        moved = np.column_stack([points[:, 0] * shrink, up, points[:, 2] * shrink])
+        vertices[self._ids] += moved.astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class _Layer:
+    """The upper lid (sign 1) or the lower lid (sign -1).
+
+    Attributes:
+        ids: Vertices of the rim, shape (k,).
+        keys: Their indices among all vertices that turn, shape (k,).
+        allowed: How far each lies behind its edge, less the overlap that it may have, shape (k,).
+        sign: Direction, up or down, in which the lid gives way.
+        spreading: From the rim to all vertices that turn.
+    """
+
+    ids: Ids
+    keys: Ids
+    allowed: Array
+    sign: float
+    spreading: Spreading
 
 
 def _upper_share(distances: list[Array] | None, ids: Ids) -> Array:
@@ -151,17 +177,6 @@ def _upper_share(distances: list[Array] | None, ids: Ids) -> Array:
 
 def _azimuth(subject: Subject, ball: Eyeball, ids: Ids) -> Array:
     return azimuth_and_elevation(subject.vertices[ids].astype(np.float64) - ball.centre)[0]
-
-
-def _rows(edge: Array, places: Array, factors: Array) -> sparse.csr_array:
-    """Return linear interpolation between ascending azimuths of an ``edge`` (e,) at ``places`` (n,), (n, e)."""
-    edge = np.maximum.accumulate(edge)
-    high = np.clip(np.searchsorted(edge, places), 1, len(edge) - 1)
-    share = np.clip((places - edge[high - 1]) / np.maximum(edge[high] - edge[high - 1], 1e-9), 0.0, 1.0)
-    rows = np.arange(len(places))
-    values = np.concatenate([factors * (1.0 - share), factors * share])
-    indices = (np.concatenate([rows, rows]), np.concatenate([high - 1, high]))
-    return sparse.csr_array((values, indices), shape=(len(places), len(edge)))
 
 
 def _lashes(subject: Subject, ball: Eyeball, edges: LidEdges | None) -> list[tuple[Ids, bool]]:

@@ -1,6 +1,7 @@
 """The edges of the lids: found as the border of the opening that the eyeball is seen through from its centre."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ Ids = NDArray[np.intp]
 _SIDE, _UP, _CELL = 100, 80, 1.0
 # Skin over the ball within this share of its radius is part of the lids; nearer than the second it lies on the ball.
 _REACH, _TOUCHING = 0.8, 1e-3
+#: Closed lids press on each other: edges that overlap by this angle, in radians, are in touch and not past each other.
+PRESSED = 0.04
 # An edge vertex lies within so many cells of the border of the opening.
 _NEAR = 2.5
 # Vertices of an edge are so far apart, in radians of azimuth, and lie at most so far behind the line of their neighbours.
@@ -32,29 +35,63 @@ class LidEdges:
     Attributes:
         upper: Vertex ids, shape (u,).
         lower: Vertex ids, shape (l,).
+        corners: Right and left corner of the eye, which end both edges; or fewer.
     """
 
     upper: Ids
     lower: Ids
+    corners: Ids
+
+    def curves(self, vertices: NDArray[np.floating], centre: Array) -> tuple["EdgeCurve", "EdgeCurve"]:
+        """Return the upper and the lower edge of the pose ``vertices``, (N, 3), as seen from ``centre``, (3,)."""
+        ids = np.concatenate([self.upper, self.lower, self.corners])
+        azimuth, elevation, _ = azimuth_and_elevation(vertices[ids].astype(np.float64) - centre)
+        middle, end = len(self.upper), len(self.upper) + len(self.lower)
+        ends = (azimuth[end:], elevation[end:])
+        return (
+            EdgeCurve.through(azimuth[:middle], elevation[:middle], *ends),
+            EdgeCurve.through(azimuth[middle:end], elevation[middle:end], *ends),
+        )
 
     def overlap(self, ball: Eyeball, vertices: NDArray[np.floating]) -> tuple[Array, Array]:
         """Return by which angle each vertex of the upper, (u,), and of the lower edge, (l,), lies past the other."""
         _, centre = ball.motion(vertices)
-        relative = [vertices[ids].astype(np.float64) - centre for ids in (self.upper, self.lower)]
-        (upper_side, upper_up, _), (lower_side, lower_up, _) = (azimuth_and_elevation(each) for each in relative)
-        return (
-            curve_at(lower_side, lower_up, upper_side) - upper_up,
-            lower_up - curve_at(upper_side, upper_up, lower_side),
+        upper, lower = self.curves(vertices, centre)
+        (upper_side, upper_up, _), (lower_side, lower_up, _) = (
+            azimuth_and_elevation(vertices[ids].astype(np.float64) - centre) for ids in (self.upper, self.lower)
+        )
+        return lower(upper_side) - upper_up, lower_up - upper(lower_side)
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeCurve:
+    """The elevation of a lid's edge over the azimuth.
+
+    Attributes:
+        azimuth: Of its points, not falling, shape (n,).
+        elevation: Of its points, shape (n,).
+    """
+
+    azimuth: Array
+    elevation: Array
+
+    @classmethod
+    def through(cls, azimuth: Array, elevation: Array, end_azimuth: Array, end_elevation: Array) -> Self:
+        """Return the curve through the points of an edge and, outside them, the corners of the eye.
+
+        Where the edge runs back, its points count as if at the place that it has reached.
+        """
+        azimuth = np.maximum.accumulate(azimuth)
+        before, after = end_azimuth < azimuth[0], end_azimuth > azimuth[-1]
+        return cls(
+            np.concatenate([end_azimuth[before], azimuth, end_azimuth[after]]),
+            np.concatenate([end_elevation[before], elevation, end_elevation[after]]),
         )
 
-
-def curve_at(across: Array, up: Array, wanted: Array) -> Array:
-    """Return the height, shape (k,), of the curve through points (``across``, ``up``), shape (n,), at ``wanted``.
-
-    Where the curve runs back, the points count as if at the place that it has reached.
-    """
-    height: Array = np.interp(wanted, np.maximum.accumulate(across), up)
-    return height
+    def __call__(self, azimuth: Array) -> Array:
+        """Return the elevation at each ``azimuth``, shape (n,)."""
+        elevation: Array = np.interp(azimuth, self.azimuth, self.elevation)
+        return elevation
 
 
 def over_the_ball(subject: Subject, ball: Eyeball) -> Ids:
@@ -112,7 +149,19 @@ def find_edges(subject: Subject, ball: Eyeball) -> LidEdges | None:
         ids = near[(distance < _NEAR) & on_side & inside]
         edges.append(_one_per_place(ids, subject.vertices, ball, is_upper))
     upper, lower = edges
-    return LidEdges(upper, lower) if min(len(upper), len(lower)) >= _FEWEST else None
+    if min(len(upper), len(lower)) < _FEWEST:
+        return None
+    return LidEdges(upper, lower, _corners(subject, ball, np.concatenate([upper, lower])))
+
+
+def _corners(subject: Subject, ball: Eyeball, edges: Ids) -> Ids:
+    """Return the corners of the eye, from right to left, where they lie beyond all vertices of the ``edges``."""
+    names = ("3.11", "3.7") if ball.centre[0] >= 0.0 else ("3.12", "3.8")
+    known = np.array([subject.feature_points[n] for n in names if n in subject.feature_points], dtype=np.intp)
+    azimuth, elevation, _ = azimuth_and_elevation(subject.vertices[known].astype(np.float64) - ball.centre)
+    reached = azimuth_and_elevation(subject.vertices[edges].astype(np.float64) - ball.centre)[0]
+    beyond = (azimuth < reached.min()) | (azimuth > reached.max())
+    return known[beyond & (np.abs(elevation) < 0.5) & (np.abs(azimuth) < 0.5 * np.pi)]
 
 
 def _one_per_place(ids: Ids, vertices: NDArray[np.floating], ball: Eyeball, is_upper: bool) -> Ids:

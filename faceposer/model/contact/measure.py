@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from faceposer.model.contact.arches import DentalArch, find_arches, radius_raster
 from faceposer.model.contact.eyeballs import Eyeball, find_eyeballs
-from faceposer.model.contact.lids import LidEdges, find_edges, over_the_ball
+from faceposer.model.contact.lids import PRESSED, LidEdges, find_edges, over_the_ball
 from faceposer.model.contact.lips import find_covering, triangles_among
 from faceposer.model.contact.samples import SurfaceSamples, lattice
 from faceposer.model.face_model import FaceModel
@@ -41,7 +41,7 @@ def penetration_mm(model_or_character: FaceModel | Subject, vertices: Vertices) 
     Returns:
         Depths by the names in ``KINDS``; a kind is left out where the character lacks the parts. "lids_eyeballs" is the
         depth of skin below the surface of the eyeball, along the radius; "lid_lid" how far the edges of upper and
-        lower lid have passed each other, along the eyeball; "lips_teeth" how far skin of lips, cheeks and chin lies
+        lower lid have passed each other, along the eyeball, beyond the .04 radii that closed lids press together; "lips_teeth" how far skin of lips, cheeks and chin lies
         behind the front of teeth and gums, or past their edge if that is nearer; "teeth_skin" how far teeth or gums
         stick out of the outer skin.
 
@@ -131,7 +131,7 @@ class _EdgeGauge:
 
     def __init__(self, subject: Subject, ball: Eyeball, edges: LidEdges) -> None:
         self._ball, self._edges = ball, edges
-        self._at_rest = [np.maximum(angle, 0.0) for angle in edges.overlap(ball, subject.vertices)]
+        self._at_rest = [np.maximum(angle, PRESSED) for angle in edges.overlap(ball, subject.vertices)]
 
     def __call__(self, vertices: Vertices) -> float:
         angles = self._edges.overlap(self._ball, vertices)

@@ -56,7 +56,7 @@ class Spreading:
         shape = (count, len(cells))
         splines = sparse.csr_array((value[used], (row[used], column.ravel())), shape=shape)
         totals = np.asarray(splines.sum(axis=0)).ravel()
-        gather = sparse.csr_array((sparse.dia_array((1.0 / totals[None], [0]), shape=(len(cells),) * 2) @ splines.T))
+        gather = sparse.csr_array(sparse.dia_array((1.0 / totals[None], [0]), shape=(len(cells),) * 2) @ splines.T)
         spread = sparse.csr_array(sparse.dia_array((fade[None], [0]), shape=(count, count)) @ splines)
         return cls(gather, spread)
 
@@ -73,10 +73,14 @@ def _splines(position: Array) -> tuple[Array, Array, Array]:
     return 0.5 * (0.5 - t) ** 2, 0.75 - t * t, 0.5 * (0.5 + t) ** 2
 
 
-def hinge(depth: Array, slack: float) -> Array:
-    """Return what is to be pushed out of ``depth``: 0 up to ``slack``, depth - 2 slack from 3 slack on, smooth between."""
-    x = np.maximum(depth - slack, 0.0)
-    push: Array = np.where(x < 2.0 * slack, x * x / (4.0 * slack), x - slack)
+def hinge(depth: Array, start: float, margin: float) -> Array:
+    """Return how far a point that lies ``depth`` deep is pushed out, shape (n,); 0 for one that does not.
+
+    With d = max(depth, 0), start s and margin m it is (d + m d / (d + m)) d / (d + s): smooth at 0, and for d above s a
+    little more than d, so that surfaces do not stay in one another.
+    """
+    d = np.maximum(depth, 0.0)
+    push: Array = (d + margin * d / (d + margin)) * d / (d + start)
     return push
 
 
