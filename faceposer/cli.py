@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from faceposer import cli_applications, cli_evaluation, cli_training
+from faceposer.cli_applications.contact_option import add_contact_option
 from faceposer.errors import FacePoserError, NoWindowError
 from faceposer.interchange.files import check_apart, check_output
 
@@ -121,6 +122,7 @@ def _command_parser() -> argparse.ArgumentParser:
     solve.add_argument("session", type=Path, metavar="SESSION", help="session file (docs/session-format.md)")
     solve.add_argument("-o", "--output", type=Path, metavar="OUT.obj", required=True, help="posed mesh to write")
     solve.add_argument("--report", type=Path, metavar="R.json", help="also write energy, residuals and ARKit weights")
+    add_contact_option(solve)
 
     render = commands.add_parser(
         "render", help="draw a face", description="Draw a subject, a session or a mesh as PNG."
@@ -129,6 +131,7 @@ def _command_parser() -> argparse.ArgumentParser:
     render.add_argument("-o", "--output", type=Path, metavar="OUT.png", required=True, help="picture to write")
     render.add_argument("--view", choices=_VIEWS, default="front", help="where to look from (default: front)")
     render.add_argument("--size", type=_size, metavar="WxH", default=(960, 960), help="pixels (default: 960x960)")
+    add_contact_option(render)
 
     commands.add_parser("subjects", help="list the faces", description="List the faces that come with the program.")
 
@@ -164,6 +167,7 @@ def _solve(options: argparse.Namespace) -> int:
     if options.session.suffix.lower() != ".json":
         raise FacePoserError(f"'{options.session}' is no session file; give one that ends in '.json'.")
     face = load(options.session)
+    face.contact = face.contact and options.contact
     solution = face.solve()
     face.save(options.output)
     if options.report is not None:
@@ -191,7 +195,9 @@ def _render(options: argparse.Namespace) -> int:
     else:
         from faceposer.api import load
 
-        load(options.what).render(options.output, options.view, options.size)
+        face = load(options.what)
+        face.contact = face.contact and options.contact
+        face.render(options.output, options.view, options.size)
     print(f"{options.output} written")
     return 0
 

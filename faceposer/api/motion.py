@@ -114,5 +114,5 @@ class InMotion:
             raise FacePoserError(f"The camera turns in films; let '{path}' end in .gif or .mp4, or leave 'turn' out.")
         model = self.session.model
         moving = self.session.coefficients if motion is None else checks.performance_of(motion, model)
-        write(Path(path), model, moving, Look(turn=turn))
+        write(Path(path), model, moving, Look(turn=turn, contact=self.session.document.contact))
         return Path(path)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoints, pick_pixels
+from faceposer.model.contact.step import ContactStep
 from faceposer.model.expression_statistics import ExpressionStatistics, load_expression_statistics
 from faceposer.model.local_moments import RigDensity
 from faceposer.model.mixture import GaussianMixture
@@ -73,6 +74,20 @@ class FaceModel:
         flat = np.asarray(p, dtype=np.float32) @ self.basis
         flat += self._flat_neutral
         return flat.reshape(-1, 3)
+
+    def surface(self, p: ArrayLike, contact: bool = True) -> NDArray[np.float32]:
+        """Return the vertices, shape (N, 3), of the face ``p``, (r,), as it is shown and exported.
+
+        They are those of ``instance``, which solves and constraints know, after the contact step unless ``contact`` is
+        off.
+        """
+        vertices = self.instance(p)
+        return self.contact.apply(vertices) if contact else vertices
+
+    @cached_property
+    def contact(self) -> ContactStep:
+        """The contact step of the subject (docs/contact.md)."""
+        return ContactStep.of(self.subject)
 
     def rows_at(self, points: SurfacePoints) -> tuple[Array, Array]:
         """Return how ``points`` depend on p: derivatives of shape (n, 3, r) and neutral positions of shape (n, 3).

@@ -26,7 +26,12 @@ def transferred(
         target: Its model.
     """
     new = Document(
-        subject, prior_weight=document.prior_weight, prior=document.prior, frame=document.frame, animated=False
+        subject,
+        prior_weight=document.prior_weight,
+        prior=document.prior,
+        frame=document.frame,
+        animated=False,
+        contact=document.contact,
     )
     keyframes, pose = document.keyframes, None
     if keyframes is not None:

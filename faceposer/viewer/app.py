@@ -201,7 +201,8 @@ class App:
             session.worker.wait_idle(_SOLVE_PATIENCE)
         if session.poll():
             self.redraw()
-        self.scene.set_pose(session.model.neutral() if self.comparing else session.coefficients)
+        pose = session.model.neutral() if self.comparing else session.coefficients
+        self.scene.set_pose(pose, session.document.contact)
         self.guide.follow(self)
         self.router.follow()
 
@@ -344,7 +345,7 @@ class App:
         self.features.before_press()
         if self.comparing:
             self.comparing = False
-            self.scene.set_pose(self.session.coefficients)
+            self.scene.set_pose(self.session.coefficients, self.session.document.contact)
 
     def dialogs_ask(self, request: FileRequest) -> None:
         """Ask for a file."""

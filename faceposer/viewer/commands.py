@@ -137,6 +137,12 @@ class Commands:
         """Draw without textures, or with them."""
         self._app.shading = "full" if self._app.shading == "clay" else "clay"
 
+    def toggle_contact(self) -> None:
+        """Keep surfaces apart, or not."""
+        session = self._app.session
+        if not session.editing:
+            session.set_contact(not session.document.contact)
+
     def toggle_points(self) -> None:
         """Draw the pins, or not."""
         self._app.points_shown = not self._app.points_shown
@@ -332,6 +338,14 @@ def build_actions(app: "App") -> Actions:
                 ("T",),
                 checked=lambda: app.shading == "clay",
                 help="Draw without textures",
+            ),
+            Action(
+                "contact",
+                "Contact",
+                "View",
+                do.toggle_contact,
+                checked=lambda: app.session.document.contact,
+                help="Keep lids on the eyes and off each other, lips before the teeth, and teeth inside",
             ),
             Action(
                 "points",

@@ -55,6 +55,7 @@ class Look:
         rate: Frames per second, None for what suits the format and the performance.
         shading: "full", or "clay" without textures.
         orbit: The view itself; in place of ``view`` where the camera stands still.
+        contact: Whether faces are shown after the contact step; so are posed meshes that ``write`` writes.
     """
 
     size: tuple[int, int] = (640, 640)
@@ -63,6 +64,7 @@ class Look:
     rate: float | None = None
     shading: Shading = "full"
     orbit: View | None = None
+    contact: bool = True
 
 
 def write(
@@ -89,7 +91,7 @@ def write(
         for share in picture_steps(path, model, motion, look or Look()):
             progress(share)
     elif path.suffix.lower() in export.FORMATS:
-        export.write(path, model, motion, progress)
+        export.write(path, model, motion, progress, look is None or look.contact)
     else:
         raise FacePoserError(f"'{path}' must end in one of {', '.join(FORMATS)}.")
 
@@ -120,7 +122,7 @@ def picture_steps(
     if suffix == ".png":
         if isinstance(motion, Performance):
             raise FacePoserError(f"'{path}' shows one pose and not {len(motion)}; choose a frame, or write a .gif.")
-        with _pictures(model, look.size, look.shading, ctx) as pictures:
+        with _pictures(model, look.size, look, ctx) as pictures:
             vertices = model.subject.vertices
             view = look.orbit or OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0), look.view)
             write_png(path, pictures.draw(motion, view.camera(look.size)))
@@ -128,7 +130,7 @@ def picture_steps(
     shot = _Shot(model, motion, look, suffix)
     if suffix == ".mp4":
         find_ffmpeg()
-    with _pictures(model, shot.size, look.shading, ctx) as pictures:
+    with _pictures(model, shot.size, look, ctx) as pictures:
 
         def draw(frame: int) -> Picture:
             return pictures.draw(shot.pose(frame), shot.camera(frame))
@@ -178,7 +180,7 @@ class _Shot:
         if self._fixed is not None:
             return
         shown = np.linspace(0, len(self._poses) - 1, min(len(self._poses), _FRAMED_POSES)).astype(int)
-        poses = [model.instance(self._poses[i]) for i in shown]
+        poses = [model.surface(self._poses[i], look.contact) for i in shown]
         self._view = framed_all_round([model.subject.vertices, *poses], self.size).looking(look.view)
 
     def pose(self, frame: int) -> NDArray[np.float64]:
@@ -197,9 +199,9 @@ class _Shot:
 class _Pictures:
     """Draws poses of one face at one size."""
 
-    def __init__(self, ctx: moderngl.Context, model: FaceModel, size: tuple[int, int], shading: Shading) -> None:
+    def __init__(self, ctx: moderngl.Context, model: FaceModel, size: tuple[int, int], look: Look) -> None:
         self._model = model
-        self._shading = shading
+        self._look = look
         self._renderer = Renderer(ctx)
         self._renderer.set_subject(model.subject)
         self._target = ColourTarget(ctx, size, min(_SAMPLES, ctx.max_samples))
@@ -209,10 +211,10 @@ class _Pictures:
     def draw(self, pose: NDArray[np.float64], camera: Camera) -> Picture:
         """Return the picture of ``pose``, (r,), under ``camera``, of shape (height, width, 3)."""
         if self._shown is None or not np.array_equal(pose, self._shown):
-            vertices = self._model.instance(pose)
+            vertices = self._model.surface(pose, self._look.contact)
             self._renderer.update(vertices, self._normals(vertices))
             self._shown = pose
-        self._renderer.draw(self._target.framebuffer, camera, self._shading)
+        self._renderer.draw(self._target.framebuffer, camera, self._look.shading)
         self._target.resolve()
         return self._target.read()
 
@@ -223,11 +225,9 @@ class _Pictures:
 
 
 @contextmanager
-def _pictures(
-    model: FaceModel, size: tuple[int, int], shading: Shading, ctx: moderngl.Context | None
-) -> Iterator[_Pictures]:
+def _pictures(model: FaceModel, size: tuple[int, int], look: Look, ctx: moderngl.Context | None) -> Iterator[_Pictures]:
     with ExitStack() as stack:
         context = ctx or stack.enter_context(offscreen_context())
-        pictures = _Pictures(context, model, size, shading)
+        pictures = _Pictures(context, model, size, look)
         stack.callback(pictures.release)
         yield pictures

@@ -1,8 +1,8 @@
 """Lips, cheeks and chin stay before the teeth.
 
-In the rest frame of a jaw its teeth and gums are a height field: radius H(angle, height) around an upright axis. Skin that
-lies before them in the neutral face keeps r >= H: it goes out along the radius, and the skin around goes with it. Above
-and below the teeth H falls by a fixed slope, so that lips slide onto the teeth and do not jump.
+In the rest frame of a jaw its teeth and gums are a height field: radius H(angle, height) around an upright axis. Skin
+that lies before them in the neutral face keeps r >= H: it goes out along the radius, and the skin around goes with it.
+Above and below the teeth H falls by a fixed slope, so that lips slide onto the teeth and do not jump.
 """
 
 import numpy as np
@@ -21,7 +21,8 @@ Ids = NDArray[np.intp]
 
 # Shares of the head's height: width of the valleys between teeth that are filled, how far the field goes on above and
 # below, how far the inside of the lips follows, where pushes begin to fade and have faded before the teeth and beyond
-# their ends, distance of the control points, how near vertices are whose neighbours may lie deeper, start and margin of pushes.
+# their ends, distance of the control points, how near vertices are whose neighbours may lie deeper,
+# start and margin of pushes.
 _VALLEY, _BEYOND, _INSIDE = 0.02, 0.06, 0.06
 _FADES, _FADED, _LEVEL_FADES, _LEVEL_FADED = 0.06, 0.12, 0.04, 0.08
 _SPACING, _NEAR, _START, _MARGIN = 0.022, 0.01, 0.0001, 0.001

@@ -36,7 +36,7 @@ class Eyeball:
     profile: Array
 
     def motion(self, vertices: NDArray[np.floating]) -> tuple[Array, Array]:
-        """Return the linear part, (3, 3), of the motion in the pose ``vertices``, (N, 3), and the centre there, (3,)."""
+        """Return the linear part, (3, 3), of the motion in the pose ``vertices``, (N, 3), and the centre, (3,)."""
         linear, moved = self.frame.motion(vertices)
         return linear, moved + linear @ (self.centre - self.frame.origin)
 

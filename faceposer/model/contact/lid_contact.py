@@ -82,7 +82,9 @@ class LidContact:
             points,
             own,
             near,
-            lambda places, numbers: hinge(-self._ball.clearance(places @ back)[0] - self._allowed[numbers], start, margin),
+            lambda places, numbers: hinge(
+                -self._ball.clearance(places @ back)[0] - self._allowed[numbers], start, margin
+            ),
         )
         if not push.any():
             return
@@ -168,7 +170,7 @@ class _Layer:
 
 
 def _upper_share(distances: list[Array] | None, ids: Ids) -> Array:
-    """Return the share of the vertices ``ids`` in the upper lid, 1/2 at the corners, from ``distances`` to the edges."""
+    """Return the share of the vertices ``ids`` in the upper lid, 1/2 at the corners, by ``distances`` to the edges."""
     if distances is None:
         return np.full(len(ids), 0.5)
     upper, lower = (np.minimum(distance[ids], 1e6) for distance in distances)

@@ -22,7 +22,7 @@ _REACH, _TOUCHING = 0.8, 1e-3
 PRESSED = 0.04
 # An edge vertex lies within so many cells of the border of the opening.
 _NEAR = 2.5
-# Vertices of an edge are so far apart, in radians of azimuth, and lie at most so far behind the line of their neighbours.
+# Vertices of an edge are so far apart, in radians of azimuth, and lie at most so far behind those beside them.
 _SPACING, _BEHIND = np.deg2rad(1.5), np.deg2rad(0.8)
 # Fewer vertices do not make an edge, and an opening of fewer columns is none.
 _FEWEST, _NARROWEST = 3, 8

@@ -1,6 +1,7 @@
 """The skin in front of a dental arch: outer skin, and the inside of the lips as far as an open mouth shows it."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,7 @@ def find_covering(subject: Subject, arch: DentalArch) -> Covering:
     near = skin[level & (gap >= 0.0) & (gap < _REACH * size)]
     if not len(near):
         return Covering(near, near)
-    all_skin = triangles_with_any(subject, skin[level])
+    all_skin = triangles_with_any(subject, skin[level & (np.abs(gap) < _REACH * size)])
     rows = int(np.ceil((arch.top - arch.bottom + 2.0 * beyond) / arch.row)) + 1
     bottom = arch.bottom - beyond
     surface = lattice(subject.vertices[all_skin].astype(np.float64), 0.8 * arch.row)
@@ -78,11 +79,16 @@ def surface_distance(subject: Subject, sources: Ids, limit: float) -> Array:
 
     In the neutral face.
     """
-    corners, positions = subject.triangles, subject.vertices.astype(np.float64)
-    ends = np.unique(
-        np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]), axis=1), axis=0
-    )
-    lengths = np.maximum(np.linalg.norm(positions[ends[:, 0]] - positions[ends[:, 1]], axis=1), 1e-9)
-    graph = sparse.csr_array((lengths, ends.T), shape=(len(positions), len(positions)))
+    graph = _edge_graph(subject)
     distances: Array = csgraph.dijkstra(graph, directed=False, indices=sources, min_only=True, limit=limit)
     return distances
+
+
+@lru_cache(maxsize=2)
+def _edge_graph(subject: Subject) -> sparse.csr_array:
+    corners, positions = subject.triangles.astype(np.int64), subject.vertices.astype(np.float64)
+    ends = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    count = len(positions)
+    first, second = np.divmod(np.unique(ends.min(axis=1) * count + ends.max(axis=1)), count)
+    lengths = np.maximum(np.linalg.norm(positions[first] - positions[second], axis=1), 1e-9)
+    return sparse.csr_array((lengths, (first, second)), shape=(count, count))

@@ -41,9 +41,9 @@ def penetration_mm(model_or_character: FaceModel | Subject, vertices: Vertices) 
     Returns:
         Depths by the names in ``KINDS``; a kind is left out where the character lacks the parts. "lids_eyeballs" is the
         depth of skin below the surface of the eyeball, along the radius; "lid_lid" how far the edges of upper and
-        lower lid have passed each other, along the eyeball, beyond the .04 radii that closed lids press together; "lips_teeth" how far skin of lips, cheeks and chin lies
-        behind the front of teeth and gums, or past their edge if that is nearer; "teeth_skin" how far teeth or gums
-        stick out of the outer skin.
+        lower lid have passed each other, along the eyeball, beyond the .04 radii that closed lids press together;
+        "lips_teeth" how far skin of lips, cheeks and chin lies behind the front of teeth and gums, or past their edge
+        if that is nearer; "teeth_skin" how far teeth or gums stick out of the outer skin.
 
     Raises:
         ValueError: If ``vertices`` has another shape than the character's.

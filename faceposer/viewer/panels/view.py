@@ -28,6 +28,11 @@ def draw_view_panel(app: "App") -> None:
     _, app.wireframe = imgui.checkbox("Wireframe", app.wireframe)
     app.marks.note("wireframe")
     tooltip(app.actions["wireframe"].tooltip)
+    changed, _ = imgui.checkbox("Contact", app.session.document.contact)
+    app.marks.note("contact")
+    tooltip(app.actions["contact"].tooltip)
+    if changed:
+        app.actions["contact"].run()
     _, app.points_shown = imgui.checkbox("Show constraints", app.points_shown)
     app.marks.note("points-shown")
     tooltip(app.actions["points"].tooltip)
