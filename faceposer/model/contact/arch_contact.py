@@ -11,8 +11,7 @@ from scipy import ndimage
 
 from faceposer.model.contact.arches import DentalArch
 from faceposer.model.contact.lids import skin_ids
-from faceposer.model.contact.lips import find_covering, surface_distance, triangles_among
-from faceposer.model.contact.samples import SurfaceSamples
+from faceposer.model.contact.lips import find_covering, skin_samples, surface_distance
 from faceposer.model.contact.spreading import Spreading, fading, hinge
 from faceposer.model.subject import Subject
 
@@ -43,7 +42,7 @@ class ArchContact:
         self._near = _NEAR * size
         self._bottom, self._field = _obstacle(arch, size)
         covering = find_covering(subject, arch)
-        self._samples = SurfaceSamples.of(triangles_among(subject, covering.lips), covering.lips)
+        self._samples = skin_samples(subject, covering.lips)
         keys = self._samples.ids
         inside = surface_distance(subject, covering.lips, _INSIDE * size)
         skin = skin_ids(subject)

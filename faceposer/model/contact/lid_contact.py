@@ -21,8 +21,7 @@ from faceposer.model.contact.lids import (
     over_the_ball,
     skin_ids,
 )
-from faceposer.model.contact.lips import surface_distance, triangles_among
-from faceposer.model.contact.samples import SurfaceSamples
+from faceposer.model.contact.lips import skin_samples, surface_distance
 from faceposer.model.contact.spreading import Spreading, fading, hinge
 from faceposer.model.subject import Subject
 
@@ -53,7 +52,7 @@ class LidContact:
             distances = [surface_distance(subject, ids, reach) for ids in (edges.upper, edges.lower)]
         self._turning = None if edges is None or distances is None else _Turning(subject, ball, edges, distances)
         near = over_the_ball(subject, ball)
-        self._samples = SurfaceSamples.of(triangles_among(subject, near), near)
+        self._samples = skin_samples(subject, near)
         points = subject.vertices[self._samples.ids].astype(np.float64) - ball.centre
         azimuth, elevation, _ = azimuth_and_elevation(points)
         layer = _upper_share(distances, self._samples.ids)

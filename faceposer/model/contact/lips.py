@@ -10,7 +10,7 @@ from scipy.sparse import csgraph
 
 from faceposer.model.contact.arches import DentalArch, radius_raster
 from faceposer.model.contact.lids import skin_ids
-from faceposer.model.contact.samples import lattice
+from faceposer.model.contact.samples import SurfaceSamples, lattice
 from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
@@ -19,6 +19,8 @@ Ids = NDArray[np.intp]
 # Shares of the head's height: how far before the teeth and beyond their ends skin is looked at, how far behind the
 # outermost skin it still is the outer skin, and how far around the rim of the lips their inside belongs to them.
 _REACH, _BEYOND, _OUTERMOST, _INSIDE = 0.12, 0.08, 0.006, 0.025
+# Share of the head's height from which an edge is so long that its triangles are sampled more finely.
+_LARGE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +58,11 @@ def find_covering(subject: Subject, arch: DentalArch) -> Covering:
     outer = near[radius > outermost[column, line] - _OUTERMOST * size]
     from_outer = surface_distance(subject, outer, _INSIDE * size)
     return Covering(outer, near[from_outer[near] < np.inf])
+
+
+def skin_samples(subject: Subject, ids: Ids) -> SurfaceSamples:
+    """Return samples of the triangles between the vertices ``ids``, and of all these."""
+    return SurfaceSamples.of(subject.vertices, triangles_among(subject, ids), ids, _LARGE * subject.height)
 
 
 def triangles_among(subject: Subject, ids: Ids) -> NDArray[np.int32]:

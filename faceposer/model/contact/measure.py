@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from faceposer.model.contact.arches import DentalArch, find_arches, radius_raster
 from faceposer.model.contact.eyeballs import Eyeball, find_eyeballs
 from faceposer.model.contact.lids import PRESSED, LidEdges, find_edges, over_the_ball
-from faceposer.model.contact.lips import find_covering, triangles_among
-from faceposer.model.contact.samples import SurfaceSamples, lattice
+from faceposer.model.contact.lips import find_covering, skin_samples, triangles_among
+from faceposer.model.contact.samples import lattice
 from faceposer.model.face_model import FaceModel
 from faceposer.model.subject import Subject
 
@@ -27,6 +27,10 @@ Vertices = NDArray[np.floating]
 #: and teeth outside the skin.
 KINDS = ("lids_eyeballs", "lid_lid", "lips_teeth", "teeth_skin")
 _MM = 10.0
+# Teeth that seem to stick out, the farthest first, are looked at exactly up to so many vertices.
+_LOOKED_AT = 48
+# Triangles that reach farther than so many columns from a point are not looked at: they lie behind the axis.
+_AROUND = 40.0
 # Triangles of the eyeball that a direction may meet, and how far outside a triangle still counts as met.
 _CANDIDATES, _OUTSIDE = 10, 0.02
 
@@ -83,7 +87,7 @@ class _BallGauge:
         from scipy.spatial import cKDTree
 
         self._ball = ball
-        self._samples = SurfaceSamples.of(triangles_among(subject, near), near)
+        self._samples = skin_samples(subject, near)
         corners = triangles_among(subject, ball.frame.ids)
         self._corners = subject.vertices[corners].astype(np.float64) - ball.centre
         middles = self._corners.mean(axis=1)
@@ -144,7 +148,7 @@ class _SkinGauge:
 
     def __init__(self, subject: Subject, arch: DentalArch, before: Ids) -> None:
         self._arch = arch
-        samples = SurfaceSamples.of(triangles_among(subject, before), before)
+        samples = skin_samples(subject, before)
         self._samples = samples
         self._at_rest = np.zeros(len(samples))
         self._at_rest = arch.depth(arch.resting(samples.places(subject.vertices), subject.vertices))
@@ -160,6 +164,7 @@ class _TeethGauge:
     def __init__(self, subject: Subject, arch: DentalArch, before: Ids) -> None:
         self._arch = arch
         self._triangles = triangles_among(subject, before)
+        self._skin = np.unique(self._triangles)
         self._at_rest = np.zeros(len(arch.frame.ids))
         self._at_rest = self._out(subject.vertices)
 
@@ -169,16 +174,45 @@ class _TeethGauge:
     def _out(self, vertices: Vertices) -> Array:
         arch = self._arch
         columns, rows = arch.front.shape
-        ids = np.unique(self._triangles)
         resting = np.zeros((len(vertices), 3))
-        resting[ids] = arch.resting(vertices[ids].astype(np.float64), vertices)
+        resting[self._skin] = arch.resting(vertices[self._skin].astype(np.float64), vertices)
         corners = resting[self._triangles]
-        within = (corners[..., 1].max(axis=1) > arch.bottom - arch.row) & (
-            corners[..., 1].min(axis=1) < arch.bottom + arch.row * rows
-        )
-        skin = radius_raster(lattice(corners[within], 0.6 * arch.row), arch.axis, arch.bottom, arch.row, rows)
-        place, height, radius = arch.cylinder(arch.resting(vertices[arch.frame.ids].astype(np.float64), vertices))
+        low, high = corners[..., 1].min(axis=1), corners[..., 1].max(axis=1)
+        corners = corners[(high > arch.bottom - arch.row) & (low < arch.bottom + arch.row * rows)]
+        skin = radius_raster(lattice(corners, 0.6 * arch.row), arch.axis, arch.bottom, arch.row, rows)
+        teeth = arch.resting(vertices[arch.frame.ids].astype(np.float64), vertices)
+        place, height, radius = arch.cylinder(teeth)
         column = np.clip(np.round(place).astype(np.intp), 0, columns - 1)
         line = np.clip(np.round((height - arch.bottom) / arch.row).astype(np.intp), 0, rows - 1)
         over = skin[column, line]
-        return np.where(np.isfinite(over), np.maximum(radius - over, 0.0), 0.0)
+        out = np.where(np.isfinite(over), radius - over, 0.0)
+        # Cells are coarse where skin is steep: what seems to stick out is looked at exactly.
+        seeming = np.flatnonzero(out > 0.0)
+        seeming = seeming[np.argsort(-out[seeming], kind="stable")[:_LOOKED_AT]]
+        exact = np.zeros(len(radius))
+        for i in seeming:
+            exact[i] = self._above_skin(corners, teeth[i], float(place[i]), float(height[i]), float(radius[i]))
+        return exact
+
+    def _above_skin(self, corners: Array, point: Array, place: float, height: float, radius: float) -> float:
+        """Return the distance of ``point`` to the plane of the outermost of triangles ``corners``, (F, 3, 3), above it.
+
+        0 if the ray from the axis through the point meets none, or leaves one farther out.
+        """
+        across, up, reach = (x.reshape(-1, 3) for x in self._arch.cylinder(corners.reshape(-1, 3)))
+        around = (
+            (np.abs(across - place).max(axis=1) < _AROUND) & (up.min(axis=1) <= height) & (up.max(axis=1) >= height)
+        )
+        corners, x, y, reach = corners[around], across[around] - place, up[around] - height, reach[around]
+        weights = np.stack([x[:, k - 2] * y[:, k - 1] - x[:, k - 1] * y[:, k - 2] for k in range(3)], axis=1)
+        total = weights.sum(axis=1)
+        inside = (weights * np.sign(total)[:, None] >= 0.0).all(axis=1) & (np.abs(total) > 1e-12)
+        if not inside.any():
+            return 0.0
+        radii = (weights[inside] * reach[inside]).sum(axis=1) / total[inside]
+        outermost = int(radii.argmax())
+        if radii[outermost] >= radius:
+            return 0.0
+        a, b, c = corners[inside][outermost]
+        normal = np.cross(b - a, c - a)
+        return float(abs((point - a) @ normal) / max(float(np.linalg.norm(normal)), 1e-12))

@@ -1,8 +1,7 @@
-"""Places on a surface at which contact is looked for: vertices, middles of edges and centroids of triangles."""
+"""Places on a surface at which contact is looked for: vertices, and points of the triangles between them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,44 +12,62 @@ Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
 
 
+# Large triangles are sampled at the points of a lattice with so many steps along an edge.
+_STEPS = 4
+
+
 @dataclass(frozen=True, eq=False)
 class SurfaceSamples:
-    """Samples of some triangles: V vertices, then E middles of edges, then F centroids.
+    """Samples of some triangles: V vertices, then B points between them.
 
-    Between its vertices a triangle cuts through a convex obstacle that they only touch; the samples find that.
+    Between its vertices a triangle cuts through a convex obstacle that they only touch; the samples find that. They are
+    the middles of edges and the centroids, and in large triangles a lattice.
 
     Attributes:
         ids: The vertices, shape (V,), in rising order.
-        edges: Ends of the edges as indices into ``ids``, shape (E, 2).
-        triangles: Corners as indices into ``ids``, shape (F, 3).
+        corners: Vertices that each point between lies between, as indices into ``ids``, shape (3, B).
+        weights: Their weights, shape (3, B); those of the middle of an edge end in 0.
     """
 
     ids: Ids
-    edges: Ids
-    triangles: Ids
+    corners: Ids
+    weights: Array
 
     @classmethod
-    def of(cls, triangles: Ints, extra: Ids | None = None) -> "SurfaceSamples":
-        """Return the samples of ``triangles``, shape (F, 3), with the vertices ``extra`` even if in none of them."""
-        corners = np.asarray(triangles, dtype=np.intp).reshape(-1, 3)
-        ids = np.unique(corners if extra is None else np.concatenate([corners.ravel(), extra]))
-        local = np.searchsorted(ids, corners)
+    def of(cls, vertices: NDArray[np.floating], triangles: Ints, extra: Ids, large: float) -> "SurfaceSamples":
+        """Return samples.
+
+        Args:
+            vertices: Of the whole neutral face, shape (N, 3).
+            triangles: That are sampled, shape (F, 3).
+            extra: Vertices that are samples even if no triangle has them, shape (k,).
+            large: Length of an edge from which on a triangle is large.
+        """
+        faces = np.asarray(triangles, dtype=np.intp).reshape(-1, 3)
+        ids = np.unique(np.concatenate([faces.ravel(), extra]))
+        local = np.searchsorted(ids, faces)
+        places = vertices[faces].astype(np.float64)
+        longest = np.linalg.norm(places - places[:, [1, 2, 0]], axis=2).max(axis=1, initial=0.0)
         sides = np.sort(np.concatenate([local[:, [0, 1]], local[:, [1, 2]], local[:, [2, 0]]]), axis=1)
-        return cls(ids, np.unique(sides, axis=0).reshape(-1, 2), local)
+        edges = np.unique(sides, axis=0).reshape(-1, 2)
+        third = np.full(len(local), 1.0 / 3.0)
+        corners = [np.column_stack([edges, edges[:, 0]]).T, local.T]
+        weights = [np.repeat([[0.5], [0.5], [0.0]], len(edges), axis=1), np.stack([third, third, third])]
+        i, j = np.meshgrid(np.arange(_STEPS + 1), np.arange(_STEPS + 1), indexing="ij")
+        between = (i + j <= _STEPS) & (np.maximum(np.maximum(i, j), _STEPS - i - j) < _STEPS)
+        for a, b in zip(i[between] / _STEPS, j[between] / _STEPS, strict=True):
+            count = int((longest >= large).sum())
+            corners.append(local[longest >= large].T)
+            weights.append(np.repeat([[a], [b], [1.0 - a - b]], count, axis=1))
+        return cls(ids, np.ascontiguousarray(np.hstack(corners)), np.ascontiguousarray(np.hstack(weights)))
 
     def __len__(self) -> int:
-        return len(self.ids) + len(self.edges) + len(self.triangles)
+        return len(self.ids) + self.corners.shape[1]
 
     def places(self, vertices: NDArray[np.floating]) -> Array:
-        """Return where the samples lie, shape (V + E + F, 3), for ``vertices`` of the whole face, (N, 3)."""
-        return self.interpolated(vertices[self.ids].astype(np.float64))
-
-    def interpolated(self, values: Array) -> Array:
-        """Return ``values`` at the V vertices, shape (V, k), with those in between, shape (V + E + F, k)."""
-        first, second = self._ends
-        a, b, c = self._corners
-        middles = 0.5 * (values[first] + values[second])
-        return np.concatenate([values, middles, (values[a] + values[b] + values[c]) / 3.0])
+        """Return where the samples lie, shape (V + B, 3), for ``vertices`` of the whole face, (N, 3)."""
+        points = vertices[self.ids].astype(np.float64)
+        return np.concatenate([points, _interpolated(points, self.corners, self.weights)])
 
     def greatest(self, points: Array, own: Array, near: NDArray[np.bool_], of: Callable[[Array, Ids], Array]) -> Array:
         """Return the greatest value at each vertex and at the samples next to it, shape (V,).
@@ -61,30 +78,20 @@ class SurfaceSamples:
             near: Which vertices may have samples with a value beside them, shape (V,).
             of: Returns the values of samples from their positions, (n, 3), and their numbers, (n,).
         """
-        first, second = self._ends
-        a, b, c = self._corners
-        edges = np.flatnonzero(near[first] | near[second])
-        triangles = np.flatnonzero(near[a] | near[b] | near[c])
-        first, second, a, b, c = first[edges], second[edges], a[triangles], b[triangles], c[triangles]
-        places = np.concatenate([0.5 * (points[first] + points[second]), (points[a] + points[b] + points[c]) / 3.0])
-        numbers = np.concatenate([len(self.ids) + edges, len(self.ids) + len(self.edges) + triangles])
-        values = of(places, numbers)
+        a, b, c = self.corners
+        chosen = np.flatnonzero(near[a] | near[b] | near[c])
+        corners = self.corners[:, chosen]
+        values = of(_interpolated(points, corners, self.weights[:, chosen]), len(self.ids) + chosen)
         found = np.flatnonzero(values)
-        on_edge, on_triangle = found[found < len(edges)], found[found >= len(edges)]
-        for ends in (first, second):
-            np.maximum.at(own, ends[on_edge], values[on_edge])
-        for corners in (a, b, c):
-            np.maximum.at(own, corners[on_triangle - len(edges)], values[on_triangle])
+        for corner in corners:
+            np.maximum.at(own, corner[found], values[found])
         return own
 
-    @cached_property
-    def _ends(self) -> tuple[Ids, Ids]:
-        return np.ascontiguousarray(self.edges[:, 0]), np.ascontiguousarray(self.edges[:, 1])
 
-    @cached_property
-    def _corners(self) -> tuple[Ids, Ids, Ids]:
-        a, b, c = (np.ascontiguousarray(self.triangles[:, k]) for k in range(3))
-        return a, b, c
+def _interpolated(points: Array, corners: Ids, weights: Array) -> Array:
+    a, b, c = corners
+    u, v, w = weights
+    return points[a] * u[:, None] + points[b] * v[:, None] + points[c] * w[:, None]
 
 
 def lattice(corners: Array, spacing: float, at_most: int = 40) -> Array:
