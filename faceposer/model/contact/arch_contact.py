@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from faceposer.model.contact.arches import DentalArch
 from faceposer.model.contact.lids import skin_ids
-from faceposer.model.contact.lips import find_covering, skin_samples, surface_distance
+from faceposer.model.contact.lips import find_covering, skin_samples, surface_distance, with_neighbours
 from faceposer.model.contact.spreading import Spreading, fading, hinge
 from faceposer.model.subject import Subject
 
@@ -20,11 +20,14 @@ Ids = NDArray[np.intp]
 
 # Shares of the head's height: width of the valleys between teeth that are filled, how far the field goes on above and
 # below, how far the inside of the lips follows, where pushes begin to fade and have faded before the teeth and beyond
-# their ends, distance of the control points, how near vertices are whose neighbours may lie deeper,
+# their ends, distance of the control points, up to which gap
+# skin may come to touch the teeth, how near vertices are whose neighbours may lie deeper,
 # start and margin of pushes.
 _VALLEY, _BEYOND, _INSIDE = 0.02, 0.06, 0.06
 _FADES, _FADED, _LEVEL_FADES, _LEVEL_FADED = 0.06, 0.12, 0.04, 0.08
-_SPACING, _NEAR, _START, _MARGIN = 0.022, 0.01, 0.0001, 0.001
+_SPACING, _TOUCHES, _NEAR, _START, _MARGIN = 0.022, 0.12, 0.01, 0.0001, 0.001
+# A vertex is near if it is nearer than this share of its longest edge.
+_STRETCHED = 0.6
 # How much the field falls per way above and below the teeth and beyond the ends of the arch.
 _SLOPE = 2.5
 _UPPER_LIP = ("8.1", "8.5", "8.6", "8.9", "8.10", "2.2", "2.6", "2.7")
@@ -39,11 +42,12 @@ class ArchContact:
         size = subject.height
         self._arch = arch
         self._start, self._margin = _START * size, _MARGIN * size
-        self._near = _NEAR * size
         self._bottom, self._field = _obstacle(arch, size)
         covering = find_covering(subject, arch)
-        self._samples = skin_samples(subject, covering.lips)
-        keys = self._samples.ids
+        before = arch.gap(subject.vertices[covering.lips].astype(np.float64))
+        keys = np.intersect1d(covering.lips, with_neighbours(subject, covering.lips[before < _TOUCHES * size]))
+        self._samples = skin_samples(subject, keys)
+        self._near = np.minimum(_NEAR * size, _STRETCHED * self._samples.spans)
         inside = surface_distance(subject, covering.lips, _INSIDE * size)
         skin = skin_ids(subject)
         behind = np.setdiff1d(skin[inside[skin] < np.inf], keys)
@@ -85,15 +89,16 @@ class ArchContact:
         """Correct the pose ``vertices``, shape (N, 3), in place."""
         frame = self._arch.frame
         linear, moved = frame.motion(vertices)
-        points = (vertices[self._ids] - moved) @ np.linalg.inv(linear).T + frame.origin
-        count = len(self._samples.ids)
-        depth = self._depth(points[:count])
+        back = np.linalg.inv(linear).T
+        points = (vertices[self._samples.ids] - moved) @ back + frame.origin
+        count = len(points)
+        depth = self._depth(points)
         near = depth > -self._near
         if not near.any():
             return
-        push = np.zeros(len(points))
+        push = np.zeros(len(self._ids))
         push[:count] = self._samples.greatest(
-            points[:count],
+            points,
             hinge(depth - self._allowed[:count], self._start, self._margin),
             near,
             lambda places, numbers: hinge(self._depth(places) - self._allowed[numbers], self._start, self._margin),
@@ -101,6 +106,7 @@ class ArchContact:
         if not push.any():
             return
         push = np.maximum(push, self._spreading(push))
+        points = (vertices[self._ids] - moved) @ back + frame.origin
         x, z = points[:, 0] - self._arch.axis[0], points[:, 2] - self._arch.axis[1]
         factor = push / np.maximum(np.sqrt(x * x + z * z), 1e-9)
         vertices[self._ids] += (np.column_stack([x * factor, z * factor]) @ linear[:, [0, 2]].T).astype(np.float32)
@@ -112,7 +118,7 @@ def _obstacle(arch: DentalArch, size: float) -> tuple[float, Array]:
     known = np.isfinite(arch.front)
     floor = float(arch.front[known].min()) - 4.0 * _BEYOND * size
     field = np.pad(np.where(known, arch.front, floor), ((0, 0), (pad, pad)), constant_values=floor)
-    step = float(np.median(arch.front[known])) * 2.0 * arch.column_step
+    step = arch.column_width
     width = 2 * max(1, round(0.5 * _VALLEY * size / step)) + 1
     field = ndimage.grey_closing(field, size=(width, 1))
     for axis, fall in ((1, _SLOPE * arch.row), (0, _SLOPE * step)):

@@ -22,6 +22,8 @@ Ids = NDArray[np.intp]
 _WIDEST = 1.5
 _COLUMNS = 241
 _ROW = 0.002
+# So many columns between teeth are a gap; so many columns and rows around a place a way past the teeth is looked for.
+_GAP, _WINDOW = 9, 16
 # Where the axis stands, as a share of the arch's depth from its back end.
 _AXIS = 0.3
 
@@ -58,9 +60,10 @@ class DentalArch:
         return angle
 
     @property
-    def column_step(self) -> float:
-        """Step of tan(angle / 2) from column to column."""
-        return 2.0 * _WIDEST / (_COLUMNS - 1)
+    def column_width(self) -> float:
+        """Width of the middle columns at the usual radius of the front."""
+        usual = float(np.median(self.front[np.isfinite(self.front)]))
+        return usual * 2.0 * 2.0 * _WIDEST / (_COLUMNS - 1)
 
     def resting(self, points: Array, vertices: NDArray[np.floating]) -> Array:
         """Return where ``points``, (n, 3), of the pose ``vertices``, (N, 3), lie relative to the jaw at rest."""
@@ -68,11 +71,19 @@ class DentalArch:
         return to_rest(points, self.frame.origin, linear, moved)
 
     @cached_property
-    def _way_out(self) -> Array:
-        """Distance in height from each cell to the nearest cell of its column without teeth, shape (columns, rows)."""
-        filled = np.pad(np.isfinite(self.front), ((0, 0), (1, 1)))
-        inside = ndimage.distance_transform_edt(filled, sampling=(1e6, self.row))
-        return inside[:, 1:-1]
+    def _closed(self) -> Array:
+        """The front with the gaps between teeth filled and a wide margin without teeth, which gaps do not lead to."""
+        floor = float(self.front[np.isfinite(self.front)].min()) - 1.0
+        field = np.pad(np.where(np.isfinite(self.front), self.front, floor), _GAP + _WINDOW, constant_values=floor)
+        closed: Array = ndimage.grey_closing(field, size=(_GAP, 1))
+        return closed
+
+    @cached_property
+    def _window(self) -> tuple[Ids, Ids, Array]:
+        """Cells around one, as offsets of columns and rows, and their distances along the front."""
+        steps = np.arange(-_WINDOW, _WINDOW + 1)
+        columns, rows = (x.ravel() for x in np.meshgrid(steps, steps, indexing="ij"))
+        return columns, rows, np.hypot(columns * self.column_width, rows * self.row)
 
     @cached_property
     def extended(self) -> Array:
@@ -94,8 +105,14 @@ class DentalArch:
         line = np.round((height - self.bottom) / self.row).astype(np.intp)
         met = (column >= 0) & (column < self.front.shape[0]) & (line >= 0) & (line < self.front.shape[1])
         depth = np.zeros(len(points))
-        cell = (column[met], line[met])
-        depth[met] = np.clip(self.front[cell] - radius[met], 0.0, self._way_out[cell])
+        depth[met] = np.maximum(self.front[column[met], line[met]] - radius[met], 0.0)
+        behind = np.flatnonzero(depth)
+        # Near an edge the way past it is the shorter one.
+        columns, rows, distances = self._window
+        pad = _GAP + _WINDOW
+        cells = self._closed[column[behind, None] + columns + pad, line[behind, None] + rows + pad]
+        past = np.where(cells <= radius[behind, None], distances, np.inf).min(axis=1, initial=np.inf)
+        depth[behind] = np.minimum(depth[behind], past)
         return depth
 
     def gap(self, points: Array) -> Array:

@@ -21,7 +21,7 @@ from faceposer.model.contact.lids import (
     over_the_ball,
     skin_ids,
 )
-from faceposer.model.contact.lips import skin_samples, surface_distance
+from faceposer.model.contact.lips import skin_samples, surface_distance, with_neighbours
 from faceposer.model.contact.spreading import Spreading, fading, hinge
 from faceposer.model.subject import Subject
 
@@ -31,11 +31,13 @@ Vertices = NDArray[np.floating]
 
 # Share of an overlap that the upper lid gives way by: it is the one that moves.
 _UPPER_SHARE = 0.8
-# In radii of the ball: how far from the edges skin turns with them and how far it is their rim; where pushes begin to
-# fade and have faded; how near a vertex is whose neighbours may lie deeper.
-_TURNS, _RIM, _FADES, _FADED, _NEAR = 0.75, 0.3, 0.4, 0.8, 0.12
+# In radii of the ball: how far from the edges skin turns with them and how far it is their rim; up to which clearance
+# in the neutral face skin may come to touch the ball; where pushes begin to fade and have faded.
+_TURNS, _RIM, _TOUCHES, _FADES, _FADED = 0.75, 0.3, 0.8, 0.4, 0.8
+# A sphere of radius R bulges by s^2 / 6 R through a triangle with edges s, here of the neutral ones times this factor.
+_STRETCHED = 3.0
 # In radii of the ball and in radians: start and margin of the pushes out of the ball and of a lid by the other.
-_START, _MARGIN, _TURN_START, _TURN_MARGIN = 0.001, 0.018, 0.003, 0.006
+_START, _MARGIN, _TURN_START, _TURN_MARGIN = 0.001, 0.018, 0.003, 0.012
 # Distance of the control points that spread pushes, in radians.
 _SPACING = 0.2
 
@@ -52,17 +54,21 @@ class LidContact:
             distances = [surface_distance(subject, ids, reach) for ids in (edges.upper, edges.lower)]
         self._turning = None if edges is None or distances is None else _Turning(subject, ball, edges, distances)
         near = over_the_ball(subject, ball)
-        self._samples = skin_samples(subject, near)
-        points = subject.vertices[self._samples.ids].astype(np.float64) - ball.centre
+        clearance, _ = ball.clearance(subject.vertices[near] - ball.centre)
+        touches = np.isin(near, with_neighbours(subject, near[clearance < _TOUCHES * ball.radius]))
+        self._samples = skin_samples(subject, near[touches])
+        self._near = (_STRETCHED * self._samples.spans) ** 2 / (6.0 * ball.radius)
+        self._ids = np.concatenate([near[touches], near[~touches]])
+        points = subject.vertices[self._ids] - ball.centre
         azimuth, elevation, _ = azimuth_and_elevation(points)
-        layer = _upper_share(distances, self._samples.ids)
+        layer = _upper_share(distances, self._ids)
         fade = fading(ball.clearance(points)[0], _FADES * ball.radius, _FADED * ball.radius)
         outward = np.sign(ball.centre[0]) or 1.0
         self._spreading = Spreading.over(outward * azimuth / _SPACING, elevation / _SPACING, layer, fade)
         self._allowed = np.zeros(len(self._samples))
         at_rest = self._samples.places(subject.vertices) - ball.centre
         self._allowed = np.maximum(-ball.clearance(at_rest)[0], 0.0)
-        self._followers = _followers(subject, ball, edges, self._samples.ids)
+        self._followers = _followers(subject, ball, edges, self._ids)
 
     def apply(self, vertices: NDArray[np.float32]) -> None:
         """Correct the pose ``vertices``, shape (N, 3), in place."""
@@ -71,15 +77,15 @@ class LidContact:
             self._turning.apply(vertices, centre)
         points = vertices[self._samples.ids] - centre
         back = np.linalg.inv(linear).T
-        clearance, distance = self._ball.clearance(points @ back)
-        near = clearance < _NEAR * self._ball.radius
+        clearance, _ = self._ball.clearance(points @ back)
+        near = clearance < self._near
         if not near.any():
             return
         start, margin = _START * self._ball.radius, _MARGIN * self._ball.radius
-        own = hinge(-clearance - self._allowed[: len(points)], start, margin)
-        push = self._samples.greatest(
+        push = np.zeros(len(self._ids))
+        push[: len(points)] = self._samples.greatest(
             points,
-            own,
+            hinge(-clearance - self._allowed[: len(points)], start, margin),
             near,
             lambda places, numbers: hinge(
                 -self._ball.clearance(places @ back)[0] - self._allowed[numbers], start, margin
@@ -88,8 +94,11 @@ class LidContact:
         if not push.any():
             return
         push = np.maximum(push, self._spreading(push))
-        moved = points * (push / distance)[:, None]
-        vertices[self._samples.ids] += moved.astype(np.float32)
+        points = vertices[self._ids] - centre
+        resting = points @ back
+        distance = np.sqrt(np.einsum("nd,nd->n", resting, resting))
+        moved = points * (push / np.maximum(distance, 1e-9))[:, None]
+        vertices[self._ids] += moved.astype(np.float32)
         lashes, roots = self._followers
         vertices[lashes] += moved[roots].astype(np.float32)
 
@@ -202,12 +211,14 @@ def _lashes(subject: Subject, ball: Eyeball, edges: LidEdges | None) -> list[tup
 def _followers(subject: Subject, ball: Eyeball, edges: LidEdges | None, skin: Ids) -> tuple[Ids, Ids]:
     """Return the vertices of lashes, and the index into ``skin`` of the edge's vertex that each goes with."""
     ids, roots = [np.zeros(0, dtype=np.intp)], [np.zeros(0, dtype=np.intp)]
+    place = np.zeros(len(subject.vertices), dtype=np.intp)
+    place[skin] = np.arange(len(skin))
     for lashes, is_upper in _lashes(subject, ball, edges):
         assert edges is not None
         edge = edges.upper if is_upper else edges.lower
         between = np.abs(_azimuth(subject, ball, lashes)[:, None] - _azimuth(subject, ball, edge)[None])
         ids.append(lashes)
-        roots.append(np.searchsorted(skin, edge[between.argmin(axis=1)]))
+        roots.append(place[edge[between.argmin(axis=1)]])
     return np.concatenate(ids), np.concatenate(roots)
 
 

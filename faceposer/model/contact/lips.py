@@ -47,7 +47,7 @@ def find_covering(subject: Subject, arch: DentalArch) -> Covering:
     near = skin[level & (gap >= 0.0) & (gap < _REACH * size)]
     if not len(near):
         return Covering(near, near)
-    all_skin = triangles_with_any(subject, skin[level & (np.abs(gap) < _REACH * size)])
+    all_skin = triangles_with_any(subject, skin[level & np.isfinite(gap)])
     rows = int(np.ceil((arch.top - arch.bottom + 2.0 * beyond) / arch.row)) + 1
     bottom = arch.bottom - beyond
     surface = lattice(subject.vertices[all_skin].astype(np.float64), 0.8 * arch.row)
@@ -73,6 +73,12 @@ def triangles_among(subject: Subject, ids: Ids) -> NDArray[np.int32]:
 def triangles_with_any(subject: Subject, ids: Ids) -> NDArray[np.int32]:
     """Return the triangles of the ``subject`` that have a corner among ``ids``, shape (F, 3)."""
     return subject.triangles[_chosen(subject, ids)[subject.triangles].any(axis=1)]
+
+
+def with_neighbours(subject: Subject, ids: Ids) -> Ids:
+    """Return the vertices ``ids`` and those with which they share a triangle, in rising order."""
+    neighbours: Ids = np.unique(triangles_with_any(subject, ids)).astype(np.intp)
+    return np.union1d(ids, neighbours)
 
 
 def _chosen(subject: Subject, ids: Ids) -> NDArray[np.bool_]:

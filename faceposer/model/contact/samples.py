@@ -27,11 +27,13 @@ class SurfaceSamples:
         ids: The vertices, shape (V,), in rising order.
         corners: Vertices that each point between lies between, as indices into ``ids``, shape (3, B).
         weights: Their weights, shape (3, B); those of the middle of an edge end in 0.
+        spans: Length of the longest edge of a triangle at each vertex in the neutral face, shape (V,).
     """
 
     ids: Ids
     corners: Ids
     weights: Array
+    spans: Array
 
     @classmethod
     def of(cls, vertices: NDArray[np.floating], triangles: Ints, extra: Ids, large: float) -> "SurfaceSamples":
@@ -59,7 +61,9 @@ class SurfaceSamples:
             count = int((longest >= large).sum())
             corners.append(local[longest >= large].T)
             weights.append(np.repeat([[a], [b], [1.0 - a - b]], count, axis=1))
-        return cls(ids, np.ascontiguousarray(np.hstack(corners)), np.ascontiguousarray(np.hstack(weights)))
+        spans = np.zeros(len(ids))
+        np.maximum.at(spans, local, longest[:, None])
+        return cls(ids, np.ascontiguousarray(np.hstack(corners)), np.ascontiguousarray(np.hstack(weights)), spans)
 
     def __len__(self) -> int:
         return len(self.ids) + self.corners.shape[1]
