@@ -6,6 +6,7 @@ import shlex
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +100,9 @@ def add_parsers(commands: Any) -> None:
         help="regions that are alone to have constraints in some cells (default: all)",
     )
     work = parser.add_argument_group("how")
+    work.add_argument(
+        "--contact", action="store_true", help="measure faces, and true ones, after the contact step (docs/contact.md)"
+    )
     work.add_argument("--jobs", type=_count, metavar="N", help="processes (default: one a core)")
     work.add_argument("--restart", action="store_true", help="throw away the trials in the folder")
     work.add_argument(
@@ -133,6 +137,7 @@ def run(options: argparse.Namespace, words: Sequence[str]) -> int:
         require_matplotlib()
     recipe = Recipe() if options.examples is None else Recipe(n_examples=options.examples)
     source = Source(options.subject, _captures(options, _TRAIN), _tests(options), recipe, options.fold, options.sparse)
+    source = replace(source, contact=options.contact)
     setting, _ = source.load()
     jobs = options.jobs or os.cpu_count() or 1
     trials = TRIALS | {kind: n for which, n in options.trials for kind in (_KINDS if which is None else (which,))}

@@ -47,6 +47,7 @@ class Source:
         recipe: How the shipped prior is learned.
         fold: Number of a fold of the captures, or None to learn from all of them and test on ``tests``.
         sparse: Whether the frames of a take are too far apart for jumps to tell of tracking errors; "auto" looks.
+        contact: Whether faces are measured after the contact step.
     """
 
     subject: str
@@ -55,6 +56,7 @@ class Source:
     recipe: Recipe
     fold: int | None = None
     sparse: Sparse = "auto"
+    contact: bool = False
 
     def load(self) -> tuple[Setting, Array]:
         """Return the setting, and the frames to test on as weights of the subject's shapes, shape (F, S).
@@ -71,7 +73,7 @@ class Source:
         else:
             first, second = FOLDS[self.fold]
             learned, tests = [_part(take, first) for take in learned], [_part(take, second) for take in learned]
-        setting = Setting.of(subject, learned, recipe)
+        setting = replace(Setting.of(subject, learned, recipe), contact=self.contact)
         return setting, setting.rig_weights(np.concatenate([clean(take, recipe) for take in tests]))
 
     def identity(self, subject: Subject) -> dict[str, object]:
@@ -91,6 +93,8 @@ class Source:
             "captures_test": [{"file": path.name, "sha256": _checksum(path)} for path in tests],
             "fold": self.fold,
             "sparse": self.sparse,
+            # Absent from studies without it, so that those of older versions go on.
+            **({"contact": True} if self.contact else {}),
             "recipe": {name: getattr(self.recipe, name) for name in self.recipe.__dataclass_fields__},
         }
 

@@ -17,7 +17,7 @@ from faceposer.model.contact.lids import (
     PRESSED,
     LidEdges,
     azimuth_and_elevation,
-    find_edges,
+    find_all_edges,
     over_the_ball,
     skin_ids,
 )
@@ -31,6 +31,8 @@ Vertices = NDArray[np.floating]
 
 # Share of an overlap that the upper lid gives way by: it is the one that moves.
 _UPPER_SHARE = 0.8
+# Both lids turn at once, each to where the other was: what that leaves, a second turn takes away.
+_TURNINGS = 2
 # In radii of the ball: how far from the edges skin turns with them and how far it is their rim; up to which clearance
 # in the neutral face skin may come to touch the ball; where pushes begin to fade and have faded.
 _TURNS, _RIM, _TOUCHES, _FADES, _FADED = 0.75, 0.3, 0.8, 0.4, 0.8
@@ -74,7 +76,9 @@ class LidContact:
         """Correct the pose ``vertices``, shape (N, 3), in place."""
         linear, centre = self._ball.motion(vertices)
         if self._turning is not None:
-            self._turning.apply(vertices, centre)
+            for _ in range(_TURNINGS):
+                if not self._turning.apply(vertices, centre):
+                    break
         points = vertices[self._samples.ids] - centre
         back = np.linalg.inv(linear).T
         clearance, _ = self._ball.clearance(points @ back)
@@ -134,8 +138,8 @@ class _Turning:
         self._ids = np.concatenate([near, lashes])
         self._roots = roots
 
-    def apply(self, vertices: NDArray[np.float32], centre: Array) -> None:
-        """Correct the pose ``vertices``, shape (N, 3), of an eye at ``centre``, in place."""
+    def apply(self, vertices: NDArray[np.float32], centre: Array) -> bool:
+        """Correct the pose ``vertices``, shape (N, 3), of an eye at ``centre``, in place; return whether it moved."""
         curves = self._edges.curves(vertices, centre)
         angle = np.zeros(len(self._near))
         for layer, curve, part in zip(self._layers, curves[::-1], (_UPPER_SHARE, 1.0 - _UPPER_SHARE), strict=True):
@@ -147,7 +151,7 @@ class _Turning:
                 whole[layer.keys] = push
                 angle += layer.sign * np.maximum(whole, layer.spreading(whole))
         if not angle.any():
-            return
+            return False
         angle = np.concatenate([angle, angle[self._roots]])
         points = vertices[self._ids] - centre
         across = np.maximum(np.sqrt(points[:, 0] ** 2 + points[:, 2] ** 2), 1e-9)
@@ -156,6 +160,7 @@ class _Turning:
         up = across * sine + points[:, 1] * (cosine - 1.0)
         moved = np.column_stack([points[:, 0] * shrink, up, points[:, 2] * shrink])
         vertices[self._ids] += moved.astype(np.float32)
+        return True
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,4 +229,8 @@ def _followers(subject: Subject, ball: Eyeball, edges: LidEdges | None, skin: Id
 
 def lid_contacts(subject: Subject, balls: list[Eyeball]) -> list[LidContact]:
     """Return the contact of lids with each of ``balls`` that has skin before it."""
-    return [LidContact(subject, ball, find_edges(subject, ball)) for ball in balls if len(over_the_ball(subject, ball))]
+    return [
+        LidContact(subject, ball, edges)
+        for ball, edges in zip(balls, find_all_edges(subject, balls), strict=True)
+        if len(over_the_ball(subject, ball))
+    ]

@@ -1,5 +1,6 @@
 """The edges of the lids: found as the border of the opening that the eyeball is seen through from its centre."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -7,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.model.contact.eyeballs import Eyeball
 from faceposer.model.contact.samples import lattice
 from faceposer.model.subject import Subject
@@ -20,6 +22,8 @@ _SIDE, _UP, _CELL = 100, 80, 1.0
 _REACH, _TOUCHING = 0.8, 1e-3
 #: Closed lids press on each other: edges that overlap by this angle, in radians, are in touch and not past each other.
 PRESSED = 0.04
+# Two eyes, and their vertices, are mirror images up to this share of the radius.
+_SAME = 0.02
 # An edge vertex lies within so many cells of the border of the opening.
 _NEAR = 2.5
 # Vertices of an edge are so far apart, in radians of azimuth, and lie at most so far behind those beside them.
@@ -36,11 +40,18 @@ class LidEdges:
         upper: Vertex ids, shape (u,).
         lower: Vertex ids, shape (l,).
         corners: Right and left corner of the eye, which end both edges; or fewer.
+        left: Whether it is the character's left eye.
     """
 
     upper: Ids
     lower: Ids
     corners: Ids
+    left: bool
+
+    def mirrored(self, across: Ids) -> Self | None:
+        """Return the edges on the other side, by the vertex ``across`` from each, (N,), or None where there is none."""
+        ids = [across[each][::-1] for each in (self.upper, self.lower, self.corners)]
+        return None if any((each < 0).any() for each in ids) else type(self)(ids[0], ids[1], ids[2], not self.left)
 
     def curves(self, vertices: NDArray[np.floating], centre: Array) -> tuple["EdgeCurve", "EdgeCurve"]:
         """Return the upper and the lower edge of the pose ``vertices``, (N, 3), as seen from ``centre``, (3,)."""
@@ -49,8 +60,8 @@ class LidEdges:
         middle, end = len(self.upper), len(self.upper) + len(self.lower)
         ends = (azimuth[end:], elevation[end:])
         return (
-            EdgeCurve.through(azimuth[:middle], elevation[:middle], *ends),
-            EdgeCurve.through(azimuth[middle:end], elevation[middle:end], *ends),
+            EdgeCurve.through(azimuth[:middle], elevation[:middle], *ends, self.left),
+            EdgeCurve.through(azimuth[middle:end], elevation[middle:end], *ends, self.left),
         )
 
     def overlap(self, ball: Eyeball, vertices: NDArray[np.floating]) -> tuple[Array, Array]:
@@ -76,12 +87,15 @@ class EdgeCurve:
     elevation: Array
 
     @classmethod
-    def through(cls, azimuth: Array, elevation: Array, end_azimuth: Array, end_elevation: Array) -> Self:
+    def through(
+        cls, azimuth: Array, elevation: Array, end_azimuth: Array, end_elevation: Array, ascending: bool
+    ) -> Self:
         """Return the curve through the points of an edge and, outside them, the corners of the eye.
 
-        Where the edge runs back, its points count as if at the place that it has reached.
+        Where the edge, followed from the nose outwards, which is ``ascending`` or not, runs back, its points count as
+        if at the place that it has reached.
         """
-        azimuth = np.maximum.accumulate(azimuth)
+        azimuth = np.maximum.accumulate(azimuth) if ascending else np.minimum.accumulate(azimuth[::-1])[::-1]
         before, after = end_azimuth < azimuth[0], end_azimuth > azimuth[-1]
         return cls(
             np.concatenate([end_azimuth[before], azimuth, end_azimuth[after]]),
@@ -114,6 +128,27 @@ def azimuth_and_elevation(relative: Array) -> tuple[Array, Array, Array]:
     distance = np.sqrt(np.einsum("nd,nd->n", relative, relative))
     elevation = np.arcsin(np.clip(relative[:, 1] / np.maximum(distance, 1e-9), -1.0, 1.0))
     return np.arctan2(relative[:, 0], relative[:, 2]), elevation, distance
+
+
+def find_all_edges(subject: Subject, balls: Sequence[Eyeball]) -> list[LidEdges | None]:
+    """Return the edges of the lids before each of ``balls``, None where there are none.
+
+    Where the face is symmetric, the right eye has the mirror image of what is found on the left.
+    """
+    edges = [find_edges(subject, ball) if ball.centre[0] >= 0.0 else None for ball in balls]
+    lefts = [(ball, found) for ball, found in zip(balls, edges, strict=True) if found is not None]
+    across: Ids | None = None
+    for number, ball in enumerate(balls):
+        if ball.centre[0] >= 0.0:
+            continue
+        tolerance = _SAME * ball.radius
+        for left, found in lefts:
+            if np.abs(left.centre * [-1.0, 1.0, 1.0] - ball.centre).max() < tolerance:
+                if across is None:
+                    across = SurfaceMirror(subject.vertices, subject.triangles, tolerance).vertices.astype(np.intp)
+                edges[number] = found.mirrored(across)
+        edges[number] = edges[number] or find_edges(subject, ball)
+    return edges
 
 
 def find_edges(subject: Subject, ball: Eyeball) -> LidEdges | None:
@@ -151,7 +186,7 @@ def find_edges(subject: Subject, ball: Eyeball) -> LidEdges | None:
     upper, lower = edges
     if min(len(upper), len(lower)) < _FEWEST:
         return None
-    return LidEdges(upper, lower, _corners(subject, ball, np.concatenate([upper, lower])))
+    return LidEdges(upper, lower, _corners(subject, ball, np.concatenate([upper, lower])), bool(ball.centre[0] >= 0.0))
 
 
 def _corners(subject: Subject, ball: Eyeball, edges: Ids) -> Ids:

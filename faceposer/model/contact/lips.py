@@ -99,8 +99,11 @@ def surface_distance(subject: Subject, sources: Ids, limit: float) -> Array:
 
 @lru_cache(maxsize=2)
 def _edge_graph(subject: Subject) -> sparse.csr_array:
-    corners, positions = subject.triangles.astype(np.int64), subject.vertices.astype(np.float64)
-    ends = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    """Return the lengths of all edges and of both diagonals of quads, which split alike on both sides, (N, N)."""
+    corners, positions = subject.polygons.astype(np.int64), subject.vertices.astype(np.float64)
+    pairs = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))
+    ends = np.concatenate([corners[:, pair] for pair in pairs])
+    ends = ends[(ends >= 0).all(axis=1)]
     count = len(positions)
     first, second = np.divmod(np.unique(ends.min(axis=1) * count + ends.max(axis=1)), count)
     lengths = np.maximum(np.linalg.norm(positions[first] - positions[second], axis=1), 1e-9)

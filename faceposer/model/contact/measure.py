@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from faceposer.model.contact.arches import DentalArch, find_arches, radius_raster
 from faceposer.model.contact.eyeballs import Eyeball, find_eyeballs
-from faceposer.model.contact.lids import PRESSED, LidEdges, find_edges, over_the_ball
+from faceposer.model.contact.lids import PRESSED, LidEdges, find_all_edges, over_the_ball
 from faceposer.model.contact.lips import find_covering, skin_samples, triangles_among
 from faceposer.model.contact.samples import lattice
 from faceposer.model.face_model import FaceModel
@@ -65,9 +65,9 @@ def penetration_mm(model_or_character: FaceModel | Subject, vertices: Vertices) 
 def _gauges(subject: Subject) -> list[tuple[str, Callable[[Vertices], float]]]:
     """Return functions from posed vertices to a depth in the subject's unit, each with its kind."""
     gauges: list[tuple[str, Callable[[Vertices], float]]] = []
-    for ball in find_eyeballs(subject):
+    balls = find_eyeballs(subject)
+    for ball, edges in zip(balls, find_all_edges(subject, balls), strict=True):
         near = over_the_ball(subject, ball)
-        edges = find_edges(subject, ball)
         if len(near):
             gauges.append(("lids_eyeballs", _BallGauge(subject, ball, near)))
         if edges is not None:
