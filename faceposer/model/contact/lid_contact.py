@@ -29,10 +29,9 @@ Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
 Vertices = NDArray[np.floating]
 
-# Share of an overlap that the upper lid gives way by: it is the one that moves.
-_UPPER_SHARE = 0.8
-# Both lids turn at once, each to where the other was: what that leaves, a second turn takes away.
-_TURNINGS = 2
+# Shares of an overlap that the upper and the lower lid give way by: the upper one is the one that moves. Both turn at
+# once, each to where the other was; what that leaves between vertices, a second turn takes away.
+_SHARES = ((0.8, 0.2), (1.0, 1.0))
 # In radii of the ball: how far from the edges skin turns with them and how far it is their rim; up to which clearance
 # in the neutral face skin may come to touch the ball; where pushes begin to fade and have faded.
 _TURNS, _RIM, _TOUCHES, _FADES, _FADED = 0.75, 0.3, 0.8, 0.4, 0.8
@@ -76,8 +75,8 @@ class LidContact:
         """Correct the pose ``vertices``, shape (N, 3), in place."""
         linear, centre = self._ball.motion(vertices)
         if self._turning is not None:
-            for _ in range(_TURNINGS):
-                if not self._turning.apply(vertices, centre):
+            for shares in _SHARES:
+                if not self._turning.apply(vertices, centre, shares):
                     break
         points = vertices[self._samples.ids] - centre
         back = np.linalg.inv(linear).T
@@ -138,11 +137,14 @@ class _Turning:
         self._ids = np.concatenate([near, lashes])
         self._roots = roots
 
-    def apply(self, vertices: NDArray[np.float32], centre: Array) -> bool:
-        """Correct the pose ``vertices``, shape (N, 3), of an eye at ``centre``, in place; return whether it moved."""
+    def apply(self, vertices: NDArray[np.float32], centre: Array, shares: tuple[float, float]) -> bool:
+        """Turn the lids of the pose ``vertices``, (N, 3), of an eye at ``centre``, in place; return whether any did.
+
+        The upper and the lower one give way by ``shares`` of how far they have passed each other.
+        """
         curves = self._edges.curves(vertices, centre)
         angle = np.zeros(len(self._near))
-        for layer, curve, part in zip(self._layers, curves[::-1], (_UPPER_SHARE, 1.0 - _UPPER_SHARE), strict=True):
+        for layer, curve, part in zip(self._layers, curves[::-1], shares, strict=True):
             azimuth, elevation, _ = azimuth_and_elevation(vertices[layer.ids].astype(np.float64) - centre)
             past = layer.sign * (curve(azimuth) - elevation) + layer.allowed
             push = part * hinge(past, _TURN_START, _TURN_MARGIN)
