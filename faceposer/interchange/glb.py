@@ -1,7 +1,7 @@
 """The face as binary glTF 2.0: its parts with textures, its shapes as morph targets, and a performance of them.
 
 Metres, y up, the face looks along +z, as the standard wants it. The weights of the targets are those of the rig that
-add up to the pose exactly; they may leave 0 to 1, which the standard allows.
+add up to the pose exactly; they may leave 0 to 1, which the standard allows. The contact step cannot be in them.
 """
 
 from dataclasses import dataclass
@@ -22,6 +22,8 @@ from faceposer.model.performance import Performance
 from faceposer.model.subject import Part, Subject
 
 METRES_PER_UNIT = 0.01
+#: What the file says of contact, in ``asset.extras.contact``.
+CONTACT_NOTE = "not contained in the morph targets"
 _SMALL_INDEX = 65_535
 _ROUGHNESS = {"eye": 0.12, "teeth": 0.3, "gums": 0.35, "tongue": 0.45}
 _SKIN_ROUGHNESS = 0.55
@@ -89,12 +91,12 @@ def write_glb(
         temporary.write_bytes(builder.to_bytes())
 
 
-def _asset(subject: Subject) -> dict[str, str]:
+def _asset(subject: Subject) -> dict[str, Any]:
     try:
         version = metadata.version("faceposer")
     except metadata.PackageNotFoundError:
         version = ""
-    asset = {"generator": f"Face Poser {version}".strip()}
+    asset: dict[str, Any] = {"generator": f"Face Poser {version}".strip(), "extras": {"contact": CONTACT_NOTE}}
     return asset | {"copyright": " ".join(subject.credits.split())} if subject.credits.strip() else asset
 
 

@@ -43,6 +43,7 @@ class ArchContact:
         self._arch = arch
         self._start, self._margin = _START * size, _MARGIN * size
         self._bottom, self._field = _obstacle(arch, size)
+        self._ceiling = ndimage.maximum_filter(self._field, size=3)
         covering = find_covering(subject, arch)
         before = arch.gap(subject.vertices[covering.lips].astype(np.float64))
         keys = np.intersect1d(covering.lips, with_neighbours(subject, covering.lips[before < _TOUCHES * size]))
@@ -85,6 +86,14 @@ class ArchContact:
         radius: Array = low + x * (high - low)
         return radius
 
+    def _ceiling_over(self, place: Array, height: Array) -> Array:
+        """Return no less than the field H, shape (n,), at a quarter of its cost."""
+        columns, rows = self._field.shape
+        column = np.clip(place, 0.0, columns - 1.001).astype(np.intp)
+        line = np.clip((height - self._bottom) / self._arch.row, 0.0, rows - 1.001).astype(np.intp)
+        ceiling: Array = self._ceiling.take(column * rows + line)
+        return ceiling
+
     def apply(self, vertices: NDArray[np.float32]) -> None:
         """Correct the pose ``vertices``, shape (N, 3), in place."""
         frame = self._arch.frame
@@ -92,14 +101,18 @@ class ArchContact:
         back = np.linalg.inv(linear).T
         points = (vertices[self._samples.ids] - moved) @ back + frame.origin
         count = len(points)
-        depth = self._depth(points)
-        near = depth > -self._near
-        if not near.any():
+        place, height, radius = self._arch.cylinder(points)
+        close = np.flatnonzero(self._ceiling_over(place, height) > radius - self._near)
+        if not len(close):
             return
+        depth = self._radius(place[close], height[close]) - radius[close]
+        own, near = np.zeros(count), np.zeros(count, dtype=bool)
+        own[close] = hinge(depth - self._allowed[close], self._start, self._margin)
+        near[close] = depth > -self._near[close]
         push = np.zeros(len(self._ids))
         push[:count] = self._samples.greatest(
             points,
-            hinge(depth - self._allowed[:count], self._start, self._margin),
+            own,
             near,
             lambda places, numbers: hinge(self._depth(places) - self._allowed[numbers], self._start, self._margin),
         )

@@ -30,7 +30,7 @@ class AffineFrame:
         ids: The vertices, shape (n,).
         witnesses: Those of them that the map is fitted to, shape (w,).
         origin: Centroid of the witnesses in the neutral face, shape (3,).
-        solver: Pseudoinverse of the centred neutral witnesses, shape (3, w).
+        solver: Pseudoinverse of the centred neutral witnesses, whose rows sum to 0, and below it their mean, (4, w).
     """
 
     ids: Ids
@@ -44,13 +44,13 @@ class AffineFrame:
         witnesses = ids[:: max(1, len(ids) // _WITNESSES)]
         points = neutral[witnesses].astype(np.float64)
         origin = points.mean(axis=0)
-        return cls(ids, witnesses, origin, np.linalg.pinv(points - origin, rcond=1e-6))
+        mean = np.full((1, len(witnesses)), 1.0 / len(witnesses))
+        return cls(ids, witnesses, origin, np.vstack([np.linalg.pinv(points - origin, rcond=1e-6), mean]))
 
     def motion(self, vertices: NDArray[np.floating]) -> tuple[Array, Array]:
         """Return the linear part, (3, 3), and the place of the origin, (3,), in the pose ``vertices``, (N, 3)."""
-        points = vertices[self.witnesses].astype(np.float64)
-        moved = points.mean(axis=0)
-        return (self.solver @ (points - moved)).T, moved
+        found = self.solver @ vertices[self.witnesses].astype(np.float64)
+        return found[:3].T, found[3]
 
 
 def to_rest(points: Array, origin: Array, linear: Array, moved: Array) -> Array:

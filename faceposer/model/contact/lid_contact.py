@@ -59,6 +59,7 @@ class LidContact:
         touches = np.isin(near, with_neighbours(subject, near[clearance < _TOUCHES * ball.radius]))
         self._samples = skin_samples(subject, near[touches])
         self._near = (_STRETCHED * self._samples.spans) ** 2 / (6.0 * ball.radius)
+        self._far = (float(ball.profile.max()) + self._near) ** 2
         self._ids = np.concatenate([near[touches], near[~touches]])
         points = subject.vertices[self._ids] - ball.centre
         azimuth, elevation, _ = azimuth_and_elevation(points)
@@ -80,15 +81,20 @@ class LidContact:
                     break
         points = vertices[self._samples.ids] - centre
         back = np.linalg.inv(linear).T
-        clearance, _ = self._ball.clearance(points @ back)
-        near = clearance < self._near
-        if not near.any():
+        resting = points @ back
+        squared = np.einsum("nd,nd->n", resting, resting)
+        close = np.flatnonzero(squared < self._far)
+        if not len(close):
             return
         start, margin = _START * self._ball.radius, _MARGIN * self._ball.radius
+        clearance, _ = self._ball.clearance(resting[close])
+        own, near = np.zeros(len(points)), np.zeros(len(points), dtype=bool)
+        own[close] = hinge(-clearance - self._allowed[close], start, margin)
+        near[close] = clearance < self._near[close]
         push = np.zeros(len(self._ids))
         push[: len(points)] = self._samples.greatest(
             points,
-            hinge(-clearance - self._allowed[: len(points)], start, margin),
+            own,
             near,
             lambda places, numbers: hinge(
                 -self._ball.clearance(places @ back)[0] - self._allowed[numbers], start, margin
