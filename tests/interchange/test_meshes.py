@@ -21,7 +21,7 @@ def test_obj_is_the_posed_face(model: FaceModel, tmp_path: Path) -> None:
     write_posed_obj(tmp_path / "pose.obj", model, pose)
     mesh, subject = read_mesh(tmp_path / "pose.obj"), model.subject
     height = np.ptp(subject.vertices[:, 1])
-    assert np.abs(mesh.vertices - model.instance(pose)).max() < 1e-5 * height
+    assert np.abs(mesh.vertices - model.surface(pose)).max() < 1e-5 * height
     np.testing.assert_array_equal(mesh.polygons, subject.polygons)
     np.testing.assert_array_equal(mesh.polygon_uvs, subject.polygon_uvs)
     np.testing.assert_allclose(mesh.uv, subject.uv, atol=1e-6)
@@ -59,7 +59,7 @@ def test_ply_goes_back_to_the_unit_and_the_order_of_its_origin(inches: FaceModel
     mesh, origin = read_mesh(tmp_path / "a.ply"), inches.subject.origin
     assert origin is not None
     np.testing.assert_array_equal(mesh.polygons, origin.polygons)
-    moved = inches.instance(pose) - inches.subject.vertices
+    moved = inches.surface(pose) - inches.subject.vertices
     expected = origin.neutral + moved[origin.vertex_ids] @ origin.linear.T
     np.testing.assert_allclose(mesh.vertices, expected, atol=1e-5)
     # Of binary PLY, trimesh reads those whose faces have the same number of corners.
