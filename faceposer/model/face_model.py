@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,13 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoints, pick_pixels
-from faceposer.model.contact.step import ContactStep
 from faceposer.model.expression_statistics import ExpressionStatistics, load_expression_statistics
 from faceposer.model.local_moments import RigDensity
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.pca import RigSubspace, rig_pca, smallest_reaching, unreached
 from faceposer.model.split_shapes import split_to_match
 from faceposer.model.subject import Subject
+
+if TYPE_CHECKING:
+    from faceposer.model.contact.step import ContactStep
 
 Array = NDArray[np.float64]
 
@@ -85,8 +87,11 @@ class FaceModel:
         return self.contact.apply(vertices) if contact else vertices
 
     @cached_property
-    def contact(self) -> ContactStep:
+    def contact(self) -> "ContactStep":
         """The contact step of the subject (docs/contact.md)."""
+        # The window's start does not wait for what it imports.
+        from faceposer.model.contact.step import ContactStep
+
         return ContactStep.of(self.subject)
 
     def rows_at(self, points: SurfacePoints) -> tuple[Array, Array]:

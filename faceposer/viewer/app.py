@@ -185,7 +185,7 @@ class App:
         self._frames_due = max(self._frames_due - 1, 0)
         if self.window.drawable:
             self._draw()
-        if self._threaded and self._prepared is not self.session.model:
+        if self._threaded and self.frames_drawn > 1 and self._prepared is not self.session.model:
             # Beside the frames and after the first: the first drag would wait for it.
             model = self._prepared = self.session.model
             threading.Thread(target=lambda: model.contact, name="contact", daemon=True).start()
