@@ -12,6 +12,7 @@ from typing import NoReturn
 
 from faceposer import cli_applications, cli_evaluation, cli_training
 from faceposer.cli_applications.arguments import add_spread
+from faceposer.cli_applications.contact_option import add_contact_option
 from faceposer.errors import FacePoserError, NoWindowError
 from faceposer.interchange.files import check_apart, check_output
 
@@ -123,6 +124,7 @@ def _command_parser() -> argparse.ArgumentParser:
     solve.add_argument("-o", "--output", type=Path, metavar="OUT.obj", required=True, help="posed mesh to write")
     solve.add_argument("--report", type=Path, metavar="R.json", help="also write energy, residuals and ARKit weights")
     add_spread(solve, "as the session has it")
+    add_contact_option(solve)
 
     render = commands.add_parser(
         "render", help="draw a face", description="Draw a subject, a session or a mesh as PNG."
@@ -131,6 +133,7 @@ def _command_parser() -> argparse.ArgumentParser:
     render.add_argument("-o", "--output", type=Path, metavar="OUT.png", required=True, help="picture to write")
     render.add_argument("--view", choices=_VIEWS, default="front", help="where to look from (default: front)")
     render.add_argument("--size", type=_size, metavar="WxH", default=(960, 960), help="pixels (default: 960x960)")
+    add_contact_option(render)
 
     render.add_argument(
         "--no-expression-lines", action="store_true", help="leave out the lines that a pose makes in the skin"
@@ -172,6 +175,7 @@ def _solve(options: argparse.Namespace) -> int:
     face = load(options.session)
     if options.spread is not None:
         face.spread = options.spread
+    face.contact = face.contact and options.contact
     solution = face.solve()
     face.save(options.output)
     if options.report is not None:
@@ -200,6 +204,7 @@ def _render(options: argparse.Namespace) -> int:
         from faceposer.api import load
 
         face = load(options.what)
+        face.contact = face.contact and options.contact
         face.render(options.output, options.view, options.size, expression_lines=not options.no_expression_lines)
     print(f"{options.output} written")
     return 0

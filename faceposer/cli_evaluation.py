@@ -6,6 +6,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -107,6 +108,9 @@ def add_parsers(commands: Any) -> None:
         help="regions that are alone to have constraints in some cells (default: all)",
     )
     work = parser.add_argument_group("how")
+    work.add_argument(
+        "--contact", action="store_true", help="measure faces, and true ones, after the contact step (docs/contact.md)"
+    )
     work.add_argument("--jobs", type=_count, metavar="N", help="processes (default: one a core)")
     work.add_argument("--restart", action="store_true", help="throw away the trials in the folder")
     work.add_argument(
@@ -140,7 +144,7 @@ def run(options: argparse.Namespace, words: Sequence[str]) -> int:
         # Before the minutes of work, not after them.
         require_matplotlib()
     recipe = Recipe() if options.examples is None else Recipe(n_examples=options.examples)
-    sources = _sources(options, recipe)
+    sources = {name: replace(source, contact=options.contact) for name, source in _sources(options, recipe).items()}
     # All files are read before anything is learned.
     settings = [source.load()[0] for source in sources.values()]
     setting = settings[0]

@@ -57,7 +57,7 @@ def test_a_session_goes_out_in_every_format(low: FaceModel, session: Path, tmp_p
         assert capsys.readouterr().out == f"{out / f'a.{suffix}'} written\n"
     pose = low.coefficients_of({"jawOpen": 0.6})
     for suffix in ("obj", "ply"):
-        np.testing.assert_allclose(read_mesh(out / f"a.{suffix}").vertices, low.instance(pose), atol=1e-4)
+        np.testing.assert_allclose(read_mesh(out / f"a.{suffix}").vertices, low.surface(pose), atol=1e-4)
     assert "jawOpen" in read_gltf(out / "a.glb").targets
     assert read_capture(out / "a.csv").weights.max() == pytest.approx(0.6, abs=0.02)
     assert json.loads((out / "a.json").read_text())["subject"] == "low"
@@ -78,7 +78,7 @@ def test_an_animation_goes_out_at_another_rate(low: FaceModel, take: Path, tmp_p
     assert "3 meshes written" in capsys.readouterr().out
     assert sorted(path.name for path in (tmp_path / "yawn").iterdir()) == [f"yawn.000{i}.obj" for i in (1, 2, 3)]
     last = read_mesh(tmp_path / "yawn" / "yawn.0003.obj").vertices
-    np.testing.assert_allclose(last, low.instance(low.coefficients_of({"jawOpen": 1.0})), atol=0.1)
+    np.testing.assert_allclose(last, low.surface(low.coefficients_of({"jawOpen": 1.0})), atol=0.1)
 
 
 def test_what_the_timeline_of_a_session_plays_goes_out(
@@ -100,7 +100,7 @@ def test_what_the_timeline_of_a_session_plays_goes_out(
     assert run("export", keys, "-o", tmp_path / "b.json", "--still") == 0
     assert len(json.loads((tmp_path / "b.json").read_text())["frames"]) == 1
     assert run("export", keys, "-o", tmp_path / "b.obj") == 0
-    np.testing.assert_allclose(read_mesh(tmp_path / "b.obj").vertices, low.instance(jaw), atol=1e-4)
+    np.testing.assert_allclose(read_mesh(tmp_path / "b.obj").vertices, low.surface(jaw), atol=1e-4)
     assert run("export", keys, "-o", tmp_path / "c.glb", "--fps", 240, "--animation", take) == 0
 
 

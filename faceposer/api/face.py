@@ -93,8 +93,19 @@ class Face(InMotion):
 
     @property
     def vertices(self) -> NDArray[np.float32]:
-        """The posed vertices, shape (N, 3), in the subject's unit (centimetres) and order."""
-        return self.model.instance(self.coefficients)
+        """The vertices as they are shown and exported, shape (N, 3), in the subject's unit (centimetres) and order."""
+        return self.session.vertices
+
+    @property
+    def contact(self) -> bool:
+        """Whether surfaces are kept apart after the solve: lids, eyeballs, lips and teeth (docs/contact.md)."""
+        return self.session.document.contact
+
+    @contact.setter
+    def contact(self, on: bool) -> None:
+        if not isinstance(on, bool):
+            raise FacePoserError(f"The contact is True or False, not {on!r}.")
+        self.session.set_contact(on)
 
     @property
     def triangles(self) -> NDArray[np.int32]:

@@ -129,5 +129,6 @@ class InMotion:
             raise FacePoserError(f"The camera turns in films; let '{path}' end in .gif or .mp4, or leave 'turn' out.")
         model = self.session.model
         moving = self.session.coefficients if motion is None else checks.performance_of(motion, model)
-        write(Path(path), model, moving, Look(turn=turn, expression_lines=expression_lines))
+        look = Look(turn=turn, expression_lines=expression_lines, contact=self.session.document.contact)
+        write(Path(path), model, moving, look)
         return Path(path)

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from faceposer.cli_applications.arguments import add_spread, number_between
+from faceposer.cli_applications.contact_option import add_contact_option
 from faceposer.cli_applications.progress_line import ProgressLine
 from faceposer.interchange.files import check_apart, check_output
 
@@ -37,6 +38,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--keep-jumps", action="store_true", help="also follow positions that jump away for a frame or two"
     )
+    add_contact_option(parser)
     parser.add_argument("--rate", type=_rate, metavar="FPS", help="frames per second (default: as the file says)")
     parser.add_argument(
         "--smoothness", type=_weight, metavar="W", default=1.0, help="weight of changes of velocity (default: 1)"
@@ -64,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
     from faceposer.geometry.marker_map import read_marker_map
     from faceposer.session.opening import load_model
     from faceposer.solve.problem import RECORDED_SPREAD
-    from faceposer.viewer.exporting import write
+    from faceposer.viewer.exporting import Look, write
 
     model = load_model(options.subject)
     trajectories = read_trajectories(
@@ -90,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
             spread=RECORDED_SPREAD if options.spread is None else options.spread,
             on_frame=lambda frame, _pose: line.show(f"Frame {frame + 1} of {n_frames}"),
         )
-        write(options.output, model, performance, progress=line.share)
+        write(options.output, model, performance, Look(contact=options.contact), line.share)
     finally:
         line.clear()
     off, unit = np.nanmean(residuals(model, trajectories, performance)), "px"

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from faceposer.cli_applications.contact_option import add_contact_option
 from faceposer.cli_applications.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
 from faceposer.interchange.files import check_apart, check_output
@@ -32,7 +33,8 @@ Write a face as other programs read it. The suffix of OUT says how:
   .obj   the posed mesh with UVs, normals and groups, in the character's own unit, axes and order
   .ply   the same mesh, binary, with normals
   .glb   parts, textures and all shapes as morph targets with their names, in metres;
-         the pose as default weights, an animation as keys of the weights
+         the pose as default weights, an animation as keys of the weights; targets cannot hold
+         the contact step, so that lids, lips and teeth may lie in each other there
   .csv   weights of ARKit's 52 shapes, from 0 to 1, as Live Link Face writes them
   .json  weights of the face's own shapes (docs/interchange.md)
   .png   a picture of the pose
@@ -102,6 +104,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--size", type=_size, metavar="WxH", help="pixels of pictures (default: 640x640; 480x480 for .gif)"
     )
+    add_contact_option(parser)
     parser.add_argument("--clay", action="store_true", help="draw pictures without the texture of the skin")
     parser.add_argument(
         "--no-expression-lines",
@@ -123,6 +126,7 @@ def run(options: argparse.Namespace) -> int:
     session.wait()
     motion = _motion(options, session)
     path: Path = options.output
+    contact = session.document.contact and options.contact
     if options.sequence is not None:
         if not isinstance(motion, Performance):
             raise FacePoserError(
@@ -130,7 +134,7 @@ def run(options: argparse.Namespace) -> int:
             )
         frames = resampled(motion, options.fps) if options.fps else motion
         written = _with_progress(
-            lambda progress: write_sequence(path, session.model, frames, options.sequence, progress)
+            lambda progress: write_sequence(path, session.model, frames, options.sequence, progress, contact)
         )
         _say(f"{len(written)} meshes written to {path}")
         return 0
@@ -144,6 +148,7 @@ def run(options: argparse.Namespace) -> int:
         options.fps,
         "clay" if options.clay else "full",
         expression_lines=not options.no_expression_lines,
+        contact=contact,
     )
     _with_progress(lambda progress: write(path, session.model, motion, look, progress))
     _say(f"{path} written")

@@ -143,7 +143,7 @@ def _picture(session: "Session", photo: "Photo") -> "NDArray[np.uint8]":
 
     assert photo.camera is not None
     subject = session.model.subject
-    vertices = session.model.instance(session.coefficients)
+    vertices = session.vertices
     pixels = photo.camera.project(vertices)
     lower, upper = pixels.min(axis=0), pixels.max(axis=0)
     margin = 0.08 * (upper - lower)

@@ -3,10 +3,11 @@
 import argparse
 import re
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from faceposer.cli_applications.contact_option import add_contact_option
 from faceposer.cli_applications.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
 from faceposer.interchange.files import check_apart, check_output
@@ -50,6 +51,7 @@ def add_parser(commands: Any) -> None:
         required=True,
         help="session or, of a capture, weights (.json); or .csv, .glb, .gif, .mp4, .obj, .ply, .png",
     )
+    add_contact_option(parser)
     parser.add_argument(
         "--from",
         dest="subject",
@@ -134,7 +136,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         result = transfer_performance(transfer, performance, line.share if moving else None)
         spent = 1e3 * (time.perf_counter() - began) / len(result)
-        _write(options.output, options.target, target, result, line)
+        _write(options.output, options.target, target, result, line, options.contact)
     finally:
         line.clear()
     what = f"{len(result)} frames" if len(result) > 1 else "pose"
@@ -211,21 +213,24 @@ def _write_session(options: argparse.Namespace, source: _Source, transfer: "Tran
     assert pose is not None
     subject = subject_from(options.target, options.output.parent)
     document = transferred(source.document, pose, transfer, subject, target)
-    write_document(options.output, document)
+    write_document(options.output, replace(document, contact=document.contact and options.contact))
     keys = 0 if document.keyframes is None else len(document.keyframes.keys)
     what = f"{keys} keys" if keys else "pose"
     print(f"{options.output} written: {what} by {options.method}")
 
 
-def _write(path: Path, subject: str, model: "FaceModel", performance: "Performance", line: ProgressLine) -> None:
+def _write(
+    path: Path, subject: str, model: "FaceModel", performance: "Performance", line: ProgressLine, contact: bool
+) -> None:
     """Write one pose as a session or as any other file holds it, more as an animation."""
     from faceposer.session.document import Document, subject_from, write_document
-    from faceposer.viewer.exporting import write
+    from faceposer.viewer.exporting import Look, write
 
     pose = performance.coefficients[0]
     if len(performance) > 1:
-        write(path, model, performance, progress=line.share)
+        write(path, model, performance, Look(contact=contact), line.share)
     elif path.suffix.lower() == ".json":
-        write_document(path, Document(subject_from(subject, path.parent)).starting_from(pose).posed(pose))
+        document = Document(subject_from(subject, path.parent), contact=contact)
+        write_document(path, document.starting_from(pose).posed(pose))
     else:
-        write(path, model, pose)
+        write(path, model, pose, Look(contact=contact))

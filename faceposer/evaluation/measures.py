@@ -101,7 +101,7 @@ class Judge:
     def score(self, trial: Trial, vertices: ArrayLike, ms: float) -> Score:
         """Return what came of ``trial`` where a method found ``vertices``, shape (N, 3), in ``ms`` milliseconds."""
         setting = self._setting
-        truth = setting.vertices_of(trial.weights)
+        truth, vertices = setting.shown(setting.vertices_of(trial.weights)), setting.shown(vertices)
         error = np.linalg.norm(np.asarray(vertices) - truth, axis=1)
         neutral = np.linalg.norm(setting.subject.vertices - truth, axis=1)
         to_real, log_likelihood = self.naturalness(vertices)

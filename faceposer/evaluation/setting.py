@@ -5,10 +5,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera, OrbitView
+from faceposer.model.contact.step import ContactStep
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.face_model import FaceModel, build_face_model, gram_of_weights
 from faceposer.model.shape_names import weight_map
@@ -33,6 +34,7 @@ class Setting:
         recipe: How the prior that ships is learned from them.
         camera: View in which all constraints are given.
         performers: Name of the performer of each of the ``captures``.
+        contact: Whether faces are measured after the contact step, those of techniques and true ones alike.
     """
 
     subject: Subject
@@ -40,6 +42,7 @@ class Setting:
     recipe: Recipe
     camera: Camera
     performers: tuple[str, ...]
+    contact: bool = False
 
     @classmethod
     def of(
@@ -102,6 +105,15 @@ class Setting:
     def full(self) -> FaceModel:
         """The face with all its dimensions, principal components of plain squared distance first."""
         return build_face_model(self.subject, self.plain(self.frames), len(self.subject.shape_names), "plain")
+
+    def shown(self, vertices: ArrayLike) -> NDArray[np.float32]:
+        """Return what measures see of ``vertices``, shape (N, 3): they, or what the contact step makes of them."""
+        copy = np.array(vertices, dtype=np.float32)
+        return self._contact_step.apply(copy) if self.contact else copy
+
+    @cached_property
+    def _contact_step(self) -> ContactStep:
+        return ContactStep.of(self.subject)
 
     def plain(self, examples: Array) -> ExpressionStatistics:
         """Return the moments of ``examples``, shape (n, 52), with one Gaussian for a density."""

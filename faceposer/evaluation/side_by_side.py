@@ -132,12 +132,12 @@ class _Sheet:
         """Draw the trial ``key`` of ``cell`` into a file, and return it."""
         seed, number = key
         trial = list(self._maker.trials(cell, self._frames, number + 1, seed))[number]
-        truth = self._setting.vertices_of(trial.weights)
+        truth = self._setting.shown(self._setting.vertices_of(trial.weights))
         panels = [(f"{cell.words}, {targets(cell.noise_px)}", f"truth (trial {number}, seed {seed})", truth)]
         for method_name in methods:
             if unavailable(method_name) is None:
                 method, score = prepared(METHODS[method_name], self._setting), self.scores(method_name, cell)[key]
-                vertices = np.asarray(method.vertices(method.solve(trial.constraints)), dtype=np.float32)
+                vertices = self._setting.shown(method.vertices(method.solve(trial.constraints)))
                 errors = (
                     f"3D error {score.error / score.neutral_error:.2f} (neutral 1), 2D {score.error_2d_px:.1f} px, "
                     f"to real {score.to_real:.2f}"

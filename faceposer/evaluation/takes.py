@@ -53,6 +53,7 @@ class Source:
         left_out: Name of the performer of the ``tests`` where performers are left out in turn, else None.
         within: Name of the only performer whose takes a ``fold`` splits; the others' are wholly learned from. None to
             split all takes.
+        contact: Whether faces are measured after the contact step.
     """
 
     subject: str
@@ -64,6 +65,7 @@ class Source:
     performers: tuple[str, ...] = ()
     left_out: str | None = None
     within: str | None = None
+    contact: bool = False
 
     def load(self) -> tuple[Setting, Array]:
         """Return the setting, and the frames to test on as weights of the subject's shapes, shape (F, S).
@@ -82,7 +84,7 @@ class Source:
             split = [self.within in (None, name) for name in self._owners]
             tests = [_part(take, second) for take, parts in zip(learned, split, strict=True) if parts]
             learned = [_part(take, first) if parts else take for take, parts in zip(learned, split, strict=True)]
-        setting = Setting.of(subject, learned, recipe, self.performers)
+        setting = replace(Setting.of(subject, learned, recipe, self.performers), contact=self.contact)
         return setting, setting.rig_weights(np.concatenate([clean(take, recipe) for take in tests]))
 
     @property
@@ -111,6 +113,8 @@ class Source:
             "fold": self.fold,
             "fold_within": self.within,
             "sparse": self.sparse,
+            # Absent from studies without it, so that those of older versions go on.
+            **({"contact": True} if self.contact else {}),
             "recipe": {name: getattr(self.recipe, name) for name in self.recipe.__dataclass_fields__},
         }
 

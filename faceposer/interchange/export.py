@@ -16,7 +16,7 @@ from faceposer.model.performance import Performance
 
 #: What a file holds, by its suffix.
 FORMATS: dict[str, str] = {
-    ".glb": "the face with its shapes, for Blender, Unity, Unreal and the web",
+    ".glb": "the face with its shapes, for Blender, Unity, Unreal and the web; contact is not in them",
     ".obj": "the posed mesh with UVs and groups",
     ".ply": "the posed mesh, binary",
     ".csv": "ARKit weights as Live Link Face writes them",
@@ -32,6 +32,7 @@ def write(
     model: FaceModel,
     motion: NDArray[np.float64] | Performance,
     progress: Progress = no_progress,
+    contact: bool = True,
 ) -> None:
     """Write a face in the format that the suffix of ``path`` names, all or nothing.
 
@@ -40,6 +41,7 @@ def write(
         model: The face.
         motion: A pose, shape (r,), or a performance.
         progress: Is told how far it is; what it raises ends the export.
+        contact: Whether meshes are written after the contact step; weights and morph targets never have it.
 
     Raises:
         FacePoserError: If the suffix is none of these, or takes no performance, or the file cannot be written.
@@ -57,6 +59,6 @@ def write(
     elif isinstance(motion, Performance):
         raise FacePoserError(f"'{path}' holds one pose and not {len(motion)}; write a folder of them instead.")
     elif suffix == ".obj":
-        write_posed_obj(path, model, motion)
+        write_posed_obj(path, model, motion, contact)
     else:
-        write_posed_ply(path, model, motion)
+        write_posed_ply(path, model, motion, contact)

@@ -2,7 +2,7 @@
 
 Metres, y up, the face looks along +z, as the standard wants it. The weights of the targets are those of the rig that
 add up to the pose exactly; they may leave 0 to 1, which the standard allows. A shape in halves is there as a whole too,
-under the name that ARKit has for it.
+under the name that ARKit has for it. The contact step cannot be in them.
 """
 
 from dataclasses import dataclass, replace
@@ -24,6 +24,8 @@ from faceposer.model.shape_names import halves_of, whole_of
 from faceposer.model.subject import Part, Subject
 
 METRES_PER_UNIT = 0.01
+#: What the file says of contact, in ``asset.extras.contact``.
+CONTACT_NOTE = "not contained in the morph targets"
 _SMALL_INDEX = 65_535
 _ROUGHNESS = {"eye": 0.12, "teeth": 0.3, "gums": 0.35, "tongue": 0.45}
 _SKIN_ROUGHNESS = 0.55
@@ -115,12 +117,12 @@ def _with_wholes(subject: Subject, frames: NDArray[np.float64]) -> tuple[Subject
     )
 
 
-def _asset(subject: Subject) -> dict[str, str]:
+def _asset(subject: Subject) -> dict[str, Any]:
     try:
         version = metadata.version("faceposer")
     except metadata.PackageNotFoundError:
         version = ""
-    asset = {"generator": f"Face Poser {version}".strip()}
+    asset: dict[str, Any] = {"generator": f"Face Poser {version}".strip(), "extras": {"contact": CONTACT_NOTE}}
     return asset | {"copyright": " ".join(subject.credits.split())} if subject.credits.strip() else asset
 
 

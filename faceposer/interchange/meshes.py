@@ -26,22 +26,26 @@ SequenceKind = Literal["obj", "ply"]
 _WriteFrame = Callable[[Path, NDArray[np.floating]], None]
 
 
-def write_posed_obj(path: Path, model: FaceModel, coefficients: ArrayLike) -> None:
+def write_posed_obj(path: Path, model: FaceModel, coefficients: ArrayLike, contact: bool = True) -> None:
     """Write the face with ``coefficients``, shape (r,), as OBJ, with the faces, UVs and groups that the character has.
 
+    With ``contact`` it is written after the contact step, as the window shows it.
+
     Raises:
         FacePoserError: If the file cannot be written.
     """
-    _obj_frames(model)(path, model.instance(coefficients))
+    _obj_frames(model)(path, model.surface(coefficients, contact))
 
 
-def write_posed_ply(path: Path, model: FaceModel, coefficients: ArrayLike) -> None:
+def write_posed_ply(path: Path, model: FaceModel, coefficients: ArrayLike, contact: bool = True) -> None:
     """Write the face with ``coefficients``, shape (r,), as binary PLY with normals and the faces of the character.
 
+    With ``contact`` it is written after the contact step, as the window shows it.
+
     Raises:
         FacePoserError: If the file cannot be written.
     """
-    _ply_frames(model)(path, model.instance(coefficients))
+    _ply_frames(model)(path, model.surface(coefficients, contact))
 
 
 def write_sequence(
@@ -50,24 +54,26 @@ def write_sequence(
     performance: Performance,
     kind: SequenceKind = "obj",
     progress: Progress = no_progress,
+    contact: bool = True,
 ) -> list[Path]:
     """Write every frame of ``performance`` as a mesh of its own, as ``sequence_steps`` does, and return the files.
 
     Raises:
         FacePoserError: If the folder holds something or cannot be written.
     """
-    for share in sequence_steps(folder, model, performance, kind):
+    for share in sequence_steps(folder, model, performance, kind, contact):
         progress(share)
     return sorted(folder.iterdir())
 
 
 def sequence_steps(
-    folder: Path, model: FaceModel, performance: Performance, kind: SequenceKind = "obj"
+    folder: Path, model: FaceModel, performance: Performance, kind: SequenceKind = "obj", contact: bool = True
 ) -> Iterator[float]:
     """Write every frame of ``performance`` as a mesh of its own into ``folder``, which must be new or empty.
 
     The files are called by the folder and the number of the frame, from 1, such as smile.0001.obj; after each, the
     share that is done is told. The folder appears when all are written; if the iterator is closed before, not at all.
+    With ``contact`` the meshes are written after the contact step.
 
     Raises:
         FacePoserError: If the folder holds something or cannot be written.
@@ -80,7 +86,7 @@ def sequence_steps(
             raise FacePoserError(f"'{folder}' is there and not an empty folder; give the name of a new one.")
         temporary.mkdir()
         for number, pose in enumerate(performance.coefficients, 1):
-            write(temporary / f"{folder.name}.{number:0{digits}}.{kind}", model.instance(pose))
+            write(temporary / f"{folder.name}.{number:0{digits}}.{kind}", model.surface(pose, contact))
             yield number / len(performance)
         if folder.exists():
             folder.rmdir()

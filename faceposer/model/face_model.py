@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,9 @@ from faceposer.model.pca import RigSubspace, rig_pca, smallest_reaching, unreach
 from faceposer.model.shape_names import halves_of, weight_map
 from faceposer.model.split_shapes import split_to_match
 from faceposer.model.subject import Part, Subject
+
+if TYPE_CHECKING:
+    from faceposer.model.contact.step import ContactStep
 
 Array = NDArray[np.float64]
 
@@ -109,6 +112,23 @@ class FaceModel:
         flat = np.asarray(p, dtype=np.float32) @ self.basis
         flat += self._flat_neutral
         return flat.reshape(-1, 3)
+
+    def surface(self, p: ArrayLike, contact: bool = True) -> NDArray[np.float32]:
+        """Return the vertices, shape (N, 3), of the face ``p``, (r,), as it is shown and exported.
+
+        They are those of ``instance``, which solves and constraints know, after the contact step unless ``contact`` is
+        off.
+        """
+        vertices = self.instance(p)
+        return self.contact.apply(vertices) if contact else vertices
+
+    @cached_property
+    def contact(self) -> "ContactStep":
+        """The contact step of the subject (docs/contact.md)."""
+        # The window's start does not wait for what it imports.
+        from faceposer.model.contact.step import ContactStep
+
+        return ContactStep.of(self.subject)
 
     def rows_at(self, points: SurfacePoints) -> tuple[Array, Array]:
         """Return how ``points`` depend on p: derivatives of shape (n, 3, r) and neutral positions of shape (n, 3).

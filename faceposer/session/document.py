@@ -49,6 +49,7 @@ class Document:
         frame: The frame of the animation that is shown, counted from 0.
         animated: Whether the pose and the start are just what the animation has at that frame, so that there is
             nothing to lose in going to another one.
+        contact: Whether the face is shown and exported after the contact step (docs/contact.md).
     """
 
     subject: str
@@ -64,6 +65,7 @@ class Document:
     keyframes: Keyframes | None = None
     frame: int = 0
     animated: bool = False
+    contact: bool = True
 
     def posed(self, coefficients: ArrayLike) -> "Document":
         """Return the document with the pose that was solved for it, shape (r,)."""
@@ -88,13 +90,14 @@ class Document:
         return replace(self, constraints=(*self.constraints[:index], constraint, *self.constraints[index + 1 :]))
 
     def same_input(self, other: "Document") -> bool:
-        """Whether both hold the same work: photos, the animation at whatever frame, and else the same face."""
+        """Whether both hold the same work: photos, contact, the animation at whatever frame, and else the same face."""
         keys = self.keyframes is other.keyframes or (
             self.keyframes is not None and self.keyframes.same(other.keyframes)
         )
         # What the animation has at two frames differs, and is no work.
         mine = replace(self, start=other.start) if self.animated and other.animated else self
-        return keys and self.photos == other.photos and mine.same_face(other)
+        same = self.photos == other.photos and self.contact == other.contact
+        return keys and same and mine.same_face(other)
 
     def same_face(self, other: "Document") -> bool:
         """Whether both ask for the same face: character, constraints and all of the prior agree."""
@@ -119,6 +122,8 @@ class Document:
             data["coefficients"] = self.coefficients.tolist()
         if self.start is not None and self.constraints:
             data["start"] = self.start.tolist()
+        if not self.contact:
+            data["contact"] = False
         if self.camera is not None:
             data["camera"] = codec.camera_to_json(self.camera)
         if self.photos:
@@ -142,7 +147,7 @@ class Document:
         codec.check_keys(
             data,
             {"format", "version", "subject", "constraints"},
-            {"prior_weight", "prior", "spread", "coefficients", "start", "camera", "photos", "animation"},
+            {"prior_weight", "prior", "spread", "coefficients", "start", "contact", "camera", "photos", "animation"},
             "the session",
         )
         if not isinstance(data["subject"], str) or not data["subject"]:
@@ -153,6 +158,9 @@ class Document:
         prior = data.get("prior", "regions")
         if prior not in PRIORS:
             raise FacePoserError(f"prior is {codec.shown(prior)}; it must be one of {', '.join(PRIORS)}.")
+        contact = data.get("contact", True)
+        if not isinstance(contact, bool):
+            raise FacePoserError(f"contact is {codec.shown(contact)}; it must be true or false.")
         document = cls(
             data["subject"],
             tuple(constraint_from_json(entry, f"constraints[{i}]") for i, entry in enumerate(entries)),
@@ -161,6 +169,7 @@ class Document:
             prior=prior,
             spread=codec.number_from_json(data.get("spread", SPREAD), "spread", 0.0, 1.0),
             photos=photos_from_json(data.get("photos", []), "photos"),
+            contact=contact,
         )
         if "start" in data:
             document = document.starting_from(_pose_from_json(data["start"], "start"))

@@ -87,6 +87,11 @@ class Session:
         return self.model.neutral() if pose is None else pose
 
     @property
+    def vertices(self) -> NDArray[np.float32]:
+        """The vertices of the face as it is shown, shape (N, 3)."""
+        return self.model.surface(self.coefficients, self._document.contact)
+
+    @property
     def residuals_px(self) -> tuple[float, ...]:
         """How far each constraint is from being met by the current pose, in pixels of its own camera."""
         if self._residuals is None or self._residuals[0] != self.revision:
@@ -225,6 +230,12 @@ class Session:
         """Judge the face by regions or as a whole, as one step."""
         with self.edit("Change the prior"):
             self.replace(replace(self._document, prior=prior))
+
+    def set_contact(self, contact: bool) -> None:
+        """Turn the contact step on or off, as one step; the pose stays."""
+        if contact != self._document.contact:
+            with self.edit("Turn contact on" if contact else "Turn contact off"):
+                self.put(replace(self._document, contact=contact))
 
     def change_constraint(self, index: int, constraint: Constraint, label: str) -> None:
         """Exchange constraint ``index`` inside an open edit (a slider being dragged), or else as one step."""

@@ -32,6 +32,7 @@ def transferred(
         spread=document.spread,
         frame=document.frame,
         animated=False,
+        contact=document.contact,
     )
     keyframes, pose = document.keyframes, None
     if keyframes is not None:

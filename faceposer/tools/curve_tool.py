@@ -39,7 +39,7 @@ class CurveTool(PosingTool):
         if not self.points:
             return np.zeros((0, 2))
         session = context.session
-        vertices = session.model.instance(session.coefficients)
+        vertices = session.vertices
         return context.camera.project(SurfacePoints.of(self.points).positions(vertices, session.model.triangles))
 
     def _own_at(self, position: Pixel, context: ToolContext) -> int | None:

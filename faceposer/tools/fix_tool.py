@@ -69,7 +69,7 @@ class FixTool(PosingTool):
         session = context.session
         triangles = session.model.triangles[session.model.subject.solid_triangles]
         vertices = np.unique(triangles).astype(np.int64)
-        pixels = context.camera.project(session.model.instance(session.coefficients)[vertices])
+        pixels = context.camera.project(session.vertices[vertices])
         inside = ((pixels >= 0) & (pixels < context.size)).all(axis=1)
         vertices, pixels = vertices[inside], pixels[inside]
         seen = ~context.hidden(SurfacePoints.at_vertices(vertices))

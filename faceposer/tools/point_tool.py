@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.geometry.picking import SurfacePoints
+from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.session.document import Document
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.tools.symmetry import Mirroring
@@ -143,7 +143,8 @@ class PointTool(PosingTool):
         if point is None:
             return None
         document = context.session.document
-        constraint = PointConstraint(point, position, context.camera)
+        u, v = (np.asarray(position) + _moved_by_contact(point, context)).tolist()
+        constraint = PointConstraint(point, (u, v), context.camera)
         context.session.replace(replace(document, constraints=(*document.constraints, constraint)))
         return len(document.constraints)
 
@@ -177,3 +178,21 @@ def shifted(document: Document, chosen: list[int], offset: "NDArray[np.float64] 
             u, v = np.add(constraint.target, offset).tolist()
             document = document.with_constraint(i, replace(constraint, target=(u, v)))
     return document
+
+
+def _moved_by_contact(point: SurfacePoint, context: ToolContext) -> NDArray[np.float64]:
+    """Return by how many pixels, (2,), the solved pose has ``point`` elsewhere than it is shown, after contact.
+
+    Constraints know the solved pose: pinned where it is shown, the point would pull.
+    """
+    session, points = context.session, SurfacePoints.of([point])
+    solved = session.model.instance(session.coefficients)
+    shown = session.vertices
+    corners = points.corners(session.model.triangles)
+    if np.array_equal(solved[corners], shown[corners]):
+        return np.zeros(2)
+    before, after = (
+        context.camera.project(points.positions(vertices, session.model.triangles))[0] for vertices in (solved, shown)
+    )
+    moved: NDArray[np.float64] = before - after
+    return moved

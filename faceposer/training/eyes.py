@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.model.contact.eyeballs import fit_sphere
 from faceposer.model.subject import Part
 
 Array = NDArray[np.float64]
@@ -15,16 +16,6 @@ _TURN = {"LookIn": 30.0, "LookOut": 30.0, "LookUp": 22.0, "LookDown": 25.0}
 # The eye's picture is seen along the gaze axis: this share of its width is 100 degrees from the middle.
 _WIDTH_PER_DEGREE = 0.49 / 100.0
 _MIDDLE_CM = 0.3
-
-
-def ball_of(points: Array) -> tuple[Array, float]:
-    """Return centre, (3,), and radius of the sphere nearest to ``points``, (n, 3), by linear least squares."""
-    middle = points.mean(axis=0)
-    moved = points - middle
-    system = np.hstack([2.0 * moved, np.ones((len(points), 1))])
-    solution = np.linalg.lstsq(system, (moved**2).sum(axis=1), rcond=None)[0]
-    centre = middle + solution[:3]
-    return centre, float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
 
 
 def side_of(part: Part, vertices: NDArray[np.floating]) -> str:
@@ -52,7 +43,7 @@ def add_gaze(vertices: Array, parts: Sequence[Part], names: Sequence[str], shape
         looks = [i for i, name in enumerate(names) if name.startswith("eyeLook")]
         if part.material != "eye" or not looks or np.any(shapes[looks, ids]):
             continue
-        centre, _ = ball_of(vertices[ids])
+        centre, _ = fit_sphere(vertices[ids])
         side = side_of(part, vertices)
         for i in looks:
             if names[i].endswith(side):
@@ -76,7 +67,7 @@ def _turned(points: Array, action: str, side: str) -> Array:
 
 def eye_uv(points: Array) -> Array:
     """Return texture coordinates, (n, 2), of an eye's ``points``, (n, 3), for a picture seen along the gaze axis."""
-    centre, radius = ball_of(points)
+    centre, radius = fit_sphere(points)
     directions = (points - centre) / max(radius, np.finfo(float).tiny)
     across = np.hypot(directions[:, 0], directions[:, 1])
     degrees = np.rad2deg(np.arctan2(across, directions[:, 2]))

@@ -2,6 +2,7 @@
 
 import os
 import sys
+import threading
 import time
 import traceback
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.model.face_model import FaceModel
 from faceposer.session.opening import open_session
 from faceposer.session.session import Mode, Session
 from faceposer.session.solver_worker import InlineWorker, SolverWorker, Worker
@@ -88,6 +90,7 @@ class App:
             FacePoserError: If that cannot be opened, or no window can.
         """
         self._threaded = threaded
+        self._prepared: FaceModel | None = None
         self._window: Window | None = None
         self.remembers = settings is None
         self.settings = load_settings() if settings is None else settings
@@ -185,6 +188,10 @@ class App:
         self._frames_due = max(self._frames_due - 1, 0)
         if self.window.drawable:
             self._draw()
+        if self._threaded and self.frames_drawn > 1 and self._prepared is not self.session.model:
+            # Beside the frames and after the first: the first drag would wait for it.
+            model = self._prepared = self.session.model
+            threading.Thread(target=lambda: model.contact, name="contact", daemon=True).start()
 
     def _take_events(self) -> None:
         events = self.window.take_events()
@@ -204,7 +211,8 @@ class App:
             session.worker.wait_idle(_SOLVE_PATIENCE)
         if session.poll():
             self.redraw()
-        self.scene.set_pose(session.model.neutral() if self.comparing else session.coefficients)
+        pose = session.model.neutral() if self.comparing else session.coefficients
+        self.scene.set_pose(pose, session.document.contact)
         self.guide.follow(self)
         self.router.follow()
 
@@ -347,7 +355,7 @@ class App:
         self.features.before_press()
         if self.comparing:
             self.comparing = False
-            self.scene.set_pose(self.session.coefficients)
+            self.scene.set_pose(self.session.coefficients, self.session.document.contact)
 
     def dialogs_ask(self, request: FileRequest) -> None:
         """Ask for a file."""

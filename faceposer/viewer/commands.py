@@ -142,6 +142,12 @@ class Commands:
         shown = not self._app.settings.expression_lines
         self._app.settings.expression_lines = self._app.scene.expression_lines = shown
 
+    def toggle_contact(self) -> None:
+        """Keep surfaces apart, or not."""
+        session = self._app.session
+        if not session.editing:
+            session.set_contact(not session.document.contact)
+
     def toggle_points(self) -> None:
         """Draw the pins, or not."""
         self._app.points_shown = not self._app.points_shown
@@ -345,6 +351,14 @@ def build_actions(app: "App") -> Actions:
                 do.toggle_expression_lines,
                 checked=lambda: app.settings.expression_lines,
                 help="Draw the lines that a pose makes in the skin: forehead, frown lines, crow's feet, nose, cheeks",
+            ),
+            Action(
+                "contact",
+                "Contact",
+                "View",
+                do.toggle_contact,
+                checked=lambda: app.session.document.contact,
+                help="Keep lids on the eyes and off each other, lips before the teeth, and teeth inside",
             ),
             Action(
                 "points",

@@ -156,18 +156,19 @@ class Exchange(Feature):
         try:
             app.session.wait()
             motion, model = self._motion(), app.session.model
+            contact = app.session.document.contact
             if form.suffix in _MESHES and not isinstance(motion, np.ndarray):
                 kind: SequenceKind = "ply" if form.suffix == ".ply" else "obj"
                 folder = path.with_suffix("")
-                self.filming = Filming(folder, sequence_steps(folder, model, motion, kind))
+                self.filming = Filming(folder, sequence_steps(folder, model, motion, kind, contact))
             elif form.suffix in exporting.PICTURES:
                 turn = form.seconds if form.turning or isinstance(motion, np.ndarray) else 0.0
                 size, rate = (form.width, form.height), float(form.rate)
                 lines = app.settings.expression_lines
-                look = exporting.Look(size, "front", turn, rate, app.shading, app.viewport.view, lines)
+                look = exporting.Look(size, "front", turn, rate, app.shading, app.viewport.view, lines, contact)
                 self.filming = Filming(path, exporting.picture_steps(path, model, motion, look, app.window.ctx))
             else:
-                exporting.write(path, model, motion)
+                exporting.write(path, model, motion, exporting.Look(contact=contact))
                 self._written(path)
         except FacePoserError as error:
             app.dialogs.report("The face is not exported", str(error))

@@ -57,6 +57,7 @@ class Look:
         shading: "full", or "clay" without textures.
         orbit: The view itself; in place of ``view`` where the camera stands still.
         expression_lines: Draw the lines of the skin that a pose makes; clay has none.
+        contact: Whether faces are shown after the contact step; so are posed meshes that ``write`` writes.
     """
 
     size: tuple[int, int] = (640, 640)
@@ -66,6 +67,7 @@ class Look:
     shading: Shading = "full"
     orbit: View | None = None
     expression_lines: bool = True
+    contact: bool = True
 
 
 def write(
@@ -92,7 +94,7 @@ def write(
         for share in picture_steps(path, model, motion, look or Look()):
             progress(share)
     elif path.suffix.lower() in export.FORMATS:
-        export.write(path, model, motion, progress)
+        export.write(path, model, motion, progress, look is None or look.contact)
     else:
         raise FacePoserError(f"'{path}' must end in one of {', '.join(FORMATS)}.")
 
@@ -180,7 +182,7 @@ class _Shot:
         if self._fixed is not None:
             return
         shown = np.linspace(0, len(self._poses) - 1, min(len(self._poses), _FRAMED_POSES)).astype(int)
-        poses = [model.instance(self._poses[i]) for i in shown]
+        poses = [model.surface(self._poses[i], look.contact) for i in shown]
         self._view = framed_all_round([model.subject.vertices, *poses], self.size).looking(look.view)
 
     def pose(self, frame: int) -> NDArray[np.float64]:
@@ -211,7 +213,7 @@ class _Pictures:
     def draw(self, pose: NDArray[np.float64], camera: Camera) -> Picture:
         """Return the picture of ``pose``, (r,), under ``camera``, of shape (height, width, 3)."""
         if self._shown is None or not np.array_equal(pose, self._shown):
-            vertices = self._model.instance(pose)
+            vertices = self._model.surface(pose, self._look.contact)
             self._renderer.update(vertices, self._normals(vertices))
             self._shown = pose
         look = self._look

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.lid_margins import LidMargins, angles_of, directions_of, find_lid_margins
+from faceposer.model.contact.eyeballs import fit_sphere
 from faceposer.model.subject import Part, Subject
-from faceposer.training.eyes import ball_of, eye_uv
+from faceposer.training.eyes import eye_uv
 
 Array = NDArray[np.float64]
 
@@ -89,10 +90,10 @@ class _Ball:
     def __init__(self, subject: Subject, part: Part, skin: NDArray[np.integer]) -> None:
         first, last = part.vertices
         points = subject.vertices[first:last].astype(np.float64)
-        centre, radius = ball_of(points)
+        centre, radius = fit_sphere(points)
         off = np.abs(np.linalg.norm(points - centre, axis=1) - radius)
         if (round_ones := points[off <= max(_ON_SPHERE * radius, float(np.median(off)))]).size >= 12:
-            centre, radius = ball_of(round_ones)
+            centre, radius = fit_sphere(round_ones)
         self.centre, self.radius = centre, radius
         self._ids = first + np.unique(np.linspace(0, last - first - 1, _FOLLOWED).astype(int))
         followed = subject.vertices[self._ids].astype(np.float64)

@@ -150,7 +150,7 @@ class Files:
         app = self._app
         try:
             app.session.wait()
-            write_posed_obj(path, app.session.model, app.session.coefficients)
+            write_posed_obj(path, app.session.model, app.session.coefficients, app.session.document.contact)
         except FacePoserError as error:
             app.dialogs.report("The mesh is not saved", str(error))
             return

@@ -229,7 +229,7 @@ class Following(Feature):
         draws = self.chosen and hover is not None and hover.surface
         if draws and self.tool.drawn and self.app.session.document.frame != self.first:
             self.timeline.go_to(self.first)
-            self.app.scene.set_pose(self.app.session.coefficients)
+            self.app.scene.set_pose(self.app.session.coefficients, self.app.session.document.contact)
 
     def follow(self) -> None:
         """Take what has been asked for or solved.

@@ -166,7 +166,7 @@ def places_of(session: Session) -> tuple[dict[str, float], frozenset[str]]:
     if not names:
         return {}, frozenset()
     indices = [subject.feature_points[name] for name in names]
-    heights = session.model.instance(session.coefficients)[indices, 1] / subject.height
+    heights = session.vertices[indices, 1] / subject.height
     held: set[str] = set()
     pins = [c.anchor for c in session.document.constraints if isinstance(c, PointConstraint) and c.enabled]
     if pins:

@@ -30,6 +30,7 @@ class Scene:
         self._model: FaceModel | None = None
         self._normals: VertexNormals | None = None
         self._coefficients: NDArray[np.float64] = np.zeros(0)
+        self._contact = True
         self._pose = 0
         self._drawn: tuple[object, ColourTarget] | None = None
         self.vertices: NDArray[np.float32] = np.zeros((0, 3), dtype=np.float32)
@@ -52,17 +53,19 @@ class Scene:
         self._normals = VertexNormals(model.triangles, len(model.subject.vertices))
         self._set(model, model.neutral())
 
-    def set_pose(self, coefficients: ArrayLike) -> None:
-        """Show the pose ``coefficients``, shape (r,)."""
+    def set_pose(self, coefficients: ArrayLike, contact: bool = True) -> None:
+        """Show the pose ``coefficients``, shape (r,), with the contact step or without."""
         pose = np.asarray(coefficients, dtype=np.float64)
-        if not np.array_equal(pose, self._coefficients):
+        if contact != self._contact or not np.array_equal(pose, self._coefficients):
+            self._contact = contact
             self._set(self._require_model(), pose)
 
     def _set(self, model: FaceModel, pose: NDArray[np.float64]) -> None:
         assert self._normals is not None
         self._coefficients = pose.copy()
         self._pose += 1
-        self.vertices = model.instance(pose)
+        # The neutral face needs no contact step, which the first picture would wait for.
+        self.vertices = model.surface(pose, self._contact and bool(pose.any()))
         self.normals = self._normals(self.vertices)
         self._renderer.update(self.vertices, self.normals, self._pose)
 
@@ -90,7 +93,7 @@ class Scene:
     def portrait(self, coefficients: ArrayLike, camera: Camera, samples: int) -> NDArray[np.uint8]:
         """Return a picture of another pose, shape (r,), without showing it: (height, width, 3), top row first."""
         assert self._normals is not None
-        vertices = self._require_model().instance(coefficients)
+        vertices = self._require_model().surface(coefficients, self._contact)
         self._renderer.update(vertices, self._normals(vertices))
         target = ColourTarget(self._ctx, camera.size, min(samples, self._ctx.max_samples))
         self._renderer.draw(target.framebuffer, camera, expression_lines=self.expression_lines)

@@ -45,7 +45,7 @@ def test_keys_go_to_other_faces_and_programs(tmp_path: Path, monkeypatch: pytest
     assert len(json.loads((tmp_path / "goblin.json").read_text())["frames"]) == len(performance)
     assert (tmp_path / "man.glb").stat().st_size > 1_000_000
     moved = np.linalg.norm(
-        goblin.model.instance(goblin.session.animation.keyframes.keys[1].pose) - goblin.vertices, axis=1
+        goblin.model.surface(goblin.session.animation.keyframes.keys[1].pose) - goblin.vertices, axis=1
     )
     assert goblin.session.document.frame == 20
     assert moved.max() < 1e-3

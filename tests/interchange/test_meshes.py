@@ -21,7 +21,7 @@ def test_obj_is_the_posed_face(model: FaceModel, tmp_path: Path) -> None:
     write_posed_obj(tmp_path / "pose.obj", model, pose)
     mesh, subject = read_mesh(tmp_path / "pose.obj"), model.subject
     height = np.ptp(subject.vertices[:, 1])
-    assert np.abs(mesh.vertices - model.instance(pose)).max() < 1e-5 * height
+    assert np.abs(mesh.vertices - model.surface(pose)).max() < 1e-5 * height
     np.testing.assert_array_equal(mesh.polygons, subject.polygons)
     np.testing.assert_array_equal(mesh.polygon_uvs, subject.polygon_uvs)
     np.testing.assert_allclose(mesh.uv, subject.uv, atol=1e-6)
@@ -35,7 +35,7 @@ def test_ply_is_the_posed_face(low: FaceModel, tmp_path: Path) -> None:
     pose = low.coefficients_of({"jawOpen": 0.5, "mouthSmileLeft": 1.0})
     write_posed_ply(tmp_path / "pose.ply", low, pose)
     mesh = read_mesh(tmp_path / "pose.ply")
-    np.testing.assert_array_equal(mesh.vertices, low.instance(pose))
+    np.testing.assert_array_equal(mesh.vertices, low.surface(pose))
     np.testing.assert_array_equal(mesh.polygons, low.subject.polygons)
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-5)
 
@@ -59,7 +59,7 @@ def test_ply_goes_back_to_the_unit_and_the_order_of_its_origin(inches: FaceModel
     mesh, origin = read_mesh(tmp_path / "a.ply"), inches.subject.origin
     assert origin is not None
     np.testing.assert_array_equal(mesh.polygons, origin.polygons)
-    moved = inches.instance(pose) - inches.subject.vertices
+    moved = inches.surface(pose) - inches.subject.vertices
     expected = origin.neutral + moved[origin.vertex_ids] @ origin.linear.T
     np.testing.assert_allclose(mesh.vertices, expected, atol=1e-5)
     # Of binary PLY, trimesh reads those whose faces have the same number of corners.
@@ -82,7 +82,7 @@ def test_a_sequence_is_a_folder_of_the_frames(
     assert shares[-1] == 1
     assert len(shares) == 9
     for file, pose in zip(files, performance.coefficients, strict=True):
-        np.testing.assert_allclose(read_mesh(file).vertices, low.instance(pose), atol=1e-5)
+        np.testing.assert_allclose(read_mesh(file).vertices, low.surface(pose), atol=1e-5)
     write_posed_obj(tmp_path / "one.obj", low, performance.coefficients[4])
     if kind == "obj":
         assert files[4].read_bytes() == (tmp_path / "one.obj").read_bytes()

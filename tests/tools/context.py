@@ -35,7 +35,7 @@ class HeadlessContext:
 
     def pick(self, pixel: Pixel) -> SurfacePoint | None:
         session = self.session
-        vertices = session.model.instance(session.coefficients)
+        vertices = session.vertices
         return pick(vertices, session.model.triangles, self.camera, pixel)
 
     def pick_many(self, pixels: ArrayLike) -> tuple[SurfacePoints, NDArray[np.bool_]]:
@@ -106,7 +106,7 @@ class HeadlessContext:
         """Return where the view shows a feature point of the current face."""
         session = self.session
         point = SurfacePoint.at_vertex(session.model.triangles, session.model.subject.feature_points[name])
-        vertices = session.model.instance(session.coefficients)
+        vertices = session.vertices
         u, v = self.camera.project(surface_positions(vertices, session.model.triangles, [point]))[0].tolist()
         return (u, v)
 

@@ -371,3 +371,13 @@ def test_thousands_of_random_events_leave_a_sound_document(context: HeadlessCont
     while session.can_undo:
         session.undo()
     np.testing.assert_allclose(vertices(context), session.model.subject.vertices, atol=1e-6)
+
+
+def test_a_pin_on_skin_that_contact_moved_asks_for_the_pose_as_it_is(context: HeadlessContext) -> None:
+    session = context.session
+    pose = session.model.coefficients_of({"eyeBlinkLeft": 1.5, "eyeBlinkRight": 1.5})
+    session.settle(pose, "Close the eyes")
+    assert np.abs(session.vertices - vertices(context)).max() > 0.1
+    context.click(context.feature("3.1"))
+    (pin,) = session.document.constraints
+    assert pin.residual_px(session.model, pose) == pytest.approx(0.0, abs=0.05)

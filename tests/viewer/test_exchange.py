@@ -60,7 +60,7 @@ def test_the_dialog_exports_the_pose(suffix: str, robot: Robot, tmp_path: Path) 
     assert app.notice == f"Saved face.{suffix}"
     assert not app.covered
     if suffix in ("obj", "ply"):
-        np.testing.assert_allclose(read_mesh(path).vertices, app.session.model.instance(pose), atol=1e-4)
+        np.testing.assert_allclose(read_mesh(path).vertices, app.session.model.surface(pose), atol=1e-4)
     if suffix == "csv":
         assert read_capture(path).weights[0].max() == pytest.approx(0.8, abs=0.02)
     assert path.stat().st_size > 500
@@ -166,7 +166,7 @@ def test_the_animation_of_the_window_is_what_moves(robot: Robot, tmp_path: Path)
     assert app.notice == "Saved yawn"
     meshes = sorted((tmp_path / "yawn").iterdir())
     assert [mesh.name for mesh in meshes] == [f"yawn.000{i}.obj" for i in range(1, 6)]
-    np.testing.assert_allclose(read_mesh(meshes[4]).vertices, model.instance(take.coefficients[4]), atol=1e-4)
+    np.testing.assert_allclose(read_mesh(meshes[4]).vertices, model.surface(take.coefficients[4]), atol=1e-4)
 
 
 def test_what_goes_wrong_is_told_and_nothing_is_lost(
@@ -203,7 +203,7 @@ def test_a_pose_is_opened_and_can_be_undone(robot: Robot, tmp_path: Path) -> Non
     assert app.notice.startswith("Opened smile.obj. The pose is that of the mesh.")
     assert not app.session.document.constraints
     np.testing.assert_allclose(app.session.coefficients, pose, atol=1e-3)
-    np.testing.assert_allclose(app.scene.vertices, app.session.model.instance(pose), atol=1e-3)
+    np.testing.assert_allclose(app.scene.vertices, app.session.model.surface(pose), atol=1e-3)
     assert app.session.dirty
     assert app.session.undo_label == "Open a pose"
     robot.key("Ctrl+Z")

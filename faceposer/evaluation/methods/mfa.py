@@ -13,7 +13,7 @@ from faceposer.solve.problem import PoseProblem
 #: What ``PoseProblem`` is told of the program's own prior, by technique; nothing is what a new session has.
 PRIOR_ARGUMENTS: dict[str, dict[str, Any]] = {
     "mfa": {},
-    "mfa-whole": {},
+    "mfa-whole": {"spread": 1.0},
     "mfa-undamped": {"prior": "whole"},
 }
 

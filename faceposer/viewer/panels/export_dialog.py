@@ -16,11 +16,11 @@ _SMALLEST, _LARGEST = 16, 4096
 _FASTEST, _LONGEST = 50, 60.0
 # Suffix, name, what for.
 _FORMATS = (
-    (".glb", "GLB", "with all shapes as morph targets: Blender, Unity, Unreal, web"),
+    (".glb", "GLB", "all shapes as morph targets, without contact: Blender, Unity, web"),
     (".obj", "OBJ", "the posed mesh, with UVs and groups"),
     (".ply", "PLY", "the posed mesh, binary"),
-    (".csv", "CSV", "ARKit weights, as Live Link Face writes them"),
-    (".json", "JSON", "weights of the face's own shapes"),
+    (".csv", "CSV", "ARKit weights, as Live Link Face writes them, without contact"),
+    (".json", "JSON", "weights of the face's own shapes, without contact"),
     (".png", "PNG", "a picture, from where you look"),
     (".gif", "GIF", "a film for web pages"),
     (".mp4", "MP4", "a film; needs the program ffmpeg"),

@@ -241,7 +241,7 @@ class TransferDialog:
         app, side = self._state.app, em(_PICTURE)
         pixels = max(round(side * app.window.pixels[0] / max(app.window.size[0], 1)), 1)
         scene.set_model(model)
-        scene.set_pose(pose)
+        scene.set_pose(pose, app.session.document.contact)
         scene.expression_lines = app.settings.expression_lines
         texture = scene.draw(portrait(model).camera((pixels, pixels)), app.shading, False, _SAMPLES)
         imgui.image(imgui.ImTextureRef(texture.glo), ImVec2(side, side), ImVec2(0.0, 1.0), ImVec2(1.0, 0.0))

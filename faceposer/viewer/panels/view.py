@@ -33,6 +33,11 @@ def draw_view_panel(app: "App") -> None:
         action.run()
     app.marks.note("expression-lines")
     tooltip(action.tooltip)
+    changed, _ = imgui.checkbox("Contact", app.session.document.contact)
+    app.marks.note("contact")
+    tooltip(app.actions["contact"].tooltip)
+    if changed:
+        app.actions["contact"].run()
     _, app.points_shown = imgui.checkbox("Show constraints", app.points_shown)
     app.marks.note("points-shown")
     tooltip(app.actions["points"].tooltip)

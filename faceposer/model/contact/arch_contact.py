@@ -1,0 +1,158 @@
+"""Lips, cheeks and chin stay before the teeth.
+
+In the rest frame of a jaw its teeth and gums are a height field: radius H(angle, height) around an upright axis. Skin
+that lies before them in the neutral face keeps r >= H: it goes out along the radius, and the skin around goes with it.
+Above and below the teeth H falls by a fixed slope, so that lips slide onto the teeth and do not jump.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from faceposer.model.contact.arches import DentalArch
+from faceposer.model.contact.lids import skin_ids
+from faceposer.model.contact.lips import find_covering, skin_samples, surface_distance, with_neighbours
+from faceposer.model.contact.spreading import Spreading, fading, hinge
+from faceposer.model.subject import Subject
+
+Array = NDArray[np.float64]
+Ids = NDArray[np.intp]
+
+# Shares of the head's height: width of the valleys between teeth that are filled, how far the field goes on above and
+# below, how far the inside of the lips follows, where pushes begin to fade and have faded before the teeth and beyond
+# their ends, distance of the control points, up to which gap
+# skin may come to touch the teeth, how near vertices are whose neighbours may lie deeper,
+# start and margin of pushes.
+_VALLEY, _BEYOND, _INSIDE = 0.02, 0.06, 0.06
+_FADES, _FADED, _LEVEL_FADES, _LEVEL_FADED = 0.06, 0.12, 0.04, 0.08
+_SPACING, _TOUCHES, _NEAR, _START, _MARGIN = 0.022, 0.12, 0.01, 0.0001, 0.001
+# A vertex is near if it is nearer than this share of its longest edge.
+_STRETCHED = 0.6
+# How much the field falls per way above and below the teeth and beyond the ends of the arch.
+_SLOPE = 2.5
+_UPPER_LIP = ("8.1", "8.5", "8.6", "8.9", "8.10", "2.2", "2.6", "2.7")
+_LOWER_LIP = ("8.2", "8.7", "8.8", "2.3", "2.8", "2.9")
+
+
+class ArchContact:
+    """Keeps the skin before one dental arch."""
+
+    def __init__(self, subject: Subject, arch: DentalArch) -> None:
+        """Prepare for an ``arch`` of ``subject``."""
+        size = subject.height
+        self._arch = arch
+        self._start, self._margin = _START * size, _MARGIN * size
+        self._bottom, self._field = _obstacle(arch, size)
+        self._ceiling = ndimage.maximum_filter(self._field, size=3)
+        covering = find_covering(subject, arch)
+        before = arch.gap(subject.vertices[covering.lips].astype(np.float64))
+        keys = np.intersect1d(covering.lips, with_neighbours(subject, covering.lips[before < _TOUCHES * size]))
+        self._samples = skin_samples(subject, keys)
+        self._near = np.minimum(_NEAR * size, _STRETCHED * self._samples.spans)
+        inside = surface_distance(subject, covering.lips, _INSIDE * size)
+        skin = skin_ids(subject)
+        behind = np.setdiff1d(skin[inside[skin] < np.inf], keys)
+        self._ids = np.concatenate([keys, behind])
+        points = subject.vertices[self._ids].astype(np.float64)
+        place, height, radius = arch.cylinder(points)
+        fade = fading(inside[self._ids], 0.0, _INSIDE * size)
+        fade *= fading(arch.gap(points), _FADES * size, _FADED * size)
+        beyond = np.maximum(height - arch.top, arch.bottom - height)
+        fade *= fading(beyond, _LEVEL_FADES * size, _LEVEL_FADED * size)
+        along = arch.angle(place) * float(np.median(radius[: len(keys)])) if len(keys) else place
+        spacing = _SPACING * size
+        layer = _upper_share(subject, self._ids)
+        self._spreading = Spreading.over(along / spacing, height / spacing, layer, fade)
+        at_rest = self._samples.places(subject.vertices)
+        self._allowed = np.zeros(len(self._samples))
+        self._allowed = np.maximum(self._depth(at_rest), 0.0)
+
+    def _depth(self, points: Array) -> Array:
+        place, height, radius = self._arch.cylinder(points)
+        return self._radius(place, height) - radius
+
+    def _radius(self, place: Array, height: Array) -> Array:
+        """Return the field H, shape (n,), bilinear between the middles of its cells."""
+        columns, rows = self._field.shape
+        x = np.clip(place, 0.0, columns - 1.001)
+        y = np.clip((height - self._bottom) / self._arch.row, 0.0, rows - 1.001)
+        column, line = x.astype(np.intp), y.astype(np.intp)
+        x -= column
+        y -= line
+        flat = self._field.ravel()
+        cell = column * rows + line
+        low = flat[cell] * (1.0 - y) + flat[cell + 1] * y
+        high = flat[cell + rows] * (1.0 - y) + flat[cell + rows + 1] * y
+        radius: Array = low + x * (high - low)
+        return radius
+
+    def _ceiling_over(self, place: Array, height: Array) -> Array:
+        """Return no less than the field H, shape (n,), at a quarter of its cost."""
+        columns, rows = self._field.shape
+        column = np.clip(place, 0.0, columns - 1.001).astype(np.intp)
+        line = np.clip((height - self._bottom) / self._arch.row, 0.0, rows - 1.001).astype(np.intp)
+        ceiling: Array = self._ceiling.take(column * rows + line)
+        return ceiling
+
+    def apply(self, vertices: NDArray[np.float32]) -> None:
+        """Correct the pose ``vertices``, shape (N, 3), in place."""
+        frame = self._arch.frame
+        linear, moved = frame.motion(vertices)
+        back = np.linalg.inv(linear).T
+        points = (vertices[self._samples.ids] - moved) @ back + frame.origin
+        count = len(points)
+        place, height, radius = self._arch.cylinder(points)
+        close = np.flatnonzero(self._ceiling_over(place, height) > radius - self._near)
+        if not len(close):
+            return
+        depth = self._radius(place[close], height[close]) - radius[close]
+        own, near = np.zeros(count), np.zeros(count, dtype=bool)
+        own[close] = hinge(depth - self._allowed[close], self._start, self._margin)
+        near[close] = depth > -self._near[close]
+        push = np.zeros(len(self._ids))
+        push[:count] = self._samples.greatest(
+            points,
+            own,
+            near,
+            lambda places, numbers: hinge(self._depth(places) - self._allowed[numbers], self._start, self._margin),
+        )
+        if not push.any():
+            return
+        push = np.maximum(push, self._spreading(push))
+        points = (vertices[self._ids] - moved) @ back + frame.origin
+        x, z = points[:, 0] - self._arch.axis[0], points[:, 2] - self._arch.axis[1]
+        factor = push / np.maximum(np.sqrt(x * x + z * z), 1e-9)
+        vertices[self._ids] += (np.column_stack([x * factor, z * factor]) @ linear[:, [0, 2]].T).astype(np.float32)
+
+
+def _obstacle(arch: DentalArch, size: float) -> tuple[float, Array]:
+    """Return the height of the lowest row and the field H, (columns, rows): no valleys, sloping ends, smooth."""
+    pad = int(np.ceil(_BEYOND * size / arch.row))
+    known = np.isfinite(arch.front)
+    floor = float(arch.front[known].min()) - 4.0 * _BEYOND * size
+    field = np.pad(np.where(known, arch.front, floor), ((0, 0), (pad, pad)), constant_values=floor)
+    step = arch.column_width
+    width = 2 * max(1, round(0.5 * _VALLEY * size / step)) + 1
+    field = ndimage.grey_closing(field, size=(width, 1))
+    for axis, fall in ((1, _SLOPE * arch.row), (0, _SLOPE * step)):
+        lines = np.moveaxis(field, axis, 0)
+        for order in (range(1, len(lines)), range(len(lines) - 2, -1, -1)):
+            back = -order.step
+            for i in order:
+                np.maximum(lines[i], lines[i + back] - fall, out=lines[i])
+    field = ndimage.gaussian_filter(ndimage.maximum_filter(field, size=3), 0.8, mode="nearest", truncate=1.5)
+    return arch.bottom - pad * arch.row, np.ascontiguousarray(field)
+
+
+def _upper_share(subject: Subject, ids: Ids) -> Array:
+    """Return the share of the vertices ``ids`` in the upper of two layers, parted by the lips' line, shape (n,)."""
+    sources = [
+        np.array([subject.feature_points[name] for name in names if name in subject.feature_points], dtype=np.intp)
+        for names in (_UPPER_LIP, _LOWER_LIP)
+    ]
+    if not (len(sources[0]) and len(sources[1])):
+        return np.full(len(ids), 0.5)
+    upper, lower = (
+        np.minimum(surface_distance(subject, each, subject.height)[ids], subject.height) for each in sources
+    )
+    return 1.0 - fading((lower - upper) / np.maximum(lower + upper, 1e-9), -0.3, 0.3)

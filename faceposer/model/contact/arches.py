@@ -1,0 +1,180 @@
+"""Dental arches: teeth and gums of one jaw as a height field around an upright axis behind them.
+
+Columns are equal steps of tan(angle / 2) = x / (r + z), which is smooth in front and costs no arc tangent.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from faceposer.model.contact.frames import AffineFrame, group_by_motion, moves_as_one, pieces, to_rest
+from faceposer.model.contact.samples import lattice
+from faceposer.model.subject import Subject
+
+Array = NDArray[np.float64]
+Ids = NDArray[np.intp]
+
+# Cells of the height field: columns up to this tangent of half the angle to straight ahead, and rows a share of the
+# head's height.
+_WIDEST = 1.5
+_COLUMNS = 241
+_ROW = 0.002
+# So many columns between teeth are a gap; so many columns and rows around a place a way past the teeth is looked for.
+_GAP, _WINDOW = 9, 16
+# Where the axis stands, as a share of the arch's depth from its back end.
+_AXIS = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class DentalArch:
+    """What teeth and gums of one jaw fill, at rest, in cylinder coordinates (column, height, radius).
+
+    Attributes:
+        frame: The motion of the jaw.
+        triangles: Of its teeth and gums, shape (T, 3).
+        axis: Position x and z of the upright axis.
+        bottom: Height of the middle of the lowest row.
+        row: Height of a row.
+        front: Greatest radius of the surface in each cell, shape (columns, rows); -inf where there is none.
+    """
+
+    frame: AffineFrame
+    triangles: NDArray[np.int32]
+    axis: tuple[float, float]
+    bottom: float
+    row: float
+    front: Array
+
+    def cylinder(self, points: Array) -> tuple[Array, Array, Array]:
+        """Return column, height and radius of ``points`` at rest, (n, 3), each of shape (n,)."""
+        column, radius = _columns(points, self.axis)
+        return column, points[:, 1], radius
+
+    @staticmethod
+    def angle(place: Array) -> Array:
+        """Return the angle to straight ahead, shape (n,), of positions between columns."""
+        angle: Array = 2.0 * np.arctan(place * (2.0 * _WIDEST / (_COLUMNS - 1)) - _WIDEST)
+        return angle
+
+    @property
+    def column_width(self) -> float:
+        """Width of the middle columns at the usual radius of the front."""
+        usual = float(np.median(self.front[np.isfinite(self.front)]))
+        return usual * 2.0 * 2.0 * _WIDEST / (_COLUMNS - 1)
+
+    def resting(self, points: Array, vertices: NDArray[np.floating]) -> Array:
+        """Return where ``points``, (n, 3), of the pose ``vertices``, (N, 3), lie relative to the jaw at rest."""
+        linear, moved = self.frame.motion(vertices)
+        return to_rest(points, self.frame.origin, linear, moved)
+
+    @cached_property
+    def _closed(self) -> Array:
+        """The front with the gaps between teeth filled and a wide margin without teeth, which gaps do not lead to."""
+        floor = float(self.front[np.isfinite(self.front)].min()) - 1.0
+        field = np.pad(np.where(np.isfinite(self.front), self.front, floor), _GAP + _WINDOW, constant_values=floor)
+        closed: Array = ndimage.grey_closing(field, size=(_GAP, 1))
+        return closed
+
+    @cached_property
+    def _window(self) -> tuple[Ids, Ids, Array]:
+        """Cells around one, as offsets of columns and rows, and their distances along the front."""
+        steps = np.arange(-_WINDOW, _WINDOW + 1)
+        columns, rows = (x.ravel() for x in np.meshgrid(steps, steps, indexing="ij"))
+        return columns, rows, np.hypot(columns * self.column_width, rows * self.row)
+
+    @cached_property
+    def extended(self) -> Array:
+        """The field continued up and down from its ends, and sideways, so that every cell has a radius."""
+        field = self.front.copy()
+        known = np.isfinite(field)
+        nearest = ndimage.distance_transform_edt(
+            ~known, sampling=(3.0, 1.0), return_distances=False, return_indices=True
+        )
+        return field[nearest[0], nearest[1]]
+
+    def depth(self, points: Array) -> Array:
+        """Return how deep ``points`` at rest, (n, 3), lie behind the front of the teeth, shape (n,); 0 in front.
+
+        A point above or below the teeth lies behind nothing; one near their edges is not deeper than its way past them.
+        """
+        place, height, radius = self.cylinder(points)
+        column = np.round(place).astype(np.intp)
+        line = np.round((height - self.bottom) / self.row).astype(np.intp)
+        met = (column >= 0) & (column < self.front.shape[0]) & (line >= 0) & (line < self.front.shape[1])
+        depth = np.zeros(len(points))
+        depth[met] = np.maximum(self.front[column[met], line[met]] - radius[met], 0.0)
+        behind = np.flatnonzero(depth)
+        # Near an edge the way past it is the shorter one.
+        columns, rows, distances = self._window
+        pad = _GAP + _WINDOW
+        cells = self._closed[column[behind, None] + columns + pad, line[behind, None] + rows + pad]
+        past = np.where(cells <= radius[behind, None], distances, np.inf).min(axis=1, initial=np.inf)
+        depth[behind] = np.minimum(depth[behind], past)
+        return depth
+
+    def gap(self, points: Array) -> Array:
+        """Return how far ``points`` at rest, (n, 3), lie before the teeth or the continued arch, shape (n,).
+
+        Negative behind; infinite beside the arch.
+        """
+        place, height, radius = self.cylinder(points)
+        column = np.clip(np.round(place).astype(np.intp), 0, self.front.shape[0] - 1)
+        line = np.clip(np.round((height - self.bottom) / self.row).astype(np.intp), 0, self.front.shape[1] - 1)
+        gap: Array = np.where(column == np.round(place), radius - self.extended[column, line], np.inf)
+        return gap
+
+    @property
+    def top(self) -> float:
+        """Height of the middle of the highest row."""
+        return self.bottom + self.row * (self.front.shape[1] - 1)
+
+
+def find_arches(subject: Subject) -> list[DentalArch]:
+    """Return the dental arches of the ``subject``: its teeth and gums, sorted by how they move."""
+    candidates: list[Ids] = []
+    for part in subject.parts:
+        if part.material in ("teeth", "gums"):
+            whole = np.arange(*part.vertices, dtype=np.intp)
+            candidates += [whole] if moves_as_one(subject, whole) else pieces(subject, part)
+    arches = [_arch(subject, ids) for ids in group_by_motion(subject, [ids for ids in candidates if len(ids) >= 4])]
+    return [arch for arch in arches if arch is not None]
+
+
+def _arch(subject: Subject, ids: Ids) -> DentalArch | None:
+    chosen = np.zeros(len(subject.vertices), dtype=bool)
+    chosen[ids] = True
+    triangles = subject.triangles[chosen[subject.triangles].all(axis=1)]
+    points = subject.vertices[ids].astype(np.float64)
+    low, high = points.min(axis=0), points.max(axis=0)
+    if not len(triangles) or (high - low).max() < 0.02 * subject.height:
+        return None
+    axis = (0.5 * float(low[0] + high[0]), float(low[2] + _AXIS * (high[2] - low[2])))
+    row = _ROW * subject.height
+    rows = int(np.ceil((high[1] - low[1]) / row)) + 1
+    bottom = float(low[1])
+    surface = lattice(subject.vertices[triangles].astype(np.float64), 0.6 * row)
+    front = radius_raster(surface, axis, bottom, row, rows)
+    return DentalArch(AffineFrame.of(ids, subject.vertices), triangles, axis, bottom, row, front)
+
+
+def radius_raster(points: Array, axis: tuple[float, float], bottom: float, row: float, rows: int) -> Array:
+    """Return the greatest radius of ``points``, (n, 3), in each cell around ``axis``, or -inf, (columns, rows)."""
+    place, radius = _columns(points, axis)
+    column = np.round(place).astype(np.intp)
+    line = np.round((points[:, 1] - bottom) / row).astype(np.intp)
+    met = (column >= 0) & (column < _COLUMNS) & (line >= 0) & (line < rows)
+    raster = np.full(_COLUMNS * rows, -np.inf)
+    np.maximum.at(raster, column[met] * rows + line[met], radius[met])
+    return raster.reshape(_COLUMNS, rows)
+
+
+def _columns(points: Array, axis: tuple[float, float]) -> tuple[Array, Array]:
+    """Return the position between columns around ``axis`` of ``points``, (n, 3), and their radius, (n,) each."""
+    x, z = points[:, 0] - axis[0], points[:, 2] - axis[1]
+    radius = np.sqrt(x * x + z * z)
+    # Right behind the axis the tangent is infinite.
+    tangent = x / np.maximum(radius + z, 1e-3 * radius + 1e-9)
+    return np.clip((tangent + _WIDEST) * ((_COLUMNS - 1) / (2.0 * _WIDEST)), -1.0, float(_COLUMNS)), radius

@@ -1,0 +1,109 @@
+"""Eyeballs: a sphere with a cornea, found in the eye parts of a character."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.model.contact.frames import AffineFrame
+from faceposer.model.subject import Subject
+
+Array = NDArray[np.float64]
+
+# Steps of the radius over the cosine of the angle to the gaze axis, and over that angle.
+_STEPS, _ANGLES = 400, 90
+# Radius over the sphere's, from which a bulge is a cornea; nearer to the axis than this angle it belongs to the bulge.
+_BULGE = 0.005
+_SCLERA_COSINE = 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class Eyeball:
+    """A surface of revolution about the gaze axis, at rest: radius r over the cosine of the angle to that axis.
+
+    Attributes:
+        frame: Its motion.
+        centre: Centre of the sclera's sphere, shape (3,).
+        radius: Radius of that sphere.
+        axis: Unit vector through the cornea, shape (3,).
+        profile: Greatest radius at ``_STEPS`` + 1 equal steps of the cosine from -1 to 1.
+    """
+
+    frame: AffineFrame
+    centre: Array
+    radius: float
+    axis: Array
+    profile: Array
+
+    def motion(self, vertices: NDArray[np.floating]) -> tuple[Array, Array]:
+        """Return the linear part, (3, 3), of the motion in the pose ``vertices``, (N, 3), and the centre, (3,)."""
+        linear, moved = self.frame.motion(vertices)
+        return linear, moved + linear @ (self.centre - self.frame.origin)
+
+    def clearance(self, relative: Array) -> tuple[Array, Array]:
+        """Return how far points at rest, at ``relative`` (n, 3) to the centre, are outside, and their distances."""
+        distance = np.sqrt(np.einsum("nd,nd->n", relative, relative))
+        return distance - self.radii((relative @ self.axis) / np.maximum(distance, 1e-9)), distance
+
+    def radii(self, cosine: Array) -> Array:
+        """Return the radius at the ``cosine`` of the angle to the axis, shape (n,)."""
+        position = np.clip((cosine + 1.0) * (0.5 * _STEPS), 0.0, _STEPS - 1e-9)
+        low = position.astype(np.intp)
+        first = self.profile[low]
+        radii: Array = first + (position - low) * (self.profile[low + 1] - first)
+        return radii
+
+
+def fit_sphere(points: Array) -> tuple[Array, float]:
+    """Return centre, (3,), and radius of the sphere nearest to ``points``, (n, 3), by linear least squares."""
+    middle = points.mean(axis=0)
+    moved = points - middle
+    system = np.hstack([2.0 * moved, np.ones((len(points), 1))])
+    solution = np.linalg.lstsq(system, (moved**2).sum(axis=1), rcond=None)[0]
+    return middle + solution[:3], float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
+
+
+def find_eyeballs(subject: Subject) -> list[Eyeball]:
+    """Return the eyeballs of the ``subject``, one for each part of the material "eye" that is about a sphere."""
+    balls = []
+    for part in subject.parts:
+        ids = np.arange(*part.vertices, dtype=np.intp)
+        if part.material != "eye" or len(ids) < 12:
+            continue
+        points = subject.vertices[ids].astype(np.float64)
+        centre, radius = fit_sphere(points)
+        distance = np.linalg.norm(points - centre, axis=1)
+        if not 0.0 < radius < 0.25 * subject.height or distance.min() < 0.5 * radius:
+            continue
+        axis = _gaze_axis(points - centre, radius)
+        sclera = (points - centre) @ axis < _SCLERA_COSINE * radius
+        if sclera.sum() >= 12 and np.ptp((points - centre)[sclera] @ axis) > 0.8 * radius:
+            centre, radius = fit_sphere(points[sclera])
+        balls.append(
+            Eyeball(AffineFrame.of(ids, subject.vertices), centre, radius, axis, _profile(points - centre, axis))
+        )
+    return balls
+
+
+def _gaze_axis(relative: Array, radius: float) -> Array:
+    """Return the direction of the bulge of points ``relative`` (n, 3) to the centre, or ahead if there is none."""
+    excess = np.linalg.norm(relative, axis=1) - radius
+    ahead = np.array([0.0, 0.0, 1.0])
+    if excess.max() < _BULGE * radius:
+        return ahead
+    weights = np.maximum(excess - 0.5 * excess.max(), 0.0)
+    direction = weights @ relative
+    length = float(np.linalg.norm(direction))
+    return direction / length if length > 0.0 and direction[2] > 0.7 * length else ahead
+
+
+def _profile(relative: Array, axis: Array) -> Array:
+    """Return the greatest radius over the angle to ``axis``; between rings of vertices it is interpolated."""
+    distance = np.linalg.norm(relative, axis=1)
+    angle = np.arccos(np.clip(relative @ axis / distance, -1.0, 1.0))
+    greatest = np.zeros(_ANGLES + 1)
+    np.maximum.at(greatest, np.round(angle * (_ANGLES / np.pi)).astype(np.intp), distance)
+    known = np.flatnonzero(greatest > 0.0)
+    over_angle = np.interp(np.arange(_ANGLES + 1), known, greatest[known])
+    angles = np.arccos(np.linspace(-1.0, 1.0, _STEPS + 1))
+    return np.interp(angles, np.arange(_ANGLES + 1) * (np.pi / _ANGLES), over_angle)

@@ -1,0 +1,239 @@
+"""The edges of the lids: found as the border of the opening that the eyeball is seen through from its centre."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from faceposer.geometry.mirror import SurfaceMirror
+from faceposer.model.contact.eyeballs import Eyeball
+from faceposer.model.contact.samples import lattice
+from faceposer.model.subject import Subject
+
+Array = NDArray[np.float64]
+Ids = NDArray[np.intp]
+
+# The map of directions from the eye's centre: degrees sideways and up to which it goes, and degrees of a cell.
+_SIDE, _UP, _CELL = 100, 80, 1.0
+# Skin over the ball within this share of its radius is part of the lids; nearer than the second it lies on the ball.
+_REACH, _TOUCHING = 0.8, 1e-3
+#: Closed lids press on each other: edges that overlap by this angle, in radians, are in touch and not past each other.
+PRESSED = 0.04
+# Two eyes, and their vertices, are mirror images up to this share of the radius.
+_SAME = 0.02
+# An edge vertex lies within so many cells of the border of the opening.
+_NEAR = 2.5
+# Vertices of an edge are so far apart, in radians of azimuth, and lie at most so far behind those beside them.
+_SPACING, _BEHIND = np.deg2rad(1.5), np.deg2rad(0.8)
+# Fewer vertices do not make an edge, and an opening of fewer columns is none.
+_FEWEST, _NARROWEST = 3, 8
+
+
+@dataclass(frozen=True, eq=False)
+class LidEdges:
+    """Edges of the upper and the lower lid of one eye as vertices, from right to left of the character.
+
+    Attributes:
+        upper: Vertex ids, shape (u,).
+        lower: Vertex ids, shape (l,).
+        corners: Right and left corner of the eye, which end both edges; or fewer.
+        left: Whether it is the character's left eye.
+    """
+
+    upper: Ids
+    lower: Ids
+    corners: Ids
+    left: bool
+
+    def mirrored(self, across: Ids) -> Self | None:
+        """Return the edges on the other side, by the vertex ``across`` from each, (N,), or None where there is none."""
+        ids = [across[each][::-1] for each in (self.upper, self.lower, self.corners)]
+        return None if any((each < 0).any() for each in ids) else type(self)(ids[0], ids[1], ids[2], not self.left)
+
+    def curves(self, vertices: NDArray[np.floating], centre: Array) -> tuple["EdgeCurve", "EdgeCurve"]:
+        """Return the upper and the lower edge of the pose ``vertices``, (N, 3), as seen from ``centre``, (3,)."""
+        ids = np.concatenate([self.upper, self.lower, self.corners])
+        azimuth, elevation, _ = azimuth_and_elevation(vertices[ids].astype(np.float64) - centre)
+        middle, end = len(self.upper), len(self.upper) + len(self.lower)
+        ends = (azimuth[end:], elevation[end:])
+        return (
+            EdgeCurve.through(azimuth[:middle], elevation[:middle], *ends, self.left),
+            EdgeCurve.through(azimuth[middle:end], elevation[middle:end], *ends, self.left),
+        )
+
+    def overlap(self, ball: Eyeball, vertices: NDArray[np.floating]) -> tuple[Array, Array]:
+        """Return by which angle each vertex of the upper, (u,), and of the lower edge, (l,), lies past the other."""
+        _, centre = ball.motion(vertices)
+        upper, lower = self.curves(vertices, centre)
+        (upper_side, upper_up, _), (lower_side, lower_up, _) = (
+            azimuth_and_elevation(vertices[ids].astype(np.float64) - centre) for ids in (self.upper, self.lower)
+        )
+        return lower(upper_side) - upper_up, lower_up - upper(lower_side)
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeCurve:
+    """The elevation of a lid's edge over the azimuth.
+
+    Attributes:
+        azimuth: Of its points, not falling, shape (n,).
+        elevation: Of its points, shape (n,).
+    """
+
+    azimuth: Array
+    elevation: Array
+
+    @classmethod
+    def through(
+        cls, azimuth: Array, elevation: Array, end_azimuth: Array, end_elevation: Array, ascending: bool
+    ) -> Self:
+        """Return the curve through the points of an edge and, outside them, the corners of the eye.
+
+        Where the edge, followed from the nose outwards, which is ``ascending`` or not, runs back, its points count as
+        if at the place that it has reached.
+        """
+        azimuth = np.maximum.accumulate(azimuth) if ascending else np.minimum.accumulate(azimuth[::-1])[::-1]
+        before, after = end_azimuth < azimuth[0], end_azimuth > azimuth[-1]
+        return cls(
+            np.concatenate([end_azimuth[before], azimuth, end_azimuth[after]]),
+            np.concatenate([end_elevation[before], elevation, end_elevation[after]]),
+        )
+
+    def __call__(self, azimuth: Array) -> Array:
+        """Return the elevation at each ``azimuth``, shape (n,)."""
+        elevation: Array = np.interp(azimuth, self.azimuth, self.elevation)
+        return elevation
+
+
+def over_the_ball(subject: Subject, ball: Eyeball) -> Ids:
+    """Return the skin vertices that lie on the eyeball or over it, before its centre, in rising order."""
+    skin = skin_ids(subject)
+    relative = subject.vertices[skin].astype(np.float64) - ball.centre
+    clearance, distance = ball.clearance(relative)
+    ahead = relative @ ball.axis > -0.1 * distance
+    return skin[(clearance >= -_TOUCHING * ball.radius) & (clearance < _REACH * ball.radius) & ahead]
+
+
+def skin_ids(subject: Subject) -> Ids:
+    """Return the vertices of all parts of skin, shape (n,)."""
+    runs = [np.arange(*part.vertices, dtype=np.intp) for part in subject.parts if part.material == "skin"]
+    return np.concatenate(runs) if runs else np.zeros(0, dtype=np.intp)
+
+
+def azimuth_and_elevation(relative: Array) -> tuple[Array, Array, Array]:
+    """Return angles to the left and up, and the distance, of points ``relative`` (n, 3) to a centre, (n,) each."""
+    distance = np.sqrt(np.einsum("nd,nd->n", relative, relative))
+    elevation = np.arcsin(np.clip(relative[:, 1] / np.maximum(distance, 1e-9), -1.0, 1.0))
+    return np.arctan2(relative[:, 0], relative[:, 2]), elevation, distance
+
+
+def find_all_edges(subject: Subject, balls: Sequence[Eyeball]) -> list[LidEdges | None]:
+    """Return the edges of the lids before each of ``balls``, None where there are none.
+
+    Where the face is symmetric, the right eye has the mirror image of what is found on the left.
+    """
+    edges = [find_edges(subject, ball) if ball.centre[0] >= 0.0 else None for ball in balls]
+    lefts = [(ball, found) for ball, found in zip(balls, edges, strict=True) if found is not None]
+    across: Ids | None = None
+    for number, ball in enumerate(balls):
+        if ball.centre[0] >= 0.0:
+            continue
+        tolerance = _SAME * ball.radius
+        for left, found in lefts:
+            if np.abs(left.centre * [-1.0, 1.0, 1.0] - ball.centre).max() < tolerance:
+                if across is None:
+                    across = SurfaceMirror(subject.vertices, subject.triangles, tolerance).vertices.astype(np.intp)
+                edges[number] = found.mirrored(across)
+        edges[number] = edges[number] or find_edges(subject, ball)
+    return edges
+
+
+def find_edges(subject: Subject, ball: Eyeball) -> LidEdges | None:
+    """Return the edges of the lids before ``ball``, or None if it is not seen through an opening of the skin."""
+    near = over_the_ball(subject, ball)
+    chosen = np.zeros(len(subject.vertices), dtype=bool)
+    chosen[near] = True
+    triangles = subject.triangles[chosen[subject.triangles].any(axis=1)]
+    if not len(triangles):
+        return None
+    covered = _covered(subject.vertices[triangles].astype(np.float64) - ball.centre, ball)
+    labels, _ = ndimage.label(~covered)
+    column, line = _cells(ball.axis[None])
+    label = labels[column[0], line[0]]
+    if label == 0:
+        return None
+    opening = labels == label
+    columns = np.flatnonzero(opening.any(axis=1))
+    border = opening[[0, -1]].any() or opening[:, [0, -1]].any()
+    if border or len(columns) < _NARROWEST:
+        return None
+    highest = opening.shape[1] - 1 - np.argmax(opening[columns, ::-1], axis=1)
+    lowest = np.argmax(opening[columns], axis=1)
+    relative = subject.vertices[near].astype(np.float64) - ball.centre
+    azimuth, elevation, _ = azimuth_and_elevation(relative)
+    across, up = np.rad2deg(azimuth) / _CELL + _SIDE / _CELL, np.rad2deg(elevation) / _CELL + _UP / _CELL
+    edges = []
+    for border_line, is_upper in ((highest + 0.5, True), (lowest - 0.5, False)):
+        distance = np.hypot(across[:, None] - columns[None], up[:, None] - border_line[None]).min(axis=1)
+        middle = np.interp(across, columns, 0.5 * (highest + lowest))
+        on_side = (up > middle) == is_upper
+        inside = (across > columns[0]) & (across < columns[-1])
+        ids = near[(distance < _NEAR) & on_side & inside]
+        edges.append(_one_per_place(ids, subject.vertices, ball, is_upper))
+    upper, lower = edges
+    if min(len(upper), len(lower)) < _FEWEST:
+        return None
+    return LidEdges(upper, lower, _corners(subject, ball, np.concatenate([upper, lower])), bool(ball.centre[0] >= 0.0))
+
+
+def _corners(subject: Subject, ball: Eyeball, edges: Ids) -> Ids:
+    """Return the corners of the eye, from right to left, where they lie beyond all vertices of the ``edges``."""
+    names = ("3.11", "3.7") if ball.centre[0] >= 0.0 else ("3.12", "3.8")
+    known = np.array([subject.feature_points[n] for n in names if n in subject.feature_points], dtype=np.intp)
+    azimuth, elevation, _ = azimuth_and_elevation(subject.vertices[known].astype(np.float64) - ball.centre)
+    reached = azimuth_and_elevation(subject.vertices[edges].astype(np.float64) - ball.centre)[0]
+    beyond = (azimuth < reached.min()) | (azimuth > reached.max())
+    return known[beyond & (np.abs(elevation) < 0.5) & (np.abs(azimuth) < 0.5 * np.pi)]
+
+
+def _one_per_place(ids: Ids, vertices: NDArray[np.floating], ball: Eyeball, is_upper: bool) -> Ids:
+    """Return those of the vertices ``ids`` that lie nearest to the opening in their surroundings, by azimuth."""
+    azimuth, elevation, _ = azimuth_and_elevation(vertices[ids].astype(np.float64) - ball.centre)
+    away = elevation if is_upper else -elevation
+    # From the nose outwards, so that both eyes are treated alike.
+    order = np.argsort(azimuth if ball.centre[0] >= 0.0 else -azimuth, kind="stable")
+    kept: list[int] = []
+    for i in order:
+        if kept and abs(azimuth[i] - azimuth[kept[-1]]) < _SPACING:
+            if away[i] < away[kept[-1]]:
+                kept[-1] = int(i)
+        else:
+            kept.append(int(i))
+    while len(kept) > _FEWEST:
+        line, place = away[kept], azimuth[kept]
+        share = (place[1:-1] - place[:-2]) / (place[2:] - place[:-2])
+        behind = line[1:-1] - (line[:-2] + share * (line[2:] - line[:-2]))
+        if behind.max() < _BEHIND:
+            break
+        del kept[1 + int(behind.argmax())]
+    return ids[kept] if ball.centre[0] >= 0.0 else ids[kept[::-1]]
+
+
+def _covered(corners: Array, ball: Eyeball) -> NDArray[np.bool_]:
+    """Return which directions from the centre meet triangles outside the ball, shape (columns, rows)."""
+    points = lattice(corners, 0.4 * np.deg2rad(_CELL) * ball.radius)
+    clearance, _ = ball.clearance(points)
+    column, line = _cells(points[clearance >= -_TOUCHING * ball.radius])
+    covered = np.zeros((int(2 * _SIDE / _CELL) + 1, int(2 * _UP / _CELL) + 1), dtype=bool)
+    met = (column >= 0) & (column < covered.shape[0]) & (line >= 0) & (line < covered.shape[1])
+    covered[column[met], line[met]] = True
+    return covered
+
+
+def _cells(relative: Array) -> tuple[Ids, Ids]:
+    azimuth, elevation, _ = azimuth_and_elevation(relative)
+    column = np.round((np.rad2deg(azimuth) + _SIDE) / _CELL).astype(np.intp)
+    return column, np.round((np.rad2deg(elevation) + _UP) / _CELL).astype(np.intp)

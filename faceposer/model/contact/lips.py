@@ -1,0 +1,110 @@
+"""The skin in front of a dental arch: outer skin, and the inside of the lips as far as an open mouth shows it."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse import csgraph
+
+from faceposer.model.contact.arches import DentalArch, radius_raster
+from faceposer.model.contact.lids import skin_ids
+from faceposer.model.contact.samples import SurfaceSamples, lattice
+from faceposer.model.subject import Subject
+
+Array = NDArray[np.float64]
+Ids = NDArray[np.intp]
+
+# Shares of the head's height: how far before the teeth and beyond their ends skin is looked at, how far behind the
+# outermost skin it still is the outer skin, and how far around the rim of the lips their inside belongs to them.
+_REACH, _BEYOND, _OUTERMOST, _INSIDE = 0.12, 0.08, 0.006, 0.025
+# Share of the head's height from which an edge is so long that its triangles are sampled more finely.
+_LARGE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Covering:
+    """The skin that covers the teeth of an arch in the neutral face, as vertex ids in rising order.
+
+    Attributes:
+        outer: What is seen from outside, shape (n,).
+        lips: That with the inside of the lips, shape (m,).
+    """
+
+    outer: Ids
+    lips: Ids
+
+
+def find_covering(subject: Subject, arch: DentalArch) -> Covering:
+    """Return the skin of the ``subject`` that covers ``arch``; empty if there is none."""
+    skin = skin_ids(subject)
+    points = subject.vertices[skin].astype(np.float64)
+    size = subject.height
+    beyond = _BEYOND * size
+    gap = arch.gap(points)
+    level = (points[:, 1] > arch.bottom - beyond) & (points[:, 1] < arch.top + beyond)
+    near = skin[level & (gap >= 0.0) & (gap < _REACH * size)]
+    if not len(near):
+        return Covering(near, near)
+    all_skin = triangles_with_any(subject, skin[level & np.isfinite(gap)])
+    rows = int(np.ceil((arch.top - arch.bottom + 2.0 * beyond) / arch.row)) + 1
+    bottom = arch.bottom - beyond
+    surface = lattice(subject.vertices[all_skin].astype(np.float64), 0.8 * arch.row)
+    outermost = radius_raster(surface, arch.axis, bottom, arch.row, rows)
+    place, height, radius = arch.cylinder(subject.vertices[near].astype(np.float64))
+    column = np.clip(np.round(place).astype(np.intp), 0, outermost.shape[0] - 1)
+    line = np.clip(np.round((height - bottom) / arch.row).astype(np.intp), 0, rows - 1)
+    outer = near[radius > outermost[column, line] - _OUTERMOST * size]
+    from_outer = surface_distance(subject, outer, _INSIDE * size)
+    return Covering(outer, near[from_outer[near] < np.inf])
+
+
+def skin_samples(subject: Subject, ids: Ids) -> SurfaceSamples:
+    """Return samples of the triangles between the vertices ``ids``, and of all these."""
+    return SurfaceSamples.of(subject.vertices, triangles_among(subject, ids), ids, _LARGE * subject.height)
+
+
+def triangles_among(subject: Subject, ids: Ids) -> NDArray[np.int32]:
+    """Return the triangles of the ``subject`` that have all corners among ``ids``, shape (F, 3)."""
+    return subject.triangles[_chosen(subject, ids)[subject.triangles].all(axis=1)]
+
+
+def triangles_with_any(subject: Subject, ids: Ids) -> NDArray[np.int32]:
+    """Return the triangles of the ``subject`` that have a corner among ``ids``, shape (F, 3)."""
+    return subject.triangles[_chosen(subject, ids)[subject.triangles].any(axis=1)]
+
+
+def with_neighbours(subject: Subject, ids: Ids) -> Ids:
+    """Return the vertices ``ids`` and those with which they share a triangle, in rising order."""
+    neighbours: Ids = np.unique(triangles_with_any(subject, ids)).astype(np.intp)
+    return np.union1d(ids, neighbours)
+
+
+def _chosen(subject: Subject, ids: Ids) -> NDArray[np.bool_]:
+    chosen = np.zeros(len(subject.vertices), dtype=bool)
+    chosen[ids] = True
+    return chosen
+
+
+def surface_distance(subject: Subject, sources: Ids, limit: float) -> Array:
+    """Return the length of the shortest way along edges from ``sources`` to each vertex, (N,); inf from ``limit`` on.
+
+    In the neutral face.
+    """
+    graph = _edge_graph(subject)
+    distances: Array = csgraph.dijkstra(graph, directed=False, indices=sources, min_only=True, limit=limit)
+    return distances
+
+
+@lru_cache(maxsize=2)
+def _edge_graph(subject: Subject) -> sparse.csr_array:
+    """Return the lengths of all edges and of both diagonals of quads, which split alike on both sides, (N, N)."""
+    corners, positions = subject.polygons.astype(np.int64), subject.vertices.astype(np.float64)
+    pairs = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))
+    ends = np.concatenate([corners[:, pair] for pair in pairs])
+    ends = ends[(ends >= 0).all(axis=1)]
+    count = len(positions)
+    first, second = np.divmod(np.unique(ends.min(axis=1) * count + ends.max(axis=1)), count)
+    lengths = np.maximum(np.linalg.norm(positions[first] - positions[second], axis=1), 1e-9)
+    return sparse.csr_array((lengths, (first, second)), shape=(count, count))

@@ -1,0 +1,218 @@
+"""How deep the surfaces of a posed face lie in each other.
+
+The meshes themselves are measured, not the smooth obstacles of the contact step: radii of the eyeball's triangles, the
+front of the triangles of teeth and gums. Depths count from those of the neutral face; skin that lies inside the
+eyeball or behind the teeth there, as the lining of socket and mouth does, is left out.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.model.contact.arches import DentalArch, find_arches, radius_raster
+from faceposer.model.contact.eyeballs import Eyeball, find_eyeballs
+from faceposer.model.contact.lids import PRESSED, LidEdges, find_all_edges, over_the_ball
+from faceposer.model.contact.lips import find_covering, skin_samples, triangles_among
+from faceposer.model.contact.samples import lattice
+from faceposer.model.face_model import FaceModel
+from faceposer.model.subject import Subject
+
+Array = NDArray[np.float64]
+Ids = NDArray[np.intp]
+Vertices = NDArray[np.floating]
+
+#: What ``penetration_mm`` tells: skin inside the eyeballs, lids past each other, skin behind the front of the teeth,
+#: and teeth outside the skin.
+KINDS = ("lids_eyeballs", "lid_lid", "lips_teeth", "teeth_skin")
+_MM = 10.0
+# Teeth that seem to stick out, the farthest first, are looked at exactly up to so many vertices.
+_LOOKED_AT = 48
+# Triangles that reach farther than so many columns from a point are not looked at: they lie behind the axis.
+_AROUND = 40.0
+# Triangles of the eyeball that a direction may meet, and how far outside a triangle still counts as met.
+_CANDIDATES, _OUTSIDE = 10, 0.02
+
+
+def penetration_mm(model_or_character: FaceModel | Subject, vertices: Vertices) -> dict[str, float]:
+    """Return the greatest depth of each kind of penetration in a pose, in millimetres, 0 if there is none.
+
+    Args:
+        model_or_character: The face, or its character.
+        vertices: The posed vertices, shape (N, 3), with the contact step or without.
+
+    Returns:
+        Depths by the names in ``KINDS``; a kind is left out where the character lacks the parts. "lids_eyeballs" is the
+        depth of skin below the surface of the eyeball, along the radius; "lid_lid" how far the edges of upper and
+        lower lid have passed each other, along the eyeball, beyond the .04 radii that closed lids press together;
+        "lips_teeth" how far skin of lips, cheeks and chin lies behind the front of teeth and gums, or past their edge
+        if that is nearer; "teeth_skin" how far teeth or gums stick out of the outer skin.
+
+    Raises:
+        ValueError: If ``vertices`` has another shape than the character's.
+    """
+    subject = model_or_character if isinstance(model_or_character, Subject) else model_or_character.subject
+    if vertices.shape != subject.vertices.shape:
+        raise ValueError(f"vertices of shape {vertices.shape} where the character has {subject.vertices.shape}")
+    result: dict[str, float] = {}
+    for kind, depth in _gauges(subject):
+        result[kind] = max(result.get(kind, 0.0), _MM * depth(vertices))
+    return {kind: result[kind] for kind in KINDS if kind in result}
+
+
+@lru_cache(maxsize=4)
+def _gauges(subject: Subject) -> list[tuple[str, Callable[[Vertices], float]]]:
+    """Return functions from posed vertices to a depth in the subject's unit, each with its kind."""
+    gauges: list[tuple[str, Callable[[Vertices], float]]] = []
+    balls = find_eyeballs(subject)
+    for ball, edges in zip(balls, find_all_edges(subject, balls), strict=True):
+        near = over_the_ball(subject, ball)
+        if len(near):
+            gauges.append(("lids_eyeballs", _BallGauge(subject, ball, near)))
+        if edges is not None:
+            gauges.append(("lid_lid", _EdgeGauge(subject, ball, edges)))
+    for arch in find_arches(subject):
+        covering = find_covering(subject, arch)
+        if len(covering.outer):
+            gauges.append(("lips_teeth", _SkinGauge(subject, arch, covering.lips)))
+            gauges.append(("teeth_skin", _TeethGauge(subject, arch, covering.outer)))
+    return gauges
+
+
+class _BallGauge:
+    """How deep skin lies below the triangles of an eyeball, deeper than in the neutral face."""
+
+    def __init__(self, subject: Subject, ball: Eyeball, near: Ids) -> None:
+        from scipy.spatial import cKDTree
+
+        self._ball = ball
+        self._samples = skin_samples(subject, near)
+        corners = triangles_among(subject, ball.frame.ids)
+        self._corners = subject.vertices[corners].astype(np.float64) - ball.centre
+        middles = self._corners.mean(axis=1)
+        self._tree = cKDTree(middles / np.linalg.norm(middles, axis=1, keepdims=True))
+        self._farthest = float(np.linalg.norm(self._corners, axis=2).max())
+        self._at_rest = np.zeros(len(self._samples))
+        self._at_rest = self._depth(subject.vertices)
+
+    def __call__(self, vertices: Vertices) -> float:
+        return float((self._depth(vertices) - self._at_rest).max(initial=0.0))
+
+    def _depth(self, vertices: Vertices) -> Array:
+        linear, centre = self._ball.motion(vertices)
+        relative = (self._samples.places(vertices) - centre) @ np.linalg.inv(linear).T
+        distance = np.linalg.norm(relative, axis=1)
+        depth = np.zeros(len(relative))
+        inside = np.flatnonzero(distance < self._farthest)
+        if len(inside):
+            directions = relative[inside] / np.maximum(distance[inside], 1e-9)[:, None]
+            stretch = np.linalg.norm(directions @ linear.T, axis=1)
+            depth[inside] = np.maximum(self._radii(directions) - distance[inside], 0.0) * stretch
+        return depth
+
+    def _radii(self, directions: Array) -> Array:
+        """Return where rays from the centre in ``directions``, (n, 3), leave the mesh, shape (n,)."""
+        _, found = self._tree.query(directions, k=min(_CANDIDATES, len(self._corners)))
+        a, b, c = (self._corners[found.reshape(len(directions), -1), k] for k in range(3))
+        rays = np.broadcast_to(directions[:, None], a.shape)
+        volumes = np.stack(
+            [np.einsum("nkd,nkd->nk", rays, np.cross(u, v)) for u, v in ((b, c), (c, a), (a, b))], axis=-1
+        )
+        total = volumes.sum(axis=-1)
+        safe = np.where(np.abs(total) > 1e-12, total, 1.0)
+        lengths = np.einsum("nkd,nkd->nk", a, np.cross(b, c)) / safe
+        least = np.where(np.abs(total) > 1e-12, (volumes / safe[..., None]).min(axis=-1), -np.inf)
+        met = least >= -_OUTSIDE
+        nearest = np.take_along_axis(lengths, least.argmax(axis=1)[:, None], axis=1)[:, 0]
+        outermost = np.where(met, lengths, -np.inf).max(axis=1)
+        radii: Array = np.where(met.any(axis=1), outermost, nearest)
+        return radii
+
+
+class _EdgeGauge:
+    """How far the edges of the two lids of an eye have passed each other, farther than in the neutral face."""
+
+    def __init__(self, subject: Subject, ball: Eyeball, edges: LidEdges) -> None:
+        self._ball, self._edges = ball, edges
+        self._at_rest = [np.maximum(angle, PRESSED) for angle in edges.overlap(ball, subject.vertices)]
+
+    def __call__(self, vertices: Vertices) -> float:
+        angles = self._edges.overlap(self._ball, vertices)
+        more = [(angle - rest).max() for angle, rest in zip(angles, self._at_rest, strict=True)]
+        return self._ball.radius * max(0.0, *map(float, more))
+
+
+class _SkinGauge:
+    """How far skin that is in front of the teeth in the neutral face lies behind their front."""
+
+    def __init__(self, subject: Subject, arch: DentalArch, before: Ids) -> None:
+        self._arch = arch
+        samples = skin_samples(subject, before)
+        self._samples = samples
+        self._at_rest = np.zeros(len(samples))
+        self._at_rest = arch.depth(arch.resting(samples.places(subject.vertices), subject.vertices))
+
+    def __call__(self, vertices: Vertices) -> float:
+        depth = self._arch.depth(self._arch.resting(self._samples.places(vertices), vertices))
+        return float((depth - self._at_rest).max(initial=0.0))
+
+
+class _TeethGauge:
+    """How far teeth and gums stick out of the outermost skin that covers them."""
+
+    def __init__(self, subject: Subject, arch: DentalArch, before: Ids) -> None:
+        self._arch = arch
+        self._triangles = triangles_among(subject, before)
+        self._skin = np.unique(self._triangles)
+        self._at_rest = np.zeros(len(arch.frame.ids))
+        self._at_rest = self._out(subject.vertices)
+
+    def __call__(self, vertices: Vertices) -> float:
+        return float((self._out(vertices) - self._at_rest).max(initial=0.0))
+
+    def _out(self, vertices: Vertices) -> Array:
+        arch = self._arch
+        columns, rows = arch.front.shape
+        resting = np.zeros((len(vertices), 3))
+        resting[self._skin] = arch.resting(vertices[self._skin].astype(np.float64), vertices)
+        corners = resting[self._triangles]
+        low, high = corners[..., 1].min(axis=1), corners[..., 1].max(axis=1)
+        corners = corners[(high > arch.bottom - arch.row) & (low < arch.bottom + arch.row * rows)]
+        skin = radius_raster(lattice(corners, 0.6 * arch.row), arch.axis, arch.bottom, arch.row, rows)
+        teeth = arch.resting(vertices[arch.frame.ids].astype(np.float64), vertices)
+        place, height, radius = arch.cylinder(teeth)
+        column = np.clip(np.round(place).astype(np.intp), 0, columns - 1)
+        line = np.clip(np.round((height - arch.bottom) / arch.row).astype(np.intp), 0, rows - 1)
+        over = skin[column, line]
+        out = np.where(np.isfinite(over), radius - over, 0.0)
+        # Cells are coarse where skin is steep: what seems to stick out is looked at exactly.
+        seeming = np.flatnonzero(out > 0.0)
+        seeming = seeming[np.argsort(-out[seeming], kind="stable")[:_LOOKED_AT]]
+        exact = np.zeros(len(radius))
+        for i in seeming:
+            exact[i] = self._above_skin(corners, teeth[i], float(place[i]), float(height[i]), float(radius[i]))
+        return exact
+
+    def _above_skin(self, corners: Array, point: Array, place: float, height: float, radius: float) -> float:
+        """Return the distance of ``point`` to the plane of the outermost of triangles ``corners``, (F, 3, 3), above it.
+
+        0 if the ray from the axis through the point meets none, or leaves one farther out.
+        """
+        across, up, reach = (x.reshape(-1, 3) for x in self._arch.cylinder(corners.reshape(-1, 3)))
+        around = (
+            (np.abs(across - place).max(axis=1) < _AROUND) & (up.min(axis=1) <= height) & (up.max(axis=1) >= height)
+        )
+        corners, x, y, reach = corners[around], across[around] - place, up[around] - height, reach[around]
+        weights = np.stack([x[:, k - 2] * y[:, k - 1] - x[:, k - 1] * y[:, k - 2] for k in range(3)], axis=1)
+        total = weights.sum(axis=1)
+        inside = (weights * np.sign(total)[:, None] >= 0.0).all(axis=1) & (np.abs(total) > 1e-12)
+        if not inside.any():
+            return 0.0
+        radii = (weights[inside] * reach[inside]).sum(axis=1) / total[inside]
+        outermost = int(radii.argmax())
+        if radii[outermost] >= radius:
+            return 0.0
+        a, b, c = corners[inside][outermost]
+        normal = np.cross(b - a, c - a)
+        return float(abs((point - a) @ normal) / max(float(np.linalg.norm(normal)), 1e-12))

@@ -1,0 +1,117 @@
+"""Places on a surface at which contact is looked for: vertices, and points of the triangles between them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.geometry.mesh import Ints
+
+Array = NDArray[np.float64]
+Ids = NDArray[np.intp]
+
+
+# Large triangles are sampled at the points of a lattice with so many steps along an edge.
+_STEPS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceSamples:
+    """Samples of some triangles: V vertices, then B points between them.
+
+    Between its vertices a triangle cuts through a convex obstacle that they only touch; the samples find that. They are
+    the middles of edges and the centroids, and in large triangles a lattice.
+
+    Attributes:
+        ids: The vertices, shape (V,), in rising order.
+        corners: Vertices that each point between lies between, as indices into ``ids``, shape (3, B).
+        weights: Their weights, shape (3, B); those of the middle of an edge end in 0.
+        spans: Length of the longest edge of a triangle at each vertex in the neutral face, shape (V,).
+    """
+
+    ids: Ids
+    corners: Ids
+    weights: Array
+    spans: Array
+
+    @classmethod
+    def of(cls, vertices: NDArray[np.floating], triangles: Ints, extra: Ids, large: float) -> "SurfaceSamples":
+        """Return samples.
+
+        Args:
+            vertices: Of the whole neutral face, shape (N, 3).
+            triangles: That are sampled, shape (F, 3).
+            extra: Vertices that are samples even if no triangle has them, shape (k,).
+            large: Length of an edge from which on a triangle is large.
+        """
+        faces = np.asarray(triangles, dtype=np.intp).reshape(-1, 3)
+        ids = np.unique(np.concatenate([faces.ravel(), extra]))
+        local = np.searchsorted(ids, faces)
+        places = vertices[faces].astype(np.float64)
+        longest = np.linalg.norm(places - places[:, [1, 2, 0]], axis=2).max(axis=1, initial=0.0)
+        sides = np.sort(np.concatenate([local[:, [0, 1]], local[:, [1, 2]], local[:, [2, 0]]]), axis=1)
+        edges = np.unique(sides, axis=0).reshape(-1, 2)
+        third = np.full(len(local), 1.0 / 3.0)
+        corners = [np.column_stack([edges, edges[:, 0]]).T, local.T]
+        weights = [np.repeat([[0.5], [0.5], [0.0]], len(edges), axis=1), np.stack([third, third, third])]
+        i, j = np.meshgrid(np.arange(_STEPS + 1), np.arange(_STEPS + 1), indexing="ij")
+        between = (i + j <= _STEPS) & (np.maximum(np.maximum(i, j), _STEPS - i - j) < _STEPS)
+        for a, b in zip(i[between] / _STEPS, j[between] / _STEPS, strict=True):
+            count = int((longest >= large).sum())
+            corners.append(local[longest >= large].T)
+            weights.append(np.repeat([[a], [b], [1.0 - a - b]], count, axis=1))
+        spans = np.zeros(len(ids))
+        np.maximum.at(spans, local, longest[:, None])
+        return cls(ids, np.ascontiguousarray(np.hstack(corners)), np.ascontiguousarray(np.hstack(weights)), spans)
+
+    def __len__(self) -> int:
+        return len(self.ids) + self.corners.shape[1]
+
+    def places(self, vertices: NDArray[np.floating]) -> Array:
+        """Return where the samples lie, shape (V + B, 3), for ``vertices`` of the whole face, (N, 3)."""
+        points = vertices[self.ids].astype(np.float64)
+        return np.concatenate([points, _interpolated(points, self.corners, self.weights)])
+
+    def greatest(self, points: Array, own: Array, near: NDArray[np.bool_], of: Callable[[Array, Ids], Array]) -> Array:
+        """Return the greatest value at each vertex and at the samples next to it, shape (V,).
+
+        Args:
+            points: The vertices' positions, shape (V, 3).
+            own: Their values, shape (V,); changed in place.
+            near: Which vertices may have samples with a value beside them, shape (V,).
+            of: Returns the values of samples from their positions, (n, 3), and their numbers, (n,).
+        """
+        a, b, c = self.corners
+        chosen = np.flatnonzero(near[a] | near[b] | near[c])
+        corners = self.corners[:, chosen]
+        values = of(_interpolated(points, corners, self.weights[:, chosen]), len(self.ids) + chosen)
+        found = np.flatnonzero(values)
+        for corner in corners:
+            np.maximum.at(own, corner[found], values[found])
+        return own
+
+
+def _interpolated(points: Array, corners: Ids, weights: Array) -> Array:
+    a, b, c = corners
+    u, v, w = weights
+    return points[a] * u[:, None] + points[b] * v[:, None] + points[c] * w[:, None]
+
+
+def lattice(corners: Array, spacing: float, at_most: int = 40) -> Array:
+    """Return points on triangles ``corners``, (F, 3, 3), at most ``spacing`` apart if that takes few enough.
+
+    Args:
+        corners: Positions of the corners.
+        spacing: Wanted distance between neighbouring points.
+        at_most: Greatest number of steps along an edge.
+    """
+    longest = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2).max(axis=1, initial=0.0)
+    steps = np.clip(np.ceil(longest / spacing), 1, at_most).astype(int)
+    points = []
+    for n in np.unique(steps):
+        i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
+        inside = i + j <= n
+        weights = np.stack([i[inside], j[inside], n - i[inside] - j[inside]], axis=1) / n
+        points.append(np.einsum("kc,fcd->fkd", weights, corners[steps == n]).reshape(-1, 3))
+    return np.concatenate(points) if points else np.zeros((0, 3))

@@ -1,0 +1,157 @@
+"""The contact step corrects what penetrates and nothing else, alike on both sides, and steadily."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from faceposer.model.contact.measure import penetration_mm
+from faceposer.model.contact.spreading import Spreading, hinge
+from faceposer.model.contact.step import ContactStep
+from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.subject_file import load_subject
+
+Array = NDArray[np.float64]
+
+ALLOWED_MM = 0.1
+BLINK = {"eyeBlinkLeft": 1.6, "eyeBlinkRight": 1.6}
+GRIN = {
+    "mouthSmileLeft": 2.0,
+    "mouthSmileRight": 2.0,
+    "cheekSquintLeft": 2.0,
+    "cheekSquintRight": 2.0,
+    "eyeSquintLeft": 1.6,
+    "eyeSquintRight": 1.6,
+    "jawOpen": 0.4,
+}
+
+
+@pytest.fixture(scope="module")
+def goblin() -> FaceModel:
+    return build_face_model(load_subject("creature"))
+
+
+@pytest.mark.parametrize("name", ["man", "woman", "low", "creature"])
+def test_the_neutral_face_stays_bit_by_bit(name: str) -> None:
+    subject = load_subject(name)
+    step = ContactStep.of(subject)
+    assert step.parts
+    np.testing.assert_array_equal(step.apply(subject.vertices.copy()), subject.vertices)
+
+
+def test_a_pose_without_penetration_stays_bit_by_bit(model: FaceModel) -> None:
+    p = model.coefficients_of({"browInnerUp": 0.8, "eyeWideLeft": 0.4, "noseSneerRight": 0.3})
+    np.testing.assert_array_equal(model.surface(p), model.instance(p))
+
+
+@pytest.mark.parametrize(("weights", "kind"), [(BLINK, "lid_lid"), (GRIN, "lids_eyeballs"), (GRIN, "lips_teeth")])
+def test_what_penetrates_is_kept_apart(model: FaceModel, weights: dict[str, float], kind: str) -> None:
+    p = model.coefficients_of(weights)
+    assert penetration_mm(model, model.surface(p, contact=False))[kind] > 0.3
+    assert max(penetration_mm(model, model.surface(p)).values()) <= ALLOWED_MM
+
+
+def test_a_goblin_without_arkit_shapes_is_kept_apart(goblin: FaceModel) -> None:
+    rng = np.random.default_rng(2)
+    deepest = 0.0
+    for p in 1.5 * goblin.mixture.draws(12, rng):
+        deepest = max(deepest, *penetration_mm(goblin, goblin.instance(p)).values())
+        assert max(penetration_mm(goblin, goblin.surface(p)).values()) <= ALLOWED_MM
+    assert deepest > 1.0
+
+
+def test_gaze_takes_the_cornea_along(model: FaceModel) -> None:
+    closed = {"eyeBlinkLeft": 1.0, "eyeBlinkRight": 1.0}
+    straight, aside = (
+        model.surface(model.coefficients_of(closed | look))
+        for look in ({}, {"eyeLookOutLeft": 1.0, "eyeLookInRight": 1.0})
+    )
+    skin = slice(*model.subject.part("skin").vertices)
+    moved = (aside - straight)[skin] - (
+        model.instance(model.coefficients_of(closed | {"eyeLookOutLeft": 1.0, "eyeLookInRight": 1.0}))
+        - model.instance(model.coefficients_of(closed))
+    )[skin]
+    assert 0.0 < np.abs(moved).max() < 0.1
+
+
+def test_both_sides_are_corrected_alike(model: FaceModel) -> None:
+    subject = model.subject
+    p = model.coefficients_of(BLINK | GRIN)
+    moved = (model.surface(p) - model.instance(p)).astype(np.float64)
+    from faceposer.geometry.mirror import SurfaceMirror
+
+    skin = np.arange(*subject.part("skin").vertices)
+    across = SurfaceMirror(subject.vertices, subject.triangles, 1e-3).vertices[skin]
+    paired = across >= 0
+    assert paired.mean() > 0.99
+    difference = np.abs(moved[skin[paired]] * [-1.0, 1.0, 1.0] - moved[across[paired]]).max()
+    assert np.abs(moved).max() > 0.2
+    assert difference < 0.02
+
+
+def test_neighbouring_poses_stay_neighbours(model: FaceModel) -> None:
+    start, end = (model.coefficients_of(weights) for weights in ({"jawOpen": 0.3}, BLINK | GRIN))
+    before: tuple[Array, Array] | None = None
+    for share in np.linspace(0.0, 1.0, 41):
+        p = (1.0 - share) * start + share * end
+        shape = model.instance(p).astype(np.float64)
+        moved = model.surface(p) - shape
+        if before is not None:
+            step = np.linalg.norm(shape - before[0], axis=1).max()
+            assert np.linalg.norm(moved - before[1], axis=1).max() < 2.5 * step
+        before = shape, moved
+
+
+def test_lashes_go_with_their_lid(model: FaceModel) -> None:
+    p = model.coefficients_of({"eyeBlinkLeft": 1.6})
+    moved = model.surface(p) - model.instance(p)
+    lashes = moved[slice(*model.subject.part("lashes_left").vertices), 1]
+    assert lashes.max() > 0.2
+    assert not moved[slice(*model.subject.part("lashes_right").vertices)].any()
+
+
+def test_pushes_begin_softly_and_end_outside() -> None:
+    depth = np.array([-1.0, 0.0, 1e-4, 0.01, 1.0])
+    push = hinge(depth, 1e-3, 0.02)
+    np.testing.assert_array_equal(push[:2], 0.0)
+    assert push[2] < depth[2]
+    assert (push[3:] > depth[3:]).all()
+    assert (push[3:] < depth[3:] + 0.02).all()
+
+
+def test_spread_pushes_do_not_grow_and_fade() -> None:
+    x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 6, 25), np.linspace(0, 4, 17)))
+    spreading = Spreading.over(x, y, np.full(len(x), 0.5), np.where(x > 5.0, 0.0, 1.0))
+    rng = np.random.default_rng(0)
+    one, other = rng.random((2, len(x)))
+    field = spreading(one)
+    assert field.max() <= one.max()
+    assert (field[x > 5.0] == 0.0).all()
+    assert np.abs(field - spreading(other)).max() <= np.abs(one - other).max()
+
+
+def test_layers_hand_nothing_to_each_other() -> None:
+    x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 3, 13), np.linspace(0, 3, 13)))
+    upper = np.tile([1.0, 0.0], len(x))
+    spreading = Spreading.over(np.repeat(x, 2), np.repeat(y, 2), upper, np.ones(2 * len(x)))
+    field = spreading(np.where(upper > 0.5, 1.0, 0.0))
+    assert field[upper > 0.5].min() > 0.9
+    assert field[upper < 0.5].max() == 0.0
+
+
+@pytest.mark.skipif(not os.environ.get("FACEPOSER_RIGS"), reason="FACEPOSER_RIGS names no folder of rigs")
+@pytest.mark.parametrize(("name", "has_teeth"), [("facecap_multi", True), ("facecap", False)])
+def test_imported_rigs_use_the_parts_they_have(name: str, has_teeth: bool) -> None:
+    from faceposer.training.request import TrainingRequest, train
+
+    path = Path(os.environ["FACEPOSER_RIGS"]) / f"{name}.glb"
+    rig = build_face_model(train(TrainingRequest("rig", path, name, name)))
+    p = rig.coefficients_of({"mouthRollUpper": 2.0, "mouthRollLower": 2.0, "mouthPressLeft": 1.5, "jawOpen": 0.2})
+    before, after = (penetration_mm(rig, rig.surface(p, contact)) for contact in (False, True))
+    assert ("lips_teeth" in before) == has_teeth
+    np.testing.assert_array_equal(rig.surface(rig.neutral()), rig.subject.vertices)
+    if has_teeth:
+        assert before["lips_teeth"] > 0.5
+        assert max(after.values()) <= ALLOWED_MM
