@@ -41,13 +41,14 @@ def main() -> None:
     parser.add_argument("--gestures", nargs="+", choices=BY_NAME, metavar="GESTURE", help="default: all")
     parser.add_argument("--prior", choices=PRIORS, default=PriorSettings.prior)
     parser.add_argument("--prior-weight", type=float, default=PriorSettings.weight, metavar="WEIGHT")
+    parser.add_argument("--spread", type=float, default=PriorSettings.spread, metavar="0-1")
     options = parser.parse_args()
     rigs = os.environ.get("FACEPOSER_RIGS")
     if options.docs and (options.characters or options.gestures or not rigs):
         parser.error("--docs shows everything: set FACEPOSER_RIGS, and leave --characters and --gestures out")
     characters = options.characters or [name for name in CHARACTERS if rigs or name not in RIGS]
     gestures = [BY_NAME[name] for name in options.gestures or BY_NAME]
-    settings = PriorSettings(options.prior, options.prior_weight)
+    settings = PriorSettings(options.prior, options.prior_weight, options.spread)
     try:
         sheets = PAGE.parent / "images" if options.docs else None
         rows = run(characters, gestures, settings, options.pictures, sheets, lambda line: print(line, file=sys.stderr))

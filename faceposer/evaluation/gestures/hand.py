@@ -17,6 +17,7 @@ from faceposer.session.document import Document
 from faceposer.session.session import Session
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.priors import Prior
+from faceposer.solve.problem import SPREAD
 from faceposer.tools.tool import Navigation, PointerEvent
 from faceposer.tools.toolbox import Toolbox
 
@@ -37,10 +38,12 @@ class PriorSettings:
     Attributes:
         prior: How the face is judged.
         weight: Weight of the prior.
+        spread: How much of the face follows a pull, from 0 to 1.
     """
 
     prior: Prior = "regions"
     weight: float = 1.0
+    spread: float = SPREAD
 
     def under(self, prior: Prior) -> "PriorSettings":
         """Return the same settings under another ``prior``."""
@@ -48,7 +51,7 @@ class PriorSettings:
 
     def document(self, subject: Subject) -> Document:
         """Return the document of the untouched face of ``subject`` with these settings."""
-        return Document(subject.name, prior=self.prior, prior_weight=self.weight)
+        return Document(subject.name, prior=self.prior, prior_weight=self.weight, spread=self.spread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +97,8 @@ class Performed:
 
     @cached_property
     def vertices(self) -> NDArray[np.float32]:
-        """The posed vertices that are measured and drawn, shape (N, 3)."""
-        return self.model.instance(self.pose)
+        """The posed vertices that are measured and drawn, after the contact step, shape (N, 3)."""
+        return self.model.surface(self.pose)
 
 
 class Hand:

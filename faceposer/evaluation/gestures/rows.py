@@ -8,6 +8,7 @@ import numpy as np
 from faceposer.evaluation.gestures.gesture import Gesture
 from faceposer.evaluation.gestures.hand import Hand, Performed, PriorSettings, has_places
 from faceposer.evaluation.gestures.measures import FaceChange
+from faceposer.model.contact.measure import penetration_mm
 from faceposer.model.face_model import FaceModel
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.solve.priors import PRIORS
@@ -15,6 +16,8 @@ from faceposer.solve.priors import PRIORS
 Row = dict[str, Any]
 #: In every gesture and under every prior the eyes look the same way, but for so many degrees.
 GAZE_DEG = 1.0
+#: So deep surfaces may lie in each other.
+PENETRATION_MM = 0.1
 
 
 def perform(model: FaceModel, gesture: Gesture, settings: PriorSettings | None = None) -> Performed:
@@ -49,11 +52,14 @@ def row_of(performed: Performed, character: str, gaze: dict[str, float | None] |
     other = change.other_side() if gesture.other_side is not None else None
     spill = change.spill_mm(gesture.concerned)
     degrees = gaze if gaze is not None else {performed.prior: change.gaze_deg()}
+    # Characters without eyes and teeth have nothing to measure.
+    penetration = max(penetration_mm(performed.model, performed.vertices).values(), default=None)
     bounds = {
         "residual": _bound(float(shares[worst]), gesture.residual),
         "other_side": _bound(other, gesture.other_side),
         "spill": _bound(spill, gesture.spill_mm),
         "gaze": None,
+        "penetration": _bound(penetration, PENETRATION_MM),
     }
     turned = {prior: d for prior, d in degrees.items() if d is not None}
     if turned:
@@ -70,7 +76,7 @@ def row_of(performed: Performed, character: str, gaze: dict[str, float | None] |
         "must_not_move": must_not,
         "other_side": _rounded(other),
         "spill_mm": _rounded(spill),
-        "penetration_mm": None,
+        "penetration_mm": _rounded(penetration),
         "gaze_deg": {prior: _rounded(value) for prior, value in degrees.items()},
         "limits": {name: bound for name, bound in bounds.items() if bound is not None},
         "solve_ms": _rounded(float(np.median(performed.solve_ms)) if performed.solve_ms else None),

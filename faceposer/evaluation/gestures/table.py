@@ -300,10 +300,10 @@ BROWS = (
     ),
     Gesture(
         "brows_together",
-        "Inner brows together",
-        (Pull("4.1", -3.0, 0.0, both=True),),
+        "Inner brows together and down",
+        (Pull("4.1", -1.5, -3.5, both=True),),
         _BROWS,
-        (least("brow_inner_in", 1.0), most("eyeBlink", 0.15), most("lids_close", 0.3), most("mouth_mean", 0.1)),
+        (least("brow_inner_in", 0.6), most("eyeBlink", 0.15), most("lids_close", 0.3), most("mouth_mean", 0.1)),
         residual=0.7,
     ),
 )
