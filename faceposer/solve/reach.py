@@ -14,7 +14,7 @@ from faceposer.solve.term import Array
 
 # A shape that moves a point by less than the first share of what it moves elsewhere cannot be meant by a pull on it;
 # from the second share on it can.
-_ALONG, _MEANT = 0.12, 0.35
+_ALONG, _MEANT = 0.25, 0.6
 # A place that these shapes move by less than the first many centimetres hardly moves; by the second many, it does.
 _BONE_CM, _FLESH_CM = 0.08, 0.3
 # A pull is met nearly whole up to its reach, and not at all beyond.
