@@ -93,8 +93,13 @@ class Setting:
 
     @cached_property
     def statistics(self) -> ExpressionStatistics:
-        """What the recipe of the shipped prior learns from the captures."""
-        return learn(self.captures, self.recipe, metric=gram_of_weights(load_subject("man"), ARKIT_SHAPES))
+        """What the recipe of the shipped prior learns from the first performer's captures and the others'."""
+        takes: dict[str, list[Capture]] = {name: [] for name in self.performers}
+        for capture, name in zip(self.captures, self.performers, strict=True):
+            takes[name].append(capture)
+        first, *others = takes.values()
+        metric = gram_of_weights(load_subject("man"), ARKIT_SHAPES)
+        return learn(first, self.recipe, metric=metric, others=others)
 
     @cached_property
     def model(self) -> FaceModel:
