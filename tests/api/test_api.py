@@ -148,8 +148,8 @@ def test_a_place_is_a_name_a_number_or_a_pixel(face: Face) -> None:
 
 
 def test_the_prior_holds_the_face(face: Face) -> None:
-    u, v = face.pixel("nose tip")
-    face.drag("nose tip", to=(u + 40, v))
+    u, v = face.pixel("left mouth corner")
+    face.drag("left mouth corner", to=(u + 30, v - 30))
     face.solve()
     held = face.residuals[0]
     face.prior_weight = 0.0

@@ -30,7 +30,8 @@ def foreign(**changes: object) -> Subject:
     """Return the low head with parts of other names, the skin last."""
     low = load_subject("low")
     parts = tuple(replace(part, name=f"Mesh {i} of {part.material}") for i, part in enumerate(low.parts))
-    return replace(low, name="foreign", parts=parts, **changes)  # type: ignore[arg-type]
+    textures = {name: image for name, image in low.textures.items() if name in {part.material for part in parts}}
+    return replace(low, name="foreign", parts=parts, textures=textures, **changes)  # type: ignore[arg-type]
 
 
 def setting_of(subject: Subject) -> Setting:

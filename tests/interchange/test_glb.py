@@ -93,7 +93,8 @@ def test_what_never_moves_has_no_targets(low: FaceModel, performance: Performanc
     for name in ("teeth_upper", "eye_left"):
         shapes[:, slice(*low.subject.part(name).vertices)] = 0.0
     model = build_face_model(replace(low.subject, shapes=shapes))
-    write_glb(tmp_path / "a.glb", model, performance)
+    frames = np.zeros((len(performance), model.n_coefficients))
+    write_glb(tmp_path / "a.glb", model, Performance(frames, performance.rate))
     document = check(tmp_path / "a.glb")
     still = {mesh["name"] for mesh in document["meshes"] if "targets" not in mesh["primitives"][0]}
     assert {"teeth_upper", "eye_left"} <= still

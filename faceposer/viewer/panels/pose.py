@@ -12,7 +12,7 @@ from faceposer.solve.priors import PRIORS, Prior
 from faceposer.solve.problem import SPREAD
 from faceposer.viewer.panels.constraint_details import LARGEST_HOLD
 from faceposer.viewer.panels.widgets import action_button, button_width, caption, choice, tooltip
-from faceposer.viewer.theme import FAINT, FIELD, RAISED, Icon, em
+from faceposer.viewer.theme import FIELD, RAISED, Icon, em
 
 if TYPE_CHECKING:
     from faceposer.viewer.app import App
@@ -144,10 +144,12 @@ class PosePanel:
             step: What the history calls it.
             tip: Of the tooltip.
             logarithmic: Whether small values get more room.
-            ends: What its left and its right end mean, written below.
+            ends: What its left and its right end are called, in place of their values.
         """
         session = app.session
         usual, largest, form = measures
+        # At an end its name, which no value follows.
+        form = {0.0: ends[0], largest: ends[1]}.get(value) or form
         imgui.align_text_to_frame_padding()
         imgui.text(title)
         imgui.same_line(em(6.6))
@@ -164,12 +166,6 @@ class PosePanel:
                 change(usual)
             app.marks.note(f"{name}:reset")
             tooltip(f"Back to {usual:g}")
-        if ends[0]:
-            imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - 0.6 * imgui.get_style().item_spacing.y)
-            imgui.set_cursor_pos_x(em(6.6))
-            imgui.text_colored(FAINT, ends[0])
-            imgui.same_line(imgui.get_content_region_avail().x - imgui.calc_text_size(ends[1]).x)
-            imgui.text_colored(FAINT, ends[1])
 
     def _draw_advanced(self, app: "App") -> None:
         """Draw which prior judges, under a header that is closed at first."""

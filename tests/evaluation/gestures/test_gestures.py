@@ -207,7 +207,7 @@ def test_a_row_of_the_man(model: FaceModel) -> None:
     assert set(row["gaze_deg"]) == {"regions", "whole", "plain"}
     assert row["limits"]["gaze"]["value"] == max(row["gaze_deg"].values())
     assert row["limits"]["residual"]["value"] == pytest.approx(row["residual_px"] / row["pulled_px"], rel=1e-2)
-    assert row["penetration_mm"] is None
+    assert 0.0 <= row["penetration_mm"] <= row["limits"]["penetration"]["at_most"]
     assert row["spill_mm"] >= 0.0
     assert row["solve_ms"] > 0.0
     json.dumps(row)
@@ -288,7 +288,7 @@ def test_what_a_study_writes(tmp_path: Path) -> None:
     assert pictures == {gesture.name for gesture in gestures}
     write_json(tmp_path / "rows.json", rows, PriorSettings())
     read = json.loads((tmp_path / "rows.json").read_text(encoding="utf-8"))
-    assert read["settings"] == {"prior": "regions", "weight": 1.0}
+    assert read["settings"] == {"prior": "regions", "weight": 1.0, "spread": 0.5}
     assert read["rows"] == rows
     page = tmp_path / "page.md"
     page.write_text(f"Before.\n\n{BEGIN}\nstale\n{END}\n\nAfter.\n", encoding="utf-8")
