@@ -56,7 +56,7 @@ def test_solve_writes_the_mesh_and_the_report(model: FaceModel, smile: Path, tmp
     assert max(entry["residual_px"] for entry in report["constraints"]) < 3
     assert len(report["weights"]) == 54
     assert min(report["weights"]["mouthSmileLeft"], report["weights"]["mouthSmileRight"]) > 0.2
-    expected = model.instance(np.array(report["coefficients"]))
+    expected = model.surface(np.array(report["coefficients"]))
     height = np.ptp(model.subject.vertices[:, 1])
     assert np.abs(read_mesh(mesh_path).vertices - expected).max() < 1e-5 * height
     assert "smile.obj written" in capsys.readouterr().out

@@ -64,7 +64,7 @@ def test_opposite_brows_and_the_jaw_are_told_apart_more_than_the_rest() -> None:
 
     assert between("browOuterUpLeft", "browOuterUpRight") < 0.6
     assert between("browInnerUpLeft", "browInnerUpRight") < 0.6
-    assert 0.9 < between("mouthSmileLeft", "mouthSmileRight") < 1.0
+    assert 0.8 < between("mouthSmileLeft", "mouthSmileRight") < 1.0
     assert between("mouthSmileLeft", "cheekSquintLeft") > 0.99
     assert between("jawOpen", "mouthClose") == pytest.approx(1.0)
     assert between("jawOpen", "mouthFunnel") < 0.7

@@ -21,7 +21,7 @@ def test_rows_and_summary(tmp_path: Path) -> None:
     done = study(*words)
     assert done.returncode == 0, done.stderr
     read = json.loads(rows.read_text(encoding="utf-8"))
-    assert read["settings"] == {"prior": "regions", "weight": 2.0}
+    assert read["settings"] == {"prior": "regions", "weight": 2.0, "spread": 0.5}
     assert [row["gesture"] for row in read["rows"]] == ["ear_out", "corners_down"]
     lines = done.stdout.splitlines()
     assert lines[0].split() == ["low"]

@@ -40,7 +40,7 @@ def test_constraints_made_from_a_pose_are_met_again(model: FaceModel, camera: Ca
     truth = model.coefficients_of({"mouthSmileLeft": 0.7, "mouthSmileRight": 0.6, "browInnerUp": 0.5, "jawOpen": 0.2})
     constraints = points_made_from(model, truth, camera, 60)
     solution = solve(PoseProblem(model, constraints))
-    assert max(solution.residuals_px) < 1.5
+    assert max(solution.residuals_px) < 3.5
     error = np.linalg.norm(model.instance(solution.coefficients) - model.instance(truth), axis=1).mean()
     assert error < 0.42 * np.linalg.norm(model.instance(truth) - model.subject.vertices, axis=1).mean()
 
