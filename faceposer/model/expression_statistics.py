@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 _ARRAYS = ("weights", "means", "covariances", "mean", "covariance")
 _UNIT_WITHIN = 1e-5
+_FEWEST_EXAMPLES = 12
 _MAX_BYTES = 64 * 2**20
 
 
@@ -76,6 +77,10 @@ class ExpressionStatistics:
         kept = self.examples
         if kept is not None and (kept.ndim != 2 or kept.shape[1] != n_shapes or not np.isfinite(kept).all()):
             raise ValueError(f"examples must be finite and of {n_shapes} columns, not of shape {kept.shape}")
+        if kept is not None and len(kept) < _FEWEST_EXAMPLES:
+            raise ValueError(f"examples must be at least {_FEWEST_EXAMPLES}, not {len(kept)}")
+        if n_components == 0 or (self.weights <= 0).any():
+            raise ValueError("weights must be positive, and at least one")
 
     @property
     def factors(self) -> Array:

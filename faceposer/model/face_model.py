@@ -264,6 +264,10 @@ def build_face_model(
         subspace = subspace.truncated(n_components)
     mixture = GaussianMixture(statistics.weights, statistics.means, statistics.covariances)
     moving = [(row, column) for row, column in zip(rows, columns, strict=True) if plain_gram[row, row] > 0]
+    if not moving:
+        raise FacePoserError(
+            f"No shape of the subject '{subject.name}' moves any vertex; import the character again from its file."
+        )
     moving_rows, kept = (np.array(indices, dtype=np.intp) for indices in zip(*moving, strict=True))
     kept_names = [subject.shape_names[row] for row in moving_rows]
     rig_density = RigDensity(

@@ -149,7 +149,7 @@ class LocalMoments:
         off = self._coefficients @ rows.T.astype(np.float32)
         off += residual.astype(np.float32)
         energies = np.einsum("nm,nm->n", off, off).astype(np.float64)
-        k = min(int(self.share * len(energies)), len(energies) - 1)
+        k = max(1, min(int(self.share * len(energies)), len(energies) - 1))
         order = np.argpartition(energies, k)[:k]
         relative = np.sqrt(energies[order] / max(float(energies[order].max()), 1e-12))
         shares = (1.0 - np.minimum(relative, 1.0) ** 3) ** 3 + 1e-9

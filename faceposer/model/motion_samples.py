@@ -45,6 +45,8 @@ def sample_motion(subject: Subject, density: RigDensity) -> MotionSamples:
     offsets = subject.shapes[moved]
     most = np.sqrt(np.einsum("snd,snd->sn", offsets, offsets)).max(axis=0)
     skin = _skin(subject) & (most > _STILL * most.max())
+    if not skin.any():
+        skin = most > _STILL * most.max()
     ids = np.flatnonzero(skin)
     areas = vertex_areas(subject.vertices, subject.triangles)[ids]
     places = subject.vertices[ids].astype(np.float64)
@@ -59,12 +61,14 @@ def sample_motion(subject: Subject, density: RigDensity) -> MotionSamples:
 
 
 def largest_motions(subject: Subject, rows: NDArray[np.intp]) -> Array:
-    """Return how far the shapes ``rows`` move any place of the skin, shape (W,), in centimetres of the subject."""
-    offsets = subject.shapes[rows][:, _skin(subject)]
+    """Return how far the shapes ``rows`` move any place, shape (W,), in centimetres of the subject.
+
+    Eyes count: a gaze that takes the lids along is not what a pull on a lid means.
+    """
+    offsets = subject.shapes[rows]
     squares = np.einsum("snd,snd->sn", offsets, offsets)
     largest = np.sqrt(squares.max(axis=1, initial=0.0)).astype(np.float64)
-    # What moves no skin, as the tongue, is never meant by a pull on it, and never divided by nothing.
-    return np.maximum(largest, 1e-3 * max(float(largest.max(initial=0.0)), 1e-9))
+    return np.maximum(largest, 1e-9)
 
 
 def _skin(subject: Subject) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from faceposer.solve.reach import reach_of_rows
 from faceposer.solve.term import Array, PoseState
 
 # Pixels from which a constraint counts as not met, and the share of the force against it that makes an opponent.
-NOTABLE_PX = 3.0
+NOTABLE_PX = 5.0
 _SHARE = 0.35
 # Share of what a point misses that lies beyond its reach, from which that is why.
 _BEYOND = 0.5

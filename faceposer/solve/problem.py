@@ -29,6 +29,10 @@ _MOTION, _MOTION_POWER = 5.0, 1.74
 _WHOLE_FROM = 0.75
 # However little the prior weighs, a rig's limits and a common direction of both eyes count at least so much.
 _LEAST_HOLD = 1.0
+# Energy of the pulls from which on these hold firmer.
+_FIRM = 1500.0
+# The prior never weighs less: what no constraint speaks of stays where it is.
+_LEAST_WEIGHT = 0.02
 # Keeps the problem bounded where neither a constraint nor the prior says anything, far below what either says.
 _RIDGE = 1e-6
 
@@ -137,7 +141,7 @@ class PoseProblem:
         elif prior_weight > 0:
             self.terms.append(MixturePrior(self.mixture, prior_weight))
         if mixture is None:
-            self._hold_together()
+            self._hold_together(pulls)
 
     def _take_up_points(self, pulls: Sequence[Term]) -> None:
         """Widen the rig's limits to the start, and let points see it."""
@@ -148,9 +152,14 @@ class PoseProblem:
             if isinstance(term, PointTerm):
                 term.take_up(self.model, state, self.limits)
 
-    def _hold_together(self) -> None:
-        """Add what holds at every weight of the prior: the rig's limits, and that both eyes look the same way."""
-        weight = max(self.prior_weight, _LEAST_HOLD)
+    def _hold_together(self, pulls: Sequence[Term]) -> None:
+        """Add what holds at every weight of the prior: the rig's limits, and that both eyes look the same way.
+
+        However hard and far the ``pulls`` are, it costs about as much as all of them to leave the limits by a third.
+        """
+        state = self.state(self.start)
+        energy = sum(term.value_and_gradient(state)[0] for term in pulls)
+        weight = max(self.prior_weight, _LEAST_HOLD, energy / _FIRM)
         limits, directions = self.model.subject.shape_limits, self.model.subspace.directions
         for shape, other, beyond in dependent_pairs(self.model.subject.shape_names):
             directions = np.vstack([directions, directions[shape] - directions[other]])
@@ -168,9 +177,7 @@ class PoseProblem:
         self.mixture = centred_at(self.model, begin, prior, wholeness).near(rows, residual)
         if self.start is not begin:
             self.mixture = self.mixture.moved_by(self.start - begin)
-        weight = self.prior_weight
-        if weight <= 0:
-            return
+        weight = max(self.prior_weight, _LEAST_WEIGHT)
         self.terms.append(MixturePrior(self.mixture, _GAUSSIAN * weight))
         strength = _MOTION * weight * (1.0 - spread) ** _MOTION_POWER
         if strength > 0 and len(rows) and prior == "regions" and self.limits is not None:

@@ -48,7 +48,8 @@ class Reach:
         lengths = np.maximum(np.sqrt(np.einsum("nwk,nwk->nw", self.steps, self.steps)), 1e-12)
         # What also goes elsewhere counts the less, the more it does: a^2 / |s| for a step s that goes by a this way.
         forward = along * along / lengths
-        reach: Array = np.sqrt(np.einsum("nw,nw->n", forward, forward)) + self.mobility * _TREMOR_PX
+        # What hardly moves does not move at all: a pull on it would show elsewhere.
+        reach: Array = self.mobility * (np.sqrt(np.einsum("nw,nw->n", forward, forward)) + _TREMOR_PX)
         return reach
 
     def outline(self, index: int, n: int = 36) -> Array:

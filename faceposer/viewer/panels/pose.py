@@ -156,13 +156,13 @@ class PosePanel:
         reset = value != usual and not app.slider_edit.active
         imgui.set_next_item_width(-em(2.3) if reset else -1.0)
         flags = imgui.SliderFlags_.clamp_on_input | (imgui.SliderFlags_.logarithmic if logarithmic else 0)
-        changed, new = imgui.slider_float(f"##{name}", value, 0.0, largest, form, flags)
+        changed, new = imgui.slider_float(f"##pose:{name}", value, 0.0, largest, form, flags)
         app.marks.note(name)
         app.slider_edit.follow(session, name, step, changed, lambda: change(new))
         tooltip(tip)
         if reset:
             imgui.same_line()
-            if imgui.button(f"{Icon.UNDO}##{name}", (em(1.8), 0.0)) and not session.editing:
+            if imgui.button(f"{Icon.UNDO}##pose:{name}", (em(1.8), 0.0)) and not session.editing:
                 change(usual)
             app.marks.note(f"{name}:reset")
             tooltip(f"Back to {usual:g}")
