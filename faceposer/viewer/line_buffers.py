@@ -129,14 +129,17 @@ class LineBuffers:
 
 
 def _crossed(corners: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Return which triangles have lines in them, shape (T,), by their ``corners`` as places in the map, (T, 3, 3)."""
+    """Return which triangles have lines in them, shape (T,), by their ``corners`` as places in the map, (T, 3, 3).
+
+    A triangle at the border of the skin that has lines has none: where its other corners lie in the map says nothing.
+    """
     counts = _lines_below()
     rows, columns = counts.shape
     low, high = corners[..., :2].min(axis=1), corners[..., :2].max(axis=1)
     left, bottom = (np.clip(np.floor(low * (columns - 1, rows - 1)), 0, (columns - 1, rows - 1))).astype(int).T
     right, top = (np.clip(np.ceil(high * (columns - 1, rows - 1)), 0, (columns - 1, rows - 1))).astype(int).T
     inside = counts[top, right] - counts[bottom, right] - counts[top, left] + counts[bottom, left]
-    crossed: NDArray[np.bool_] = (inside > 0) & (corners[..., 2].max(axis=1) > 0.0)
+    crossed: NDArray[np.bool_] = (inside > 0) & (corners[..., 2].min(axis=1) > 0.0)
     return crossed
 
 
