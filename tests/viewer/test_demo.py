@@ -33,7 +33,7 @@ def test_mesh_and_session_hold_the_same_smile(demo: DemoFiles) -> None:
     session = open_session(str(demo.session))
     model = session.model
     mesh = read_mesh(demo.mesh)
-    solved = model.instance(session.coefficients)
+    solved = model.surface(session.coefficients)
     assert np.abs(mesh.vertices - solved).max() < 1e-5 * np.ptp(model.subject.vertices[:, 1])
     weights = dict(zip(model.subject.shape_names, model.weights_of(session.coefficients), strict=True))
     assert min(weights["mouthSmileLeft"], weights["mouthSmileRight"]) > 0.3

@@ -23,7 +23,15 @@ from faceposer.viewer.importing import ImportForm
 from faceposer.viewer.robot import Robot
 from faceposer.viewer.settings import Settings
 
-SHAPES = ("jawOpen", "mouthSmileLeft", "mouthSmileRight", "browInnerUp", "eyeBlinkLeft", "eyeBlinkRight", "mouthPucker")
+SHAPES = (
+    "jawOpen",
+    "mouthSmileLeft",
+    "mouthSmileRight",
+    "browDownLeft",
+    "eyeBlinkLeft",
+    "eyeBlinkRight",
+    "mouthPucker",
+)
 PATIENCE = 60.0
 
 
