@@ -1,7 +1,9 @@
 """Keeps lids and eyeballs apart: the sockets' insides are tucked into the balls, the skin in front stays outside."""
 
 import numpy as np
+from scipy import sparse
 from scipy.ndimage import gaussian_filter1d
+from scipy.sparse.csgraph import dijkstra
 
 from scripts.asset_building.head import LASH_RING, Skin
 from scripts.asset_building.piece import Floats, Ints
@@ -13,6 +15,9 @@ _SOCKET_RINGS, _SOCKET_DEPTH = LASH_RING - 4, 0.96
 _CLEARANCE, _REACH = 0.07, 0.9
 #: How far closed lids overlap, in centimetres.
 _LID_OVERLAP = 0.03
+#: How far the edge of the upper one lies before the lower one's and below it where they are coarse, and how far from
+#: their edges lids follow them there, in centimetres.
+_LID_BEFORE, _LID_BELOW, _FOLLOWS = 0.02, 0.02, 0.6
 
 
 def socket_ids(skin: Skin, side: str) -> Ints:
@@ -61,6 +66,43 @@ def close_exactly(vertices: Floats, blink: Floats, ring: Ints, side: str) -> Flo
     scale = np.clip((gap + _LID_OVERLAP) / np.maximum(closing, 1e-3), 0.6, 1.1)
     smooth = gaussian_filter1d(scale, 3.0, mode="nearest")
     return blink * np.interp(vertices[:, 0], x, smooth)[:, None]
+
+
+def meet_exactly(vertices: Floats, blink: Floats, ring: Ints, centre: Floats, faces: Ints) -> Floats:
+    """Return the shape ``blink`` (N, 3), changed so that at full strength both lids' edges are one line of few edges.
+
+    The line lies halfway between the edges and has its corners at the upper one's vertices, in front of the lower one.
+
+    Args:
+        vertices: The neutral skin, shape (N, 3).
+        blink: Offsets that nearly close the eye.
+        ring: The closed loop along the lids' edges.
+        centre: Of the eyeball, shape (3,).
+        faces: Corners of the skin's triangles, shape (F, 3).
+    """
+    side = "Left" if centre[0] > 0.0 else "Right"
+    posed = vertices + blink
+    upper, lower = (half[np.argsort(posed[half, 0])] for half in upper_and_lower(vertices, ring, side))
+    wanted = posed.copy()
+    inner = upper[1:-1]
+    wanted[inner] = 0.5 * (posed[inner] + _at(posed[lower], posed[inner, 0]))
+    wanted[lower[1:-1]] = _at(wanted[upper], posed[lower[1:-1], 0])
+    outwards = wanted[inner] - centre
+    wanted[inner] += _LID_BEFORE * outwards / np.linalg.norm(outwards, axis=1, keepdims=True)
+    wanted[inner, 1] -= _LID_BELOW
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    lengths = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1)
+    graph = sparse.csr_array((lengths, ends.T), shape=(len(vertices), len(vertices)))
+    away, _, nearest = dijkstra(graph, False, ring, return_predecessors=True, limit=_FOLLOWS, min_only=True)
+    near = np.flatnonzero(np.isfinite(away))
+    result = blink.copy()
+    result[near] += (1.0 - away[near] / _FOLLOWS)[:, None] * (wanted - posed)[nearest[near]]
+    return result
+
+
+def _at(line: Floats, x: Floats) -> Floats:
+    """Return the places with the given ``x`` (n,) on a ``line`` (m, 3) whose x rises, shape (n, 3)."""
+    return np.column_stack([np.interp(x, line[:, 0], line[:, k]) for k in range(3)])
 
 
 def keep_clear(

@@ -15,7 +15,7 @@ from scripts.asset_building.halves import in_halves
 from scripts.asset_building.head import LASH_RING, Skin, ordered_ring
 from scripts.asset_building.identity import Recipe, identity_vertices
 from scripts.asset_building.landmarks import feature_points, mirrored_ids, regions
-from scripts.asset_building.lids import close_exactly, keep_clear, socket_ids, upper_and_lower
+from scripts.asset_building.lids import close_exactly, keep_clear, meet_exactly, socket_ids, upper_and_lower
 from scripts.asset_building.looks import LOOKS
 from scripts.asset_building.piece import Floats, Ints, Piece, join
 from scripts.asset_building.refinement import Reduced, reduced
@@ -254,4 +254,5 @@ def _closing(low: Piece, skin: Skin, number: Ints, eyes: list[Eyeball]) -> Piece
         shapes = keep_clear(
             low.vertices, shapes, socket[socket >= 0], eye.centre, _EYE_SCALE * eye.radius, (1.0, 0.75, 0.5, 0.25)
         )
+        shapes[blink] = meet_exactly(low.vertices, shapes[blink], loop, eye.centre, low.quads[:, :3])
     return replace(low, shapes=shapes)

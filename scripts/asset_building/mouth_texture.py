@@ -101,14 +101,14 @@ def paint_throat(size: int = 256) -> NDArray[np.uint8]:
 
 
 def paint_tongue(size: int = 512) -> NDArray[np.uint8]:
-    """Return the tongue's texture, shape (size, size, 3): v from the root to the tip, its underside at both sides."""
+    """Return the tongue's texture, shape (size, size, 3): v from the root to the tip, u as `build_tongue` has it."""
     u, v = _grid(size, size)
     papillae = Noise(41)(_points(u * 56, v * 44), 0.45, 2)
     dots = Noise(42)(_points(u * 40, v * 32), 0.5, 1)
     patches = Noise(43)(_points(u * 4, v * 6), 1.0, 3)
     colour = _ramp(v, [(0.0, (150, 70, 70)), (0.5, (186, 104, 102)), (0.8, (196, 108, 106)), (1.0, (200, 100, 100))])
     across = np.abs(u - 0.5)
-    above = smoothstep(0.27, 0.22, across)
+    above = smoothstep(0.32, 0.20, across)
     # The back of the tongue has a pale coat, its edges and its tip are redder.
     coat = smoothstep(0.20, 0.04, across) * smoothstep(0.95, 0.6, v) * 0.5
     colour += coat[..., None] * np.array([8, 26, 24], np.float32)

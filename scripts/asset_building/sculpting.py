@@ -4,6 +4,7 @@ import numpy as np
 
 from faceposer.model.subject import ARKIT_SHAPES
 from scripts.asset_building.brow_shapes import lowered_brow, raised_brow, wrinkled_nose
+from scripts.asset_building.falloff import ramp
 from scripts.asset_building.head import Skin
 from scripts.asset_building.mouth_rings import mouth_rings
 from scripts.asset_building.mouth_shapes import around_lips, drawn_down, even_cheeks, pushed_forward
@@ -24,6 +25,10 @@ _CORRECTIONS = {
     "noseSneer": wrinkled_nose,
     "mouthFrown": drawn_down,
 }
+#: How far the lips make way for the tongue, as shares of these shapes of both sides.
+_TONGUE_PARTS_LIPS = {"mouthLowerDown": 1.3, "mouthUpperUp": 0.3}
+#: Where the parting of the lips begins to fade and has faded towards the corners.
+_TONGUE_SIDE = (0.9, 2.1)
 #: Rings of the control mesh around the lips' contact that shapes speak of.
 _MOUTH_RINGS = 5
 
@@ -49,6 +54,8 @@ def sculpted(units: Floats, rest: Floats, skin: Skin) -> Floats:
     result[inner, ids] = raised_brow(units[inner, ids], control)
     forward = row["jawForward"]
     result[forward, ids] = pushed_forward(units[forward, ids], around_lips(skin, control))
+    parting = sum(share * units[row[name + side], ids] for name, share in _TONGUE_PARTS_LIPS.items() for side in _SIDES)
+    result[row["tongueOut"], ids] = parting * (1.0 - ramp(*_TONGUE_SIDE, np.abs(control[:, :1])))
     lid = units[row["eyeSquintLeft"], ids]
     for name, pair in (("mouthSmile", smiles(skin, control, rings)), ("cheekSquint", squints(skin, control, lid))):
         for side, offsets in zip(_SIDES, pair, strict=True):

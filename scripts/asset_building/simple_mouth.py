@@ -14,7 +14,7 @@ from scripts.asset_building.teeth import CrownShape
 _TEETH, _WITH_MIDDLE = 6, 4
 #: v of the rows: outer fold, margin of the gum, face, edge, inner edge, inner margin, palate or floor, its middle.
 _V = (0.0, 0.40, 0.60, 0.78, 0.84, 0.90, 0.95, 1.0)
-_THROAT_COLUMNS, _TONGUE_RINGS, _TONGUE_AROUND = 7, 8, 8
+_THROAT_COLUMNS, _TONGUE_RINGS, _TONGUE_AROUND = 7, 13, 10
 
 
 def build_simple_mouth(frame: MouthFrame, jaw: JawMotion) -> list[Piece]:

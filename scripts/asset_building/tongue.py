@@ -11,35 +11,49 @@ from scripts.asset_building.piece import Floats, Ints, grid_quads
 
 @dataclass(frozen=True)
 class _Form:
-    """Outline of the tongue at some places from root (0) to tip (1): all in centimetres of a man."""
+    """Sections of the tongue at some places from root (0) to tip (1), in centimetres of a man and degrees.
+
+    Attributes:
+        at: The places.
+        back, up: Middles of the sections.
+        rise: Half of their height.
+        half_width: Half of their width.
+        lean: By how much their upper ends lean ahead.
+        drop: How far the tongue's sides hang over the lip, per square centimetre.
+    """
 
     at: tuple[float, ...]
     back: tuple[float, ...]
-    top: tuple[float, ...]
-    bottom: tuple[float, ...]
+    up: tuple[float, ...]
+    rise: tuple[float, ...]
     half_width: tuple[float, ...]
+    lean: tuple[float, ...]
+    drop: tuple[float, ...]
 
-    def __call__(self, t: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        return tuple(PchipInterpolator(self.at, values)(t) for values in self._rows)  # type: ignore[return-value]
-
-    @property
-    def _rows(self) -> tuple[tuple[float, ...], ...]:
-        return self.back, self.top, self.bottom, self.half_width
+    def __call__(self, t: Floats) -> Floats:
+        """Return back, up, rise, half width, lean in radians and drop at ``t`` (n,), shape (6, n)."""
+        rows = (self.back, self.up, self.rise, self.half_width, np.deg2rad(self.lean), self.drop)
+        return np.stack([PchipInterpolator(self.at, row)(t) for row in rows])
 
 
 _REST = _Form(
     at=(0.0, 0.14, 0.32, 0.52, 0.70, 0.84, 0.94, 1.0),
     back=(6.3, 5.8, 4.8, 3.6, 2.5, 1.70, 1.22, 1.00),
-    top=(-2.4, -1.15, -0.42, -0.10, -0.04, -0.05, -0.12, -0.24),
-    bottom=(-3.4, -3.0, -2.3, -1.9, -1.50, -0.92, -0.58, -0.46),
+    up=(-2.9, -2.075, -1.36, -1.0, -0.72, -0.28, 0.0, 0.09),
+    rise=(0.5, 0.925, 0.94, 0.9, 0.73, 0.435, 0.26, 0.11),
     half_width=(1.6, 1.95, 2.15, 2.10, 1.74, 1.30, 0.84, 0.30),
+    lean=(0.0,) * 8,
+    drop=(0.0,) * 8,
 )
+#: Over the lower teeth and over the lower lip, which it lies on.
 _OUT = _Form(
-    at=(0.0, 0.14, 0.32, 0.52, 0.70, 0.84, 0.94, 1.0),
-    back=(6.2, 5.5, 4.0, 2.1, 0.2, -1.35, -2.25, -2.62),
-    top=(-2.4, -1.05, 0.0, 0.62, 0.74, 0.80, 0.70, 0.46),
-    bottom=(-3.4, -3.0, -2.0, -0.75, 0.10, 0.26, 0.28, 0.28),
-    half_width=(1.6, 1.95, 2.1, 1.80, 1.40, 1.26, 0.96, 0.38),
+    at=(0.0, 0.14, 0.32, 0.50, 0.64, 0.74, 0.82, 0.88, 0.93, 0.965, 0.988, 1.0),
+    back=(6.2, 5.5, 4.0, 2.2, 0.95, 0.25, -0.45, -1.02, -1.46, -1.72, -1.87, -1.93),
+    up=(-2.9, -2.05, -1.0, -0.10, 0.25, 0.30, 0.24, 0.12, -0.07, -0.30, -0.50, -0.62),
+    rise=(0.5, 1.0, 1.0, 0.68, 0.46, 0.40, 0.39, 0.43, 0.44, 0.41, 0.30, 0.13),
+    half_width=(1.6, 1.95, 2.1, 1.80, 1.50, 1.42, 1.38, 1.36, 1.27, 1.04, 0.68, 0.28),
+    lean=(0.0, 0.0, 0.0, 0.0, 0.0, 3.0, 9.0, 20.0, 33.0, 45.0, 55.0, 60.0),
+    drop=(0.0, 0.0, 0.0, 0.0, 0.0, 0.06, 0.14, 0.14, 0.12, 0.10, 0.10, 0.10),
 )
 
 
@@ -62,26 +76,24 @@ def build_tongue(frame: MouthFrame, rings: int, around: int) -> tuple[Floats, In
     quads = np.concatenate([grid_quads(rings, around, closed=True), start, end]).astype(np.int32)
     share = np.concatenate([np.repeat(smooth(t / 0.4), around), [0.0, 1.0]])
     follow = 0.72 + 0.28 * share
-    # From above: u across, v from the root to the tip; the underside is folded onto the same place, darker below.
-    side = 0.5 + 0.23 * np.cos(angle)
-    upper = np.sin(angle) > -0.35
-    u = np.concatenate([np.tile(np.where(upper, side, 0.5 + 0.46 * np.sign(np.cos(angle))), rings), [0.5, 0.5]])
+    # u from the middle of the back, 0.5, around either side to the middle below; v from the root to the tip.
+    around_top = np.abs((angle - 0.5 * np.pi + np.pi) % (2.0 * np.pi) - np.pi) / np.pi
+    u = np.concatenate([np.tile(0.5 + 0.46 * around_top, rings), [0.5, 0.7]])
     uv = np.stack([u, np.concatenate([0.03 + 0.94 * np.repeat(t, around), [0.01, 0.99]])], axis=1)
     return rest, quads, uv, out, follow
 
 
 def _vertices(form: _Form, t: Floats, angle: Floats, frame: MouthFrame) -> Floats:
-    back, top, bottom, half = (values[:, None] for values in form(t))
+    back, middle, rise, half, lean, drop = (values[:, None] for values in form(t))
     cosine, sine = np.cos(angle)[None, :], np.sin(angle)[None, :]
     across = half * np.sign(cosine) * np.abs(cosine) ** 0.85
-    middle, rise = 0.5 * (top + bottom), 0.5 * (top - bottom)
     # Flat above, like a boat's hull below.
-    up = middle + rise * np.where(sine > 0.0, np.abs(sine) ** 0.8, -(np.abs(sine) ** 1.15))
+    up = rise * np.where(sine > 0.0, np.abs(sine) ** 0.8, -(np.abs(sine) ** 1.15))
     groove = 0.10 * np.exp(-((across / 0.22) ** 2)) * np.maximum(sine, 0.0) * smooth((t[:, None] - 0.2) / 0.3)
-    groove = groove * (1.0 - 0.6 * smooth((t[:, None] - 0.8) / 0.2))
-    points = frame.place(across, back + 0.0 * across, up - groove).reshape(-1, 3)
+    up = up - groove * (1.0 - smooth((t[:, None] - 0.75) / 0.2)) - drop * across**2
+    points = frame.place(across, back - np.sin(lean) * up, middle + np.cos(lean) * up).reshape(-1, 3)
     # The ends are closed by a point each, the tip's a little ahead.
     root = points[: len(angle)].mean(axis=0)
     tip = points[-len(angle) :].mean(axis=0)
-    ahead = points[-len(angle) :].mean(axis=0) - points[-2 * len(angle) : -len(angle)].mean(axis=0)
-    return np.concatenate([points, [root, tip + 0.45 * ahead]])
+    ahead = tip - points[-2 * len(angle) : -len(angle)].mean(axis=0)
+    return np.concatenate([points, [root, tip + 0.2 * ahead]])

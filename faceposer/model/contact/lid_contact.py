@@ -39,6 +39,8 @@ _TURNS, _RIM, _TOUCHES, _FADES, _FADED = 0.75, 0.3, 0.8, 0.4, 0.8
 _STRETCHED = 3.0
 # In radii of the ball and in radians: start and margin of the pushes out of the ball and of a lid by the other.
 _START, _MARGIN, _TURN_START, _TURN_MARGIN = 0.001, 0.018, 0.003, 0.012
+# What lies between an edge's last vertex and a corner of the eye that is further away than this is unknown, in radians.
+_UNKNOWN = np.deg2rad(8.0)
 # Distance of the control points that spread pushes, in radians.
 _SPACING = 0.2
 
@@ -126,8 +128,8 @@ class _Turning:
         outward = np.sign(ball.centre[0]) or 1.0
         self._layers: list[_Layer] = []
         curves = edges.curves(subject.vertices, ball.centre)
-        first = max(curve.azimuth[0] for curve in curves)
-        last = min(curve.azimuth[-1] for curve in curves)
+        starts, ends = zip(*(_known(curve.azimuth) for curve in curves), strict=True)
+        first, last = max(starts), min(ends)
         on_edge = (azimuth > first) & (azimuth < last) & (ball.clearance(points)[0] >= 0.0)
         for number, (distance, share) in enumerate(zip(distances, (upper, 1.0 - upper), strict=True)):
             sign = 1.0 - 2.0 * number
@@ -200,6 +202,13 @@ def _upper_share(distances: list[Array] | None, ids: Ids) -> Array:
 
 def _azimuth(subject: Subject, ball: Eyeball, ids: Ids) -> Array:
     return azimuth_and_elevation(subject.vertices[ids].astype(np.float64) - ball.centre)[0]
+
+
+def _known(azimuth: Array) -> tuple[float, float]:
+    """Return between which angles an edge is known whose points lie at the rising ``azimuth``, shape (n,)."""
+    first = 1 if azimuth[1] - azimuth[0] > _UNKNOWN else 0
+    last = -2 if azimuth[-1] - azimuth[-2] > _UNKNOWN else -1
+    return float(azimuth[first]), float(azimuth[last])
 
 
 def _lashes(subject: Subject, ball: Eyeball, edges: LidEdges | None) -> list[tuple[Ids, bool]]:

@@ -28,6 +28,8 @@ _SAME = 0.02
 _NEAR = 2.5
 # Vertices of an edge are so far apart, in radians of azimuth, and lie at most so far behind those beside them.
 _SPACING, _BEHIND = np.deg2rad(1.5), np.deg2rad(0.8)
+# An eighth of the largest curvature of an edge, in 1 / radians.
+_BENT = 0.25
 # Fewer vertices do not make an edge, and an opening of fewer columns is none.
 _FEWEST, _NARROWEST = 3, 8
 
@@ -216,6 +218,8 @@ def _one_per_place(ids: Ids, vertices: NDArray[np.floating], ball: Eyeball, is_u
         line, place = away[kept], azimuth[kept]
         share = (place[1:-1] - place[:-2]) / (place[2:] - place[:-2])
         behind = line[1:-1] - (line[:-2] + share * (line[2:] - line[:-2]))
+        # Between neighbours far apart an arch rises high above their chord.
+        behind -= _BENT * (place[2:] - place[:-2]) ** 2
         if behind.max() < _BEHIND:
             break
         del kept[1 + int(behind.argmax())]
