@@ -43,16 +43,25 @@ def some_of(values: Iterable[T] | T, choices: Sequence[T], what: str) -> tuple[T
     return tuple(one_of(value, choices, what) for value in several)
 
 
+def real(value: float, what: str) -> float:
+    """Return ``value`` as a number, whatever its size.
+
+    Raises:
+        FacePoserError: If it is none, naming ``what`` it is.
+    """
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise FacePoserError(f"{what} is a number, not {_shown(value)}.") from error
+
+
 def number(value: float, least: float, most: float, what: str) -> float:
     """Return ``value`` as a number from ``least`` to ``most``.
 
     Raises:
         FacePoserError: If it is none, naming ``what`` it is.
     """
-    try:
-        found = float(value)
-    except (TypeError, ValueError):
-        found = math.nan
+    found = math.nan if isinstance(value, bool) else real(value, what)
     if not least <= found <= most:
         raise FacePoserError(f"{what} is a number from {least:g} to {most:g}, not {_shown(value)}.")
     return found

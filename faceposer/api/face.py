@@ -158,7 +158,10 @@ class Face(InMotion):
         """Let ``first`` and ``second`` appear so many ``pixels`` apart."""
         camera = self._seen_by(camera)
         anchors = (self._point(first, camera), self._point(second, camera))
-        return self._add(DistanceConstraint(anchors, float(pixels), camera, weight=weight), "Set a distance")
+        if anchors[0] == anchors[1]:
+            raise FacePoserError("A distance is between two places, and these are one.")
+        length = checks.real(pixels, "The distance")
+        return self._add(DistanceConstraint(anchors, length, camera, weight=weight), "Set a distance")
 
     def stroke(
         self,
@@ -184,7 +187,7 @@ class Face(InMotion):
         drawn = StrokeConstraint(
             pixels_of(source),
             pixels_of(target),
-            float(width),
+            checks.real(width, "The width"),
             self._seen_by(camera),
             shape=shape,
             energy=energy,
@@ -239,9 +242,7 @@ class Face(InMotion):
 
     @prior_weight.setter
     def prior_weight(self, weight: float) -> None:
-        if not 0.0 <= weight <= 1000.0:
-            raise FacePoserError(f"The prior weight goes from 0 to 1000, not {weight:g}.")
-        self.session.set_prior_weight(float(weight))
+        self.session.set_prior_weight(checks.number(weight, 0.0, 1000.0, "The prior weight"))
 
     @property
     def prior(self) -> Prior:

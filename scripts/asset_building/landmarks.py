@@ -19,7 +19,7 @@ _MIDDLE = {
     "2.1": ("bottom of the chin", (0.0, 61.62, 13.6)),
     "2.2": ("middle of the inner upper lip", (0.0, 66.30, 15.78)),
     "2.3": ("middle of the inner lower lip", (0.0, 65.74, 15.59)),
-    "2.10": ("chin boss", (0.0, 63.27, 14.99)),
+    "2.10": ("chin", (0.0, 63.27, 14.99)),
     "8.1": ("middle of the outer upper lip", (0.0, 66.71, 16.01)),
     "8.2": ("middle of the outer lower lip", (0.0, 64.89, 15.56)),
     "9.3": ("nose tip", (0.0, 69.15, 16.82)),
