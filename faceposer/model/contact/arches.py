@@ -83,7 +83,9 @@ class DentalArch:
 
     def coarse_cell(self, place: Array, height: Array) -> tuple[Ids, Ids]:
         """Return the coarse column and row that points at a column and a height lie in, (n,) each."""
-        return np.round(place / FINE).astype(np.intp), np.round((height - self.bottom) / self.coarse_row).astype(np.intp)
+        return np.round(place / FINE).astype(np.intp), np.round((height - self.bottom) / self.coarse_row).astype(
+            np.intp
+        )
 
     @property
     def coarse_row(self) -> float:
