@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from faceposer.model.contact.arches import find_arches
+from faceposer.model.contact.lips import find_covering
 from faceposer.model.contact.measure import penetration_mm
 from faceposer.model.contact.spreading import Spreading, hinge
 from faceposer.model.contact.step import ContactStep
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.subject_file import load_subject
+from faceposer.poses.applying import applied
+from faceposer.poses.library import starter_poses
 
 Array = NDArray[np.float64]
 
@@ -51,6 +55,39 @@ def test_what_penetrates_is_kept_apart(model: FaceModel, weights: dict[str, floa
     p = model.coefficients_of(weights)
     assert penetration_mm(model, model.surface(p, contact=False))[kind] > 0.3
     assert max(penetration_mm(model, model.surface(p)).values()) <= ALLOWED_MM
+
+
+@pytest.mark.parametrize(("pose", "strength"), [("D S T N", -0.5), ("Disgust", -0.25), ("K G NG", 1.5)])
+def test_no_tooth_comes_through_a_lip_that_slides_along_its_side(pose: str, strength: float) -> None:
+    woman = build_face_model(load_subject("woman"))
+    chosen = next(entry.pose for entry in starter_poses() if entry.pose is not None and entry.pose.name == pose)
+    vertices = woman.surface(applied(woman, woman.neutral(), chosen, strength))
+    for arch in find_arches(woman.subject):
+        lips = find_covering(woman.subject, arch).lips
+        rays = arch.resting(vertices[lips].astype(np.float64), vertices)
+        near = rays[np.abs(rays[:, 0] - arch.axis[0]) < 3.0]
+        depth = _radii_on_triangles(woman.subject.vertices[arch.triangles].astype(np.float64), arch.axis, near)
+        assert 10.0 * depth.max() <= ALLOWED_MM
+
+
+def _radii_on_triangles(corners: Array, axis: tuple[float, float], points: Array) -> Array:
+    """Return how far outside ``points``, (n, 3), rays to them from an upright axis leave the triangles, or 0, (n,)."""
+    depth = np.zeros(len(points))
+    low, high = corners[..., 1].min(axis=1), corners[..., 1].max(axis=1)
+    for i, point in enumerate(points):
+        a, b, c = np.moveaxis(corners[(low <= point[1]) & (high >= point[1])], 1, 0)
+        start = np.array([axis[0], point[1], axis[1]])
+        radius = float(np.linalg.norm(point - start))
+        normal = np.cross(point - start, c - a)
+        scale = np.einsum("nd,nd->n", b - a, normal)
+        scale[np.abs(scale) < 1e-14] = np.inf
+        u = np.einsum("nd,nd->n", start - a, normal) / scale
+        across = np.cross(start - a, b - a)
+        v = across @ (point - start) / scale
+        reached = np.einsum("nd,nd->n", c - a, across) / scale
+        met = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
+        depth[i] = radius * max(0.0, float((reached[met] - 1.0).max(initial=0.0)))
+    return depth
 
 
 def test_a_goblin_without_arkit_shapes_is_kept_apart(goblin: FaceModel) -> None:

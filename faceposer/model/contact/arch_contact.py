@@ -63,6 +63,8 @@ class ArchContact:
         spacing = _SPACING * size
         layer = _upper_share(subject, self._ids)
         self._spreading = Spreading.over(along / spacing, height / spacing, layer, fade)
+        self._jaw_at_rest = subject.vertices[arch.frame.witnesses]
+        self._skin_at_rest = subject.vertices[self._samples.ids]
         at_rest = self._samples.places(subject.vertices)
         self._allowed = np.zeros(len(self._samples))
         self._allowed = np.maximum(self._depth(at_rest), 0.0)
@@ -99,10 +101,16 @@ class ArchContact:
         frame = self._arch.frame
         linear, moved = frame.motion(vertices)
         back = np.linalg.inv(linear).T
-        points = (vertices.take(self._samples.ids, axis=0) - moved) @ back + frame.origin
+        places = vertices.take(self._samples.ids, axis=0)
+        differs = places != self._skin_at_rest
+        looked_at = differs[:, 0] | differs[:, 1] | differs[:, 2]
+        looked_at |= not np.array_equal(vertices.take(frame.witnesses, axis=0), self._jaw_at_rest)
+        if not looked_at.any():
+            return
+        points = (places - moved) @ back + frame.origin
         count = len(points)
         place, height, radius = self._arch.cylinder(points)
-        close = np.flatnonzero(self._ceiling_over(place, height) > radius - self._near)
+        close = np.flatnonzero((self._ceiling_over(place, height) > radius - self._near) & looked_at)
         if not len(close):
             return
         depth = self._radius(place[close], height[close]) - radius[close]
