@@ -30,8 +30,8 @@ Ids = NDArray[np.intp]
 Vertices = NDArray[np.floating]
 
 # Shares of an overlap that the upper and the lower lid give way by: the upper one is the one that moves. Both turn at
-# once, each to where the other was; what that leaves between vertices, a second turn takes away.
-_SHARES = ((0.8, 0.2), (1.0, 1.0))
+# once, each to where the other was; what that leaves between vertices, further turns take away.
+_SHARES = ((0.8, 0.2), (1.0, 1.0), (1.0, 1.0))
 # In radii of the ball: how far from the edges skin turns with them and how far it is their rim; up to which clearance
 # in the neutral face skin may come to touch the ball; where pushes begin to fade and have faded.
 _TURNS, _RIM, _TOUCHES, _FADES, _FADED = 0.75, 0.3, 0.8, 0.4, 0.8
