@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from faceposer.model.contact.arches import find_arches
+from faceposer.model.contact.lips import find_covering
 from faceposer.model.contact.measure import penetration_mm
 from faceposer.model.contact.spreading import Spreading, hinge
 from faceposer.model.contact.step import ContactStep
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.subject_file import load_subject
+from faceposer.poses.applying import applied, weights_on
+from faceposer.poses.library import starter_poses
 
 Array = NDArray[np.float64]
 
@@ -33,6 +37,11 @@ def goblin() -> FaceModel:
     return build_face_model(load_subject("creature"))
 
 
+@pytest.fixture(scope="module")
+def woman() -> FaceModel:
+    return build_face_model(load_subject("woman"))
+
+
 @pytest.mark.parametrize("name", ["man", "woman", "low", "creature"])
 def test_the_neutral_face_stays_bit_by_bit(name: str) -> None:
     subject = load_subject(name)
@@ -51,6 +60,46 @@ def test_what_penetrates_is_kept_apart(model: FaceModel, weights: dict[str, floa
     p = model.coefficients_of(weights)
     assert penetration_mm(model, model.surface(p, contact=False))[kind] > 0.3
     assert max(penetration_mm(model, model.surface(p)).values()) <= ALLOWED_MM
+
+
+@pytest.mark.parametrize(("pose", "strength"), [("W OO", -0.25), ("EE", 1.5), ("Happiness", 1.5)])
+def test_no_lip_lies_behind_the_triangles_of_the_teeth(woman: FaceModel, pose: str, strength: float) -> None:
+    fitting = (e.pose for e in starter_poses() if e.pose is not None and weights_on(e.pose, woman.subject) is not None)
+    chosen = next(each for each in fitting if each.name == pose)
+    p = applied(woman, woman.neutral(), chosen, strength)
+    deepest = dict.fromkeys((False, True), 0.0)
+    for arch in find_arches(woman.subject):
+        lips = find_covering(woman.subject, arch).lips
+        corners = woman.subject.vertices[arch.triangles].astype(np.float64)
+        for contact in deepest:
+            vertices = woman.surface(p, contact)
+            resting = arch.resting(vertices[lips].astype(np.float64), vertices)
+            near = resting[arch.gap(resting) < 0.1]
+            deepest[contact] = max(
+                deepest[contact], 10.0 * _depths_along_rays(corners, arch.axis, near).max(initial=0.0)
+            )
+    assert deepest[False] > 2.0 * ALLOWED_MM
+    assert deepest[True] <= ALLOWED_MM
+
+
+def _depths_along_rays(corners: Array, axis: tuple[float, float], points: Array) -> Array:
+    """Return how far beyond ``points``, (n, 3), rays to them from an upright axis leave the triangles, or 0, (n,)."""
+    depth = np.zeros(len(points))
+    low, high = corners[..., 1].min(axis=1), corners[..., 1].max(axis=1)
+    for i, point in enumerate(points):
+        a, b, c = np.moveaxis(corners[(low <= point[1]) & (high >= point[1])], 1, 0)
+        start = np.array([axis[0], point[1], axis[1]])
+        radius = float(np.linalg.norm(point - start))
+        normal = np.cross(point - start, c - a)
+        scale = np.einsum("nd,nd->n", b - a, normal)
+        scale[np.abs(scale) < 1e-14] = np.inf
+        u = np.einsum("nd,nd->n", start - a, normal) / scale
+        across = np.cross(start - a, b - a)
+        v = across @ (point - start) / scale
+        reached = np.einsum("nd,nd->n", c - a, across) / scale
+        met = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
+        depth[i] = radius * max(0.0, float((reached[met] - 1.0).max(initial=0.0)))
+    return depth
 
 
 def test_a_goblin_without_arkit_shapes_is_kept_apart(goblin: FaceModel) -> None:

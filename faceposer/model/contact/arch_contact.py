@@ -63,6 +63,8 @@ class ArchContact:
         spacing = _SPACING * size
         layer = _upper_share(subject, self._ids)
         self._spreading = Spreading.over(along / spacing, height / spacing, layer, fade)
+        self._jaw_at_rest = subject.vertices[arch.frame.witnesses]
+        self._skin_at_rest = subject.vertices[self._samples.ids]
         at_rest = self._samples.places(subject.vertices)
         self._allowed = np.zeros(len(self._samples))
         self._allowed = np.maximum(self._depth(at_rest), 0.0)
@@ -99,16 +101,22 @@ class ArchContact:
         frame = self._arch.frame
         linear, moved = frame.motion(vertices)
         back = np.linalg.inv(linear).T
-        points = (vertices[self._samples.ids] - moved) @ back + frame.origin
+        places = vertices.take(self._samples.ids, axis=0)
+        differs = places != self._skin_at_rest
+        looked_at = differs[:, 0] | differs[:, 1] | differs[:, 2]
+        looked_at |= not np.array_equal(vertices.take(frame.witnesses, axis=0), self._jaw_at_rest)
+        if not looked_at.any():
+            return
+        points = (places - moved) @ back + frame.origin
         count = len(points)
         place, height, radius = self._arch.cylinder(points)
-        close = np.flatnonzero(self._ceiling_over(place, height) > radius - self._near)
+        close = np.flatnonzero((self._ceiling_over(place, height) > radius - self._near) & looked_at)
         if not len(close):
             return
         depth = self._radius(place[close], height[close]) - radius[close]
-        own, near = np.zeros(count), np.zeros(count, dtype=bool)
+        own = np.zeros(count)
         own[close] = hinge(depth - self._allowed[close], self._start, self._margin)
-        near[close] = depth > -self._near[close]
+        near = close[depth > -self._near[close]]
         push = np.zeros(len(self._ids))
         push[:count] = self._samples.greatest(
             points,
@@ -119,10 +127,13 @@ class ArchContact:
         if not push.any():
             return
         push = np.maximum(push, self._spreading(push))
-        points = (vertices[self._ids] - moved) @ back + frame.origin
-        x, z = points[:, 0] - self._arch.axis[0], points[:, 2] - self._arch.axis[1]
-        factor = push / np.maximum(np.sqrt(x * x + z * z), 1e-9)
-        vertices[self._ids] += (np.column_stack([x * factor, z * factor]) @ linear[:, [0, 2]].T).astype(np.float32)
+        pushed = np.flatnonzero(push)
+        ids = self._ids[pushed]
+        before = vertices.take(ids, axis=0)
+        # Position beside the upright axis, x and z, and what a move there is in the pose.
+        aside = (before - moved) @ back[:, ::2] + (frame.origin[::2] - self._arch.axis)
+        aside *= (push[pushed] / np.maximum(np.sqrt((aside * aside).sum(axis=1)), 1e-9))[:, None]
+        vertices[ids] = before + (aside @ linear[:, ::2].T).astype(np.float32)
 
 
 def _obstacle(arch: DentalArch, size: float) -> tuple[float, Array]:

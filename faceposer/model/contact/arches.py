@@ -17,12 +17,15 @@ from faceposer.model.subject import Subject
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
 
-# Cells of the height field: columns up to this tangent of half the angle to straight ahead, and rows a share of the
-# head's height.
+# Coarse cells: columns up to this tangent of half the angle to straight ahead, and rows a share of the head's height.
+# So many cells of the height field, an odd number, are as wide and as high as a coarse one.
 _WIDEST = 1.5
-_COLUMNS = 241
-_ROW = 0.002
-# So many columns between teeth are a gap; so many columns and rows around a place a way past the teeth is looked for.
+_COARSE_COLUMNS = 241
+_COARSE_ROW = 0.002
+FINE = 3
+_COLUMNS = FINE * (_COARSE_COLUMNS - 1) + 1
+# So many coarse columns between teeth are a gap; so many coarse columns and rows around a place a way past the teeth is
+# looked for.
 _GAP, _WINDOW = 9, 16
 # Where the axis stands, as a share of the arch's depth from its back end.
 _AXIS = 0.3
@@ -71,24 +74,44 @@ class DentalArch:
         return to_rest(points, self.frame.origin, linear, moved)
 
     @cached_property
+    def _coarse(self) -> Array:
+        """Greatest radius in coarse cells, (columns, rows)."""
+        columns, rows = self.front.shape
+        lines = -(-(rows + 1) // FINE)
+        field = np.pad(self.front, ((1, 1), (1, FINE * lines - rows - 1)), constant_values=-np.inf)
+        return field.reshape((columns + 2) // FINE, FINE, lines, FINE).max(axis=(1, 3))
+
+    def coarse_cell(self, place: Array, height: Array) -> tuple[Ids, Ids]:
+        """Return the coarse column and row that points at a column and a height lie in, (n,) each."""
+        return np.round(place / FINE).astype(np.intp), np.round((height - self.bottom) / self.coarse_row).astype(
+            np.intp
+        )
+
+    @property
+    def coarse_row(self) -> float:
+        """Height of a coarse row."""
+        return FINE * self.row
+
+    @cached_property
     def _closed(self) -> Array:
         """The front with the gaps between teeth filled and a wide margin without teeth, which gaps do not lead to."""
-        floor = float(self.front[np.isfinite(self.front)].min()) - 1.0
-        field = np.pad(np.where(np.isfinite(self.front), self.front, floor), _GAP + _WINDOW, constant_values=floor)
+        known = np.isfinite(self._coarse)
+        floor = float(self._coarse[known].min()) - 1.0
+        field = np.pad(np.where(known, self._coarse, floor), _GAP + _WINDOW, constant_values=floor)
         closed: Array = ndimage.grey_closing(field, size=(_GAP, 1))
         return closed
 
     @cached_property
     def _window(self) -> tuple[Ids, Ids, Array]:
-        """Cells around one, as offsets of columns and rows, and their distances along the front."""
+        """Coarse cells around one, as offsets of columns and rows, and their distances along the front."""
         steps = np.arange(-_WINDOW, _WINDOW + 1)
         columns, rows = (x.ravel() for x in np.meshgrid(steps, steps, indexing="ij"))
-        return columns, rows, np.hypot(columns * self.column_width, rows * self.row)
+        return columns, rows, np.hypot(columns * FINE * self.column_width, rows * self.coarse_row)
 
     @cached_property
     def extended(self) -> Array:
-        """The field continued up and down from its ends, and sideways, so that every cell has a radius."""
-        field = self.front.copy()
+        """The coarse field continued up and down from its ends, and sideways, so that every cell has a radius."""
+        field = self._coarse
         known = np.isfinite(field)
         nearest = ndimage.distance_transform_edt(
             ~known, sampling=(3.0, 1.0), return_distances=False, return_indices=True
@@ -110,7 +133,8 @@ class DentalArch:
         # Near an edge the way past it is the shorter one.
         columns, rows, distances = self._window
         pad = _GAP + _WINDOW
-        cells = self._closed[column[behind, None] + columns + pad, line[behind, None] + rows + pad]
+        column, line = self.coarse_cell(place[behind], height[behind])
+        cells = self._closed[column[:, None] + columns + pad, line[:, None] + rows + pad]
         past = np.where(cells <= radius[behind, None], distances, np.inf).min(axis=1, initial=np.inf)
         depth[behind] = np.minimum(depth[behind], past)
         return depth
@@ -121,9 +145,11 @@ class DentalArch:
         Negative behind; infinite beside the arch.
         """
         place, height, radius = self.cylinder(points)
-        column = np.clip(np.round(place).astype(np.intp), 0, self.front.shape[0] - 1)
-        line = np.clip(np.round((height - self.bottom) / self.row).astype(np.intp), 0, self.front.shape[1] - 1)
-        gap: Array = np.where(column == np.round(place), radius - self.extended[column, line], np.inf)
+        column, line = self.coarse_cell(place, height)
+        columns, rows = self._coarse.shape
+        beside = (column < 0) | (column >= columns)
+        radii = self.extended[np.clip(column, 0, columns - 1), np.clip(line, 0, rows - 1)]
+        gap: Array = np.where(beside, np.inf, radius - radii)
         return gap
 
     @property
@@ -152,29 +178,31 @@ def _arch(subject: Subject, ids: Ids) -> DentalArch | None:
     if not len(triangles) or (high - low).max() < 0.02 * subject.height:
         return None
     axis = (0.5 * float(low[0] + high[0]), float(low[2] + _AXIS * (high[2] - low[2])))
-    row = _ROW * subject.height
+    row = _COARSE_ROW * subject.height / FINE
     rows = int(np.ceil((high[1] - low[1]) / row)) + 1
     bottom = float(low[1])
     surface = lattice(subject.vertices[triangles].astype(np.float64), 0.6 * row)
-    front = radius_raster(surface, axis, bottom, row, rows)
+    front = radius_raster(surface, axis, bottom, row, rows, _COLUMNS)
     return DentalArch(AffineFrame.of(ids, subject.vertices), triangles, axis, bottom, row, front)
 
 
-def radius_raster(points: Array, axis: tuple[float, float], bottom: float, row: float, rows: int) -> Array:
+def radius_raster(
+    points: Array, axis: tuple[float, float], bottom: float, row: float, rows: int, columns: int = _COARSE_COLUMNS
+) -> Array:
     """Return the greatest radius of ``points``, (n, 3), in each cell around ``axis``, or -inf, (columns, rows)."""
-    place, radius = _columns(points, axis)
+    place, radius = _columns(points, axis, columns)
     column = np.round(place).astype(np.intp)
     line = np.round((points[:, 1] - bottom) / row).astype(np.intp)
-    met = (column >= 0) & (column < _COLUMNS) & (line >= 0) & (line < rows)
-    raster = np.full(_COLUMNS * rows, -np.inf)
+    met = (column >= 0) & (column < columns) & (line >= 0) & (line < rows)
+    raster = np.full(columns * rows, -np.inf)
     np.maximum.at(raster, column[met] * rows + line[met], radius[met])
-    return raster.reshape(_COLUMNS, rows)
+    return raster.reshape(columns, rows)
 
 
-def _columns(points: Array, axis: tuple[float, float]) -> tuple[Array, Array]:
+def _columns(points: Array, axis: tuple[float, float], columns: int = _COLUMNS) -> tuple[Array, Array]:
     """Return the position between columns around ``axis`` of ``points``, (n, 3), and their radius, (n,) each."""
     x, z = points[:, 0] - axis[0], points[:, 2] - axis[1]
     radius = np.sqrt(x * x + z * z)
     # Right behind the axis the tangent is infinite.
     tangent = x / np.maximum(radius + z, 1e-3 * radius + 1e-9)
-    return np.clip((tangent + _WIDEST) * ((_COLUMNS - 1) / (2.0 * _WIDEST)), -1.0, float(_COLUMNS)), radius
+    return np.clip((tangent + _WIDEST) * ((columns - 1) / (2.0 * _WIDEST)), -float(FINE), columns + FINE - 1.0), radius

@@ -30,8 +30,8 @@ Ids = NDArray[np.intp]
 Vertices = NDArray[np.floating]
 
 # Shares of an overlap that the upper and the lower lid give way by: the upper one is the one that moves. Both turn at
-# once, each to where the other was; what that leaves between vertices, a second turn takes away.
-_SHARES = ((0.8, 0.2), (1.0, 1.0))
+# once, each to where the other was; what that leaves between vertices, further turns take away.
+_SHARES = ((0.8, 0.2), (1.0, 1.0), (1.0, 1.0))
 # In radii of the ball: how far from the edges skin turns with them and how far it is their rim; up to which clearance
 # in the neutral face skin may come to touch the ball; where pushes begin to fade and have faded.
 _TURNS, _RIM, _TOUCHES, _FADES, _FADED = 0.75, 0.3, 0.8, 0.4, 0.8
@@ -73,26 +73,34 @@ class LidContact:
         at_rest = self._samples.places(subject.vertices) - ball.centre
         self._allowed = np.maximum(-ball.clearance(at_rest)[0], 0.0)
         self._followers = _followers(subject, ball, edges, self._ids)
+        self._ball_at_rest = subject.vertices[ball.frame.witnesses]
+        self._at_rest = subject.vertices[self._samples.ids]
 
     def apply(self, vertices: NDArray[np.float32]) -> None:
         """Correct the pose ``vertices``, shape (N, 3), in place."""
+        looks = not np.array_equal(vertices.take(self._ball.frame.witnesses, axis=0), self._ball_at_rest)
         linear, centre = self._ball.motion(vertices)
-        if self._turning is not None:
+        if self._turning is not None and (looks or self._turning.moves(vertices)):
             for shares in _SHARES:
                 if not self._turning.apply(vertices, centre, shares):
                     break
-        points = vertices[self._samples.ids] - centre
+        places = vertices.take(self._samples.ids, axis=0)
+        differs = places != self._at_rest
+        moved = differs[:, 0] | differs[:, 1] | differs[:, 2]
+        if not (looks or moved.any()):
+            return
+        points = places - centre
         back = np.linalg.inv(linear).T
         resting = points @ back
         squared = np.einsum("nd,nd->n", resting, resting)
-        close = np.flatnonzero(squared < self._far)
+        close = np.flatnonzero(squared < self._far if looks else (squared < self._far) & moved)
         if not len(close):
             return
         start, margin = _START * self._ball.radius, _MARGIN * self._ball.radius
         clearance, _ = self._ball.clearance(resting[close])
-        own, near = np.zeros(len(points)), np.zeros(len(points), dtype=bool)
+        own = np.zeros(len(points))
         own[close] = hinge(-clearance - self._allowed[close], start, margin)
-        near[close] = clearance < self._near[close]
+        near = close[clearance < self._near[close]]
         push = np.zeros(len(self._ids))
         push[: len(points)] = self._samples.greatest(
             points,
@@ -105,13 +113,19 @@ class LidContact:
         if not push.any():
             return
         push = np.maximum(push, self._spreading(push))
-        points = vertices[self._ids] - centre
+        pushed = np.flatnonzero(push)
+        ids = self._ids[pushed]
+        before = vertices.take(ids, axis=0)
+        points = before - centre
         resting = points @ back
-        distance = np.sqrt(np.einsum("nd,nd->n", resting, resting))
-        moved = points * (push / np.maximum(distance, 1e-9))[:, None]
-        vertices[self._ids] += moved.astype(np.float32)
+        factor = push[pushed] / np.maximum(np.sqrt(np.einsum("nd,nd->n", resting, resting)), 1e-9)
+        move = (points * factor[:, None]).astype(np.float32)
+        vertices[ids] = before + move
         lashes, roots = self._followers
-        vertices[lashes] += moved[roots].astype(np.float32)
+        if len(lashes):
+            whole = np.zeros((len(push), 3), dtype=np.float32)
+            whole[pushed] = move
+            vertices[lashes] += whole[roots]
 
 
 class _Turning:
@@ -144,6 +158,13 @@ class _Turning:
         lashes, roots = _followers(subject, ball, edges, near)
         self._ids = np.concatenate([near, lashes])
         self._roots = roots
+        edge = (edges.upper, edges.lower, edges.corners)
+        self._seen = np.unique(np.concatenate([*edge, *(layer.ids for layer in self._layers)]))
+        self._at_rest = subject.vertices[self._seen]
+
+    def moves(self, vertices: NDArray[np.float32]) -> bool:
+        """Return whether edges or rims of the lids lie elsewhere in the pose ``vertices``, (N, 3), than at rest."""
+        return not np.array_equal(vertices.take(self._seen, axis=0), self._at_rest)
 
     def apply(self, vertices: NDArray[np.float32], centre: Array, shares: tuple[float, float]) -> bool:
         """Turn the lids of the pose ``vertices``, (N, 3), of an eye at ``centre``, in place; return whether any did.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from faceposer.model.contact.arches import DentalArch, radius_raster
+from faceposer.model.contact.arches import FINE, DentalArch, radius_raster
 from faceposer.model.contact.lids import skin_ids
 from faceposer.model.contact.samples import SurfaceSamples, lattice
 from faceposer.model.subject import Subject
@@ -48,13 +48,14 @@ def find_covering(subject: Subject, arch: DentalArch) -> Covering:
     if not len(near):
         return Covering(near, near)
     all_skin = triangles_with_any(subject, skin[level & np.isfinite(gap)])
-    rows = int(np.ceil((arch.top - arch.bottom + 2.0 * beyond) / arch.row)) + 1
+    row = arch.coarse_row
+    rows = int(np.ceil((arch.top - arch.bottom + 2.0 * beyond) / row)) + 1
     bottom = arch.bottom - beyond
-    surface = lattice(subject.vertices[all_skin].astype(np.float64), 0.8 * arch.row)
-    outermost = radius_raster(surface, arch.axis, bottom, arch.row, rows)
+    surface = lattice(subject.vertices[all_skin].astype(np.float64), 0.8 * row)
+    outermost = radius_raster(surface, arch.axis, bottom, row, rows)
     place, height, radius = arch.cylinder(subject.vertices[near].astype(np.float64))
-    column = np.clip(np.round(place).astype(np.intp), 0, outermost.shape[0] - 1)
-    line = np.clip(np.round((height - bottom) / arch.row).astype(np.intp), 0, rows - 1)
+    column = np.clip(np.round(place / FINE).astype(np.intp), 0, outermost.shape[0] - 1)
+    line = np.clip(np.round((height - bottom) / row).astype(np.intp), 0, rows - 1)
     outer = near[radius > outermost[column, line] - _OUTERMOST * size]
     from_outer = surface_distance(subject, outer, _INSIDE * size)
     return Covering(outer, near[from_outer[near] < np.inf])

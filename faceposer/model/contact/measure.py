@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.model.contact.arches import DentalArch, find_arches, radius_raster
+from faceposer.model.contact.arches import FINE, DentalArch, find_arches, radius_raster
 from faceposer.model.contact.eyeballs import Eyeball, find_eyeballs
 from faceposer.model.contact.lids import PRESSED, LidEdges, find_all_edges, over_the_ball
 from faceposer.model.contact.lips import find_covering, skin_samples, triangles_among
@@ -30,7 +30,7 @@ _MM = 10.0
 # Teeth that seem to stick out, the farthest first, are looked at exactly up to so many vertices.
 _LOOKED_AT = 48
 # Triangles that reach farther than so many columns from a point are not looked at: they lie behind the axis.
-_AROUND = 40.0
+_AROUND = 40.0 * FINE
 # Triangles of the eyeball that a direction may meet, and how far outside a triangle still counts as met.
 _CANDIDATES, _OUTSIDE = 10, 0.02
 
@@ -173,18 +173,18 @@ class _TeethGauge:
 
     def _out(self, vertices: Vertices) -> Array:
         arch = self._arch
-        columns, rows = arch.front.shape
+        row = arch.coarse_row
+        rows = int(np.ceil((arch.top - arch.bottom) / row)) + 1
         resting = np.zeros((len(vertices), 3))
         resting[self._skin] = arch.resting(vertices[self._skin].astype(np.float64), vertices)
         corners = resting[self._triangles]
         low, high = corners[..., 1].min(axis=1), corners[..., 1].max(axis=1)
-        corners = corners[(high > arch.bottom - arch.row) & (low < arch.bottom + arch.row * rows)]
-        skin = radius_raster(lattice(corners, 0.6 * arch.row), arch.axis, arch.bottom, arch.row, rows)
+        corners = corners[(high > arch.bottom - row) & (low < arch.bottom + row * rows)]
+        skin = radius_raster(lattice(corners, 0.6 * row), arch.axis, arch.bottom, row, rows)
         teeth = arch.resting(vertices[arch.frame.ids].astype(np.float64), vertices)
         place, height, radius = arch.cylinder(teeth)
-        column = np.clip(np.round(place).astype(np.intp), 0, columns - 1)
-        line = np.clip(np.round((height - arch.bottom) / arch.row).astype(np.intp), 0, rows - 1)
-        over = skin[column, line]
+        column, line = arch.coarse_cell(place, height)
+        over = skin[np.clip(column, 0, len(skin) - 1), np.clip(line, 0, rows - 1)]
         out = np.where(np.isfinite(over), radius - over, 0.0)
         # Cells are coarse where skin is steep: what seems to stick out is looked at exactly.
         seeming = np.flatnonzero(out > 0.0)

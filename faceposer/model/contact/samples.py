@@ -28,12 +28,16 @@ class SurfaceSamples:
         corners: Vertices that each point between lies between, as indices into ``ids``, shape (3, B).
         weights: Their weights, shape (3, B); those of the middle of an edge end in 0.
         spans: Length of the longest edge of a triangle at each vertex in the neutral face, shape (V,).
+        first: Where the points next to each vertex begin in ``beside``, and at last their number, shape (V + 1,).
+        beside: The points next to the first vertex, to the second and so on, shape (k,).
     """
 
     ids: Ids
     corners: Ids
     weights: Array
     spans: Array
+    first: Ids
+    beside: Ids
 
     @classmethod
     def of(cls, vertices: NDArray[np.floating], triangles: Ints, extra: Ids, large: float) -> "SurfaceSamples":
@@ -63,7 +67,12 @@ class SurfaceSamples:
             weights.append(np.repeat([[a], [b], [1.0 - a - b]], count, axis=1))
         spans = np.zeros(len(ids))
         np.maximum.at(spans, local, longest[:, None])
-        return cls(ids, np.ascontiguousarray(np.hstack(corners)), np.ascontiguousarray(np.hstack(weights)), spans)
+        between, shares = np.ascontiguousarray(np.hstack(corners)), np.ascontiguousarray(np.hstack(weights))
+        # The third corner of the middle of an edge is the first one again.
+        flat = between[shares > 0.0]
+        order = np.argsort(flat, kind="stable")
+        first = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=len(ids)))])
+        return cls(ids, between, shares, spans, first.astype(np.intp), np.nonzero(shares > 0.0)[1][order])
 
     def __len__(self) -> int:
         return len(self.ids) + self.corners.shape[1]
@@ -73,29 +82,36 @@ class SurfaceSamples:
         points = vertices[self.ids].astype(np.float64)
         return np.concatenate([points, _interpolated(points, self.corners, self.weights)])
 
-    def greatest(self, points: Array, own: Array, near: NDArray[np.bool_], of: Callable[[Array, Ids], Array]) -> Array:
+    def greatest(self, points: Array, own: Array, near: Ids, of: Callable[[Array, Ids], Array]) -> Array:
         """Return the greatest value at each vertex and at the samples next to it, shape (V,).
 
         Args:
             points: The vertices' positions, shape (V, 3).
             own: Their values, shape (V,); changed in place.
-            near: Which vertices may have samples with a value beside them, shape (V,).
+            near: The vertices that may have samples with a value beside them, as indices into ``ids``, shape (n,).
             of: Returns the values of samples from their positions, (n, 3), and their numbers, (n,).
         """
-        a, b, c = self.corners
-        chosen = np.flatnonzero(near[a] | near[b] | near[c])
-        corners = self.corners[:, chosen]
-        values = of(_interpolated(points, corners, self.weights[:, chosen]), len(self.ids) + chosen)
+        starts, counts = self.first[near], self.first[near + 1] - self.first[near]
+        ends = np.cumsum(counts)
+        if not len(near) or not ends[-1]:
+            return own
+        chosen = np.zeros(self.corners.shape[1], dtype=bool)
+        chosen[self.beside[np.arange(ends[-1]) + np.repeat(starts - ends + counts, counts)]] = True
+        numbers = np.flatnonzero(chosen)
+        corners = self.corners.take(numbers, axis=1)
+        values = of(_interpolated(points, corners, self.weights.take(numbers, axis=1)), len(self.ids) + numbers)
         found = np.flatnonzero(values)
-        for corner in corners:
-            np.maximum.at(own, corner[found], values[found])
+        if len(found):
+            greatest = values[found]
+            for corner in corners:
+                np.maximum.at(own, corner[found], greatest)
         return own
 
 
 def _interpolated(points: Array, corners: Ids, weights: Array) -> Array:
-    a, b, c = corners
-    u, v, w = weights
-    return points[a] * u[:, None] + points[b] * v[:, None] + points[c] * w[:, None]
+    a, b, c = (points.take(corner, axis=0) * weight[:, None] for corner, weight in zip(corners, weights, strict=True))
+    sums: Array = a + b + c
+    return sums
 
 
 def lattice(corners: Array, spacing: float, at_most: int = 40) -> Array:
