@@ -307,6 +307,10 @@ def test_an_even_pace_every_frame_and_other_keys_stay(robot: Robot) -> None:
     robot.click_widget("few-keys:1")
     app.features[Following].options.frames = 12
     draw(robot, CORNER, 10, -10, 10)
+    robot.frames()
+    robot.move(app.marks.center("smoothness"))
+    robot.wheel(-5.0)
+    robot.frames(3)
     robot.click_widget("follow")
     settle(robot)
     assert frames(robot) == (0, 14, *range(20, 32))
