@@ -1,5 +1,7 @@
 """The contact step: from the vertices of a pose to those of a face whose surfaces do not lie in each other."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from typing import Self
 
 import numpy as np
@@ -11,30 +13,56 @@ from faceposer.model.contact.eyeballs import find_eyeballs
 from faceposer.model.contact.lid_contact import LidContact, lid_contacts
 from faceposer.model.subject import Subject
 
+# Share of a head's height by which a vertex is moved at most.
+_MOST = 0.15
+
 
 class ContactStep:
     """Keeps lids on eyeballs and off each other, and the skin before the teeth, for one character.
 
-    Everything that the character's shape settles is worked out once. Parts that a character lacks are left out. A pose
-    in which nothing penetrates, such as the neutral face, stays exactly as it is.
+    Everything that the character's shape settles is worked out once. Parts that a character lacks are left out, and so
+    are those whose geometry is none of eyes and teeth, such as flat ones. A pose in which nothing penetrates, such as
+    the neutral face, stays exactly as it is.
 
     Attributes:
         parts: The corrections, in the order in which they are made.
+        most: No vertex is moved farther than this, in the unit of the character; no surface of a face lies deeper.
     """
 
-    def __init__(self, parts: list[LidContact | ArchContact]) -> None:
-        """Make a step of ``parts``."""
+    def __init__(self, parts: list[LidContact | ArchContact], most: float = np.inf) -> None:
+        """Make a step of ``parts`` that moves no vertex farther than ``most``."""
         self.parts = parts
+        self.most = most
 
     @classmethod
     def of(cls, subject: Subject) -> Self:
         """Return the step for ``subject``."""
-        return cls(
-            [*lid_contacts(subject, find_eyeballs(subject)), *(ArchContact(subject, a) for a in find_arches(subject))]
-        )
+        parts: list[LidContact | ArchContact] = []
+        with _left_out_if_degenerate():
+            parts += lid_contacts(subject, find_eyeballs(subject))
+        with _left_out_if_degenerate():
+            parts += [ArchContact(subject, arch) for arch in find_arches(subject)]
+        return cls(parts, _MOST * subject.height)
 
     def apply(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
         """Correct the pose ``vertices``, shape (N, 3), in place, and return them."""
+        if not self.parts:
+            return vertices
+        before = vertices.copy()
         for part in self.parts:
-            part.apply(vertices)
+            with _left_out_if_degenerate():
+                part.apply(vertices)
+        moved = vertices - before
+        squares = np.einsum("nk,nk->n", moved, moved)
+        if not float(squares.max(initial=0.0)) <= self.most**2:
+            # Shapes that tear a face apart, or no numbers at all: what is far off stays where the pose has it.
+            far = ~(squares <= self.most**2)
+            vertices[far] = before[far]
         return vertices
+
+
+@contextmanager
+def _left_out_if_degenerate() -> Iterator[None]:
+    """Leave out a part whose points lie in a plane, on a line or nowhere at all."""
+    with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError, ValueError, OverflowError):
+        yield
