@@ -10,8 +10,9 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from faceposer.geometry.alignment import rigid_alignment
-from faceposer.geometry.camera import OrbitView
+from faceposer.geometry.camera import OrbitView, ViewName
 from faceposer.geometry.picking import pick
+from faceposer.model.contact.step import ContactStep
 from faceposer.model.shape_names import SPLIT_SHAPES, whole_of
 from faceposer.model.subject import ARKIT_SHAPES, Part, Subject
 from faceposer.model.subject_file import load_subject
@@ -310,6 +311,25 @@ def test_the_tongue_lies_behind_the_lower_teeth(subject: Subject) -> None:
     assert 1.0 < out[:, 2].max() - lips[2] < 3.0
 
 
+def test_the_tongue_lies_on_the_lower_lip_when_it_is_out(subject: Subject) -> None:
+    around = 8 if subject.name == "low" else 20
+    for opening in (0.0, 0.3):
+        vertices = posed(subject, tongueOut=1.0, jawOpen=opening).astype(float)
+        rings = vertices[slice(*subject.part("tongue").vertices)][:-2].reshape(-1, around, 3)
+        lip = vertices[subject.feature_points["2.3"]]
+        top, bottom = (
+            np.interp(lip[2], np.maximum.accumulate(line[:, 2]), line[:, 1])
+            for line in (rings[:, around // 4], rings[:, 3 * around // 4])
+        )
+        assert -0.3 < bottom - lip[1] < 0.03, "it touches the lip"
+        assert 0.6 < top - bottom < 1.1, "it is thick"
+        assert rings[-1, :, 1].mean() < lip[1], "it bends down"
+        assert rings[-3:, :, 1].min() > lip[1] - 1.2
+        if opening == 0.0:
+            upper = vertices[subject.feature_points["2.2"]]
+            assert 0.4 < upper[1] - lip[1] < 0.9
+
+
 def test_the_lips_are_shut_in_the_neutral_face(subject: Subject) -> None:
     """From the front, whatever is seen along the mouth is skin: no teeth and no tongue."""
     camera = OrbitView.preset(subject.vertices.min(axis=0), subject.vertices.max(axis=0), "front").camera((800, 800))
@@ -406,6 +426,24 @@ def test_eyeballs_of_the_low_head_stay_behind_its_lids() -> None:
                     on_eye = any(first <= hit.face < stop for first, stop in eyes)
                     within = vertices is low.vertices and lower[1] - 0.12 < y < upper[1] + 0.12
                     assert within or not on_eye, (x, y)
+
+
+@pytest.mark.parametrize("view", ["front", "three-quarter", "left"])
+def test_nothing_of_an_eye_is_seen_between_the_shut_lids_of_the_low_head(view: ViewName) -> None:
+    low = load_subject("low")
+    shut = posed(low, eyeBlinkLeft=1.0, eyeBlinkRight=1.0)
+    touching = shut.copy()
+    ContactStep.of(low).apply(touching)
+    camera = OrbitView.preset(low.vertices.min(axis=0), low.vertices.max(axis=0), view).camera((800, 800))
+    first, stop = low.part_triangles(low.part("eye_left"))
+    ball = shut[slice(*low.part("eye_left").vertices)]
+    pixels = camera.project(ball)
+    (left, top), (right, bottom) = pixels.min(axis=0), pixels.max(axis=0)
+    for x in np.linspace(left, right, 24):
+        for y in np.linspace(top, bottom, 40):
+            for vertices in (shut, touching):
+                hit = pick(vertices, low.triangles, camera, (x, y))
+                assert hit is None or not first <= hit.face < stop, (x, y)
 
 
 def test_the_two_are_different_people() -> None:

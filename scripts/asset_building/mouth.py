@@ -22,6 +22,8 @@ _BELOW_LIPS, _BEHIND_LIPS = 0.25, 0.16
 #: The lining of the mouth reaches far above the palate in the base mesh, up to the nostrils: from this height above the
 #: line of the lips it is lower by this factor, and its front further back, in centimetres.
 _LINING_FROM, _LINING_FACTOR, _LINING_BACK = 0.9, 0.62, 0.40
+#: The tongue turns with the jaw as if at this share of its way out, so that, when out, it goes down with the lip.
+_TONGUE_AHEAD = 0.35
 _JAW_SHIFTS = ("jawForward", "jawLeft", "jawRight")
 
 
@@ -99,7 +101,7 @@ def build_mouth(frame: MouthFrame, jaw: JawMotion) -> list[Piece]:
 def tongue_piece(frame: MouthFrame, jaw: JawMotion, rings: int = 24, around: int = 20) -> Piece:
     """Return the tongue, with ``rings`` from root to tip of ``around`` vertices each."""
     vertices, quads, uv, out, follow = build_tongue(frame, rings, around)
-    shapes = jaw.offsets(vertices, follow)
+    shapes = jaw.offsets(vertices + _TONGUE_AHEAD * (out - vertices), follow)
     shapes[jaw.shape_names.index("tongueOut")] += out - vertices
     return Piece("tongue", "tongue", vertices, quads, uv, quads.copy(), shapes)
 

@@ -7,7 +7,7 @@ from scripts.asset_building.dental_arch import N_KINDS
 from scripts.asset_building.raster import Image32, Noise, smoothstep
 
 #: How much light the crowns of each kind get, from the middle backwards.
-_LIGHT = (1.0, 0.99, 0.96, 0.92, 0.86, 0.79, 0.72)
+_LIGHT = (1.0, 0.98, 0.90, 0.74, 0.56, 0.38, 0.28)
 
 
 def paint_teeth(height: int = 256) -> NDArray[np.uint8]:

@@ -14,7 +14,7 @@ from scripts.asset_building.teeth import CrownShape
 _TEETH, _WITH_MIDDLE = 6, 4
 #: v of the rows: outer fold, margin of the gum, face, edge, inner edge, inner margin, palate or floor, its middle.
 _V = (0.0, 0.40, 0.60, 0.78, 0.84, 0.90, 0.95, 1.0)
-_THROAT_COLUMNS, _TONGUE_RINGS, _TONGUE_AROUND = 7, 13, 10
+_THROAT_COLUMNS, _TONGUE_RINGS, _TONGUE_AROUND = 7, 12, 8
 
 
 def build_simple_mouth(frame: MouthFrame, jaw: JawMotion) -> list[Piece]:
@@ -82,5 +82,6 @@ def paint_bands(size: int = 256) -> NDArray[np.uint8]:
     flesh = np.array([196, 112, 106], np.float32) * (1.0 + 0.05 * noise)[..., None]
     flesh = flesh * (1.0 - 0.25 * smoothstep(0.16, 0.0, v) - 0.35 * smoothstep(0.90, 1.0, v))[..., None]
     colour = tooth * (1.0 - gum[..., None]) + flesh * gum[..., None]
-    colour = colour * (1.0 - 0.36 * smoothstep(1.5, 6.0, across))[..., None]
+    # The cheeks shade what lies behind; the light that is left is red.
+    colour = colour * (1.0 - smoothstep(1.8, 5.0, across)[..., None] * np.array([0.50, 0.60, 0.60], np.float32))
     return np.rint(np.clip(colour, 0, 255)).astype(np.uint8)
