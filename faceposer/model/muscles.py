@@ -27,7 +27,8 @@ _GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("stretch", ("mouthStretch",)),
     ("lower lip", ("mouthLowerDown",)),
     ("upper lip", ("mouthUpperUp",)),
-    ("jaw", ("jaw", "mouthClose", "tongue")),
+    ("jaw", ("jaw", "mouthClose")),
+    ("tongue", ("tongue",)),
     ("lips", ("mouth", "cheekPuff")),
 )
 #: What else contracts, on the same side, for each unit of a shape: the orbicularis oculi in a felt smile (Ekman,
@@ -77,7 +78,7 @@ def independence(names: Sequence[str]) -> Array:
     Performers mostly move both sides alike, because exercises ask for it; an artist who pulls one side means that side.
     Each weight is taken for a sum of independent parts, the squares of whose shares add up to 1: one that is common to
     both sides and one of its own side, of which a shape of both sides has the first alone; of the jaw likewise one that
-    it has in common with the rest of the face, and one of its own.
+    it has in common with the rest of the face, and one of its own. The tongue has nothing in common with the rest.
     """
     groups = [muscle_of_shape(name) for name in names]
     sides = np.array([side_of_shape(name) for name in names])
@@ -87,6 +88,9 @@ def independence(names: Sequence[str]) -> Array:
     factors = np.outer(both, both) + np.outer(own, own) * (sides[:, None] == sides)
     jaw = np.array([group == "jaw" for group in groups])
     factors[jaw[:, None] != jaw] *= np.sqrt(_JAW_COMMON)
+    # The tongue comes out when it is pulled, and with nothing else.
+    tongue = np.array([group == "tongue" for group in groups])
+    factors[tongue[:, None] != tongue] = 0.0
     return factors
 
 
