@@ -70,8 +70,8 @@ def until(condition: Callable[[], object], what: str) -> None:
 
 def save(person: Person, key: str, path: Path) -> None:
     """Save by the dialog that ``key`` opens; on a slow machine a dialog takes its time to come, and to go."""
-    person.do("key", key, "sleep", 2.0, "key", "ctrl+a", "type", "--delay", 20, str(path))
-    person.do("sleep", 1.0, "key", "Return")
+    person.do("key", key, "sleep", 4.0, "key", "ctrl+a", "sleep", 0.5, "type", "--delay", 40, str(path))
+    person.do("sleep", 3.0, "key", "Return")
     until(path.is_file, path.name)
     person.do("sleep", 2.0)
 
@@ -102,7 +102,7 @@ def test_pose_and_save_by_pointer_and_keys(display: str, tmp_path: Path) -> None
     assert program.returncode == 0
     session = open_session(str(saved["ctrl+s"]))
     assert len(session.document.constraints) == 2
-    solved = session.model.instance(session.coefficients)
+    solved = session.model.surface(session.coefficients)
     height = float(np.ptp(session.model.subject.vertices[:, 1]))
     assert np.abs(read_mesh(saved["ctrl+e"]).vertices - solved).max() < 1e-5 * height
     names = session.model.subject.shape_names

