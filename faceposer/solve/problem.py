@@ -134,23 +134,24 @@ class PoseProblem:
         self._home = self.start if home is None else np.asarray(home, dtype=np.float64)
         if bare:
             return
+        wholeness = max(0.0, (spread - _WHOLE_FROM) / (1.0 - _WHOLE_FROM)) if centred else 0.0
         if mixture is None:
-            self._take_up_points(pulls)
+            self._take_up_points(pulls, wholeness)
         if centred:
-            self._take_up_prior(begin, prior, spread, pulls)
+            self._take_up_prior(begin, prior, spread, wholeness, pulls)
         elif prior_weight > 0:
             self.terms.append(MixturePrior(self.mixture, prior_weight))
         if mixture is None:
             self._hold_together(pulls)
 
-    def _take_up_points(self, pulls: Sequence[Term]) -> None:
+    def _take_up_points(self, pulls: Sequence[Term], wholeness: float) -> None:
         """Widen the rig's limits to the start, and let points see it."""
         density = self.model.rig_density
         self.limits = limits_around(density.limits, density.directions @ self._home)
         state = self.state(self.start)
         for term in pulls:
             if isinstance(term, PointTerm):
-                term.take_up(self.model, state, self.limits)
+                term.take_up(self.model, state, self.limits, wholeness)
 
     def _hold_together(self, pulls: Sequence[Term]) -> None:
         """Add what holds at every weight of the prior: the rig's limits, and that both eyes look the same way.
@@ -167,13 +168,14 @@ class PoseProblem:
         self.terms.append(WeightBounds(directions, limits, _BOUNDS * weight, self._home))
         self.terms.append(ParallelGaze(gaze_differences(self.model), self.start, weight))
 
-    def _take_up_prior(self, begin: Array, prior: Prior, spread: float, pulls: Sequence[Term]) -> None:
+    def _take_up_prior(
+        self, begin: Array, prior: Prior, spread: float, wholeness: float, pulls: Sequence[Term]
+    ) -> None:
         """Add the terms of the model's density as it looks from the pose ``begin``, given the terms ``pulls``.
 
         What moves the start keeps the prior as it was seen from before: only its place moves along.
         """
         rows, residual = _linearised(pulls, self.state(self.start))
-        wholeness = max(0.0, (spread - _WHOLE_FROM) / (1.0 - _WHOLE_FROM))
         self.mixture = centred_at(self.model, begin, prior, wholeness).near(rows, residual)
         if self.start is not begin:
             self.mixture = self.mixture.moved_by(self.start - begin)

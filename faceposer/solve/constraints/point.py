@@ -114,7 +114,7 @@ class PointTerm(ResidualTerm):
         self._points = points
         self._across = np.tile([0.0, 1.0], (len(constraints), 1))
 
-    def take_up(self, model: FaceModel, state: PoseState, limits: Array) -> None:
+    def take_up(self, model: FaceModel, state: PoseState, limits: Array, wholeness: float = 0.0) -> None:
         """Look at the pulls from the ``state`` where they begin: their reach (``faceposer.solve.reach``) and direction.
 
         Targets that no face reaches are brought back to its reach.
@@ -123,18 +123,20 @@ class PointTerm(ResidualTerm):
             model: The face.
             state: The pose that the pulls start from.
             limits: Of the weights of the model's density there, shape (W, 2).
+            wholeness: See ``LocalMoments``; the more of the face follows, the more the pulls count as they are.
         """
         here = state.pixels[self._points]
         rows, neutral = state.anchored_at(self._points)
         for camera in dict.fromkeys(self._cameras):
             seen = [i for i, own in enumerate(self._cameras) if own == camera]
             reach = reach_of_rows(model, state.p, rows[seen], neutral[seen], camera, limits)
-            self._targets[seen] = here[seen] + reach.limited(self._targets[seen] - here[seen])
+            pulls = self._targets[seen] - here[seen]
+            self._targets[seen] = here[seen] + (1.0 - wholeness) * reach.limited(pulls) + wholeness * pulls
         pulls = self._targets - here
         lengths = np.hypot(*pulls.T)
         far = lengths > 1e-6
         self._across[far] = np.column_stack([-pulls[far, 1], pulls[far, 0]]) / lengths[far, None]
-        slack = _SLACK * min(1.0, _FEW / len(lengths)) * lengths
+        slack = (1.0 - wholeness) * _SLACK * min(1.0, _FEW / len(lengths)) * lengths
         self.weights[1::2] /= 1.0 + (slack / SIGMA_PX) ** 2
 
     def residual(self, state: PoseState) -> Array:
