@@ -22,10 +22,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from faceposer.gui.app import App
+from faceposer.gui.settings import Settings
+from faceposer.gui.testing.scripted_user import Robot
 from faceposer.solve.constraints.curve import CurveConstraint
-from faceposer.viewer.app import App
-from faceposer.viewer.robot import Robot
-from faceposer.viewer.settings import Settings
 
 WINDOW = (1360, 860)
 IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"

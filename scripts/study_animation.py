@@ -340,7 +340,7 @@ def tune(folder: Path) -> dict[str, Any]:
 def filmstrip(folder: Path, path: Path, n_pictures: int = 8) -> None:
     """Draw frames of the liveliest run, truth above and ours below, with targets in green and their points in blue."""
     from faceposer.geometry.camera import OrbitView
-    from faceposer.viewer.offscreen import render_subject
+    from faceposer.render.offscreen import render_subject
 
     setting = Setting.of(load_subject("man"), [read_capture(folder / TRAIN).with_shapes(ARKIT_SHAPES)])
     studied = Study(setting)

@@ -19,9 +19,9 @@ from faceposer.geometry.mesh import VertexNormals
 from faceposer.model.expression_line_map import line_heights
 from faceposer.model.expression_lines import expression_lines, strength_map
 from faceposer.poses.portrait import portrait_view
-from faceposer.viewer.offscreen import offscreen_context
-from faceposer.viewer.renderer import Renderer
-from faceposer.viewer.targets import ColourTarget
+from faceposer.render.framebuffers import ColourTarget
+from faceposer.render.offscreen import offscreen_context
+from faceposer.render.renderer import Renderer
 
 SIZE = (1200, 900)
 SAMPLES = 4

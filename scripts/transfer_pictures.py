@@ -24,12 +24,12 @@ if str(ROOT) not in sys.path:
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import OrbitView
+from faceposer.gui.widgets.theme import FONTS
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.subject_file import load_subject
+from faceposer.render.offscreen import render_subject
 from faceposer.transfer.pairs import PRESETS, Pair
 from faceposer.transfer.transfer import make_transfer
-from faceposer.viewer.offscreen import render_subject
-from faceposer.viewer.theme import FONTS
 
 IMAGE = ROOT / "docs" / "images" / "transfer.jpg"
 EXPRESSIONS: dict[str, dict[str, float]] = {

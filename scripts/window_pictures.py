@@ -24,12 +24,12 @@ ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
-from faceposer.viewer.app import App
-from faceposer.viewer.exchange import Exchange
-from faceposer.viewer.following import Following
-from faceposer.viewer.robot import Robot
-from faceposer.viewer.settings import Settings
-from faceposer.viewer.timeline import Timeline
+from faceposer.gui.app import App
+from faceposer.gui.features.export.feature import Exchange
+from faceposer.gui.features.timeline.feature import Timeline
+from faceposer.gui.features.trajectories.feature import Following
+from faceposer.gui.settings import Settings
+from faceposer.gui.testing.scripted_user import Robot
 
 WINDOW = (1280, 820)
 LEFT_CORNER, RIGHT_CORNER, CHIN = "8.3", "8.4", "2.1"

@@ -8,8 +8,8 @@ import sys
 SLOW = ("scipy.stats", "sklearn", "trimesh", "scipy.optimize", "scipy.spatial", "scipy.ndimage")
 
 FIRST_FRAME = """
-from faceposer.viewer.app import App
-from faceposer.viewer.settings import Settings
+from faceposer.gui.app import App
+from faceposer.gui.settings import Settings
 
 app = App("man", hidden=True, settings=Settings())
 app.step(force=True)
@@ -32,7 +32,7 @@ def imported_by(code: str) -> set[str]:
 
 def test_window_shows_its_first_frame_without_slow_libraries() -> None:
     loaded = imported_by(FIRST_FRAME)
-    assert {"numpy", "imgui_bundle", "faceposer.viewer.app"} <= loaded
+    assert {"numpy", "imgui_bundle", "faceposer.gui.app"} <= loaded
     assert not loaded.intersection(SLOW)
 
 

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from faceposer.geometry.mesh_io import read_mesh
+from faceposer.gui.app import App
+from faceposer.gui.settings import Settings
+from faceposer.gui.testing.scripted_user import Robot
 from faceposer.session.opening import open_session
-from faceposer.viewer.app import App
-from faceposer.viewer.robot import Robot
-from faceposer.viewer.settings import Settings
 
 PATIENCE = 60.0
 

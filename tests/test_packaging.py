@@ -22,8 +22,8 @@ import faceposer
 from faceposer.model.subject_file import available_subjects
 from faceposer.poses.library import starter_poses
 from faceposer.session.opening import open_session
-from faceposer.viewer.offscreen import offscreen_context
-from faceposer.viewer.renderer import load_program
+from faceposer.render.offscreen import offscreen_context
+from faceposer.render.renderer import load_program
 
 shaders = Path(faceposer.__file__).parent / "shaders"
 with offscreen_context() as ctx:

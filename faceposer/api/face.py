@@ -366,8 +366,8 @@ class Face(InMotion):
             shading: "clay" leaves the textures out.
             expression_lines: Draw the lines of the skin that the pose makes; clay has none.
         """
-        from faceposer.viewer.offscreen import render_subject
-        from faceposer.viewer.pictures import write_png
+        from faceposer.render.images import write_png
+        from faceposer.render.offscreen import render_subject
 
         checks.one_of(shading, ("full", "clay"), "The shading")
         if path is not None and Path(path).suffix.lower() != ".png":

@@ -122,7 +122,7 @@ class InMotion:
             turn: Seconds in which the camera of a film goes round the head once, 0 for one that stands.
             expression_lines: Draw the lines that a pose makes in the skin, in pictures and films.
         """
-        from faceposer.viewer.exporting import Look, write
+        from faceposer.interchange.exporting import Look, write
 
         checks.number(turn, 0.0, _LONGEST_TURN, "The seconds of a turn")
         if turn and Path(path).suffix.lower() not in (".gif", ".mp4"):

@@ -16,13 +16,13 @@ from faceposer.evaluation.setting import Setting
 from faceposer.evaluation.study import Outcome, Study
 from faceposer.evaluation.tables import targets
 from faceposer.evaluation.trials import Cell, Trial, TrialMaker
+from faceposer.gui.widgets.theme import FONTS
+from faceposer.render.images import write_png
+from faceposer.render.offscreen import render_subject
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.constraints.stroke import StrokeConstraint
-from faceposer.viewer.offscreen import render_subject
-from faceposer.viewer.pictures import write_png
-from faceposer.viewer.theme import FONTS
 
 #: The priors of the program, of which none is a rival.
 OURS = ("mfa", "mfa-whole", "mfa-undamped")

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.files.atomic import replacing
 from faceposer.geometry.mesh import VertexNormals
-from faceposer.interchange.files import replacing
 from faceposer.interchange.gltf_builder import INDICES, VERTICES, GltfBuilder
 from faceposer.interchange.progress import Progress, no_progress
 from faceposer.model.face_model import FaceModel

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.interchange.files import replacing
+from faceposer.files.atomic import replacing
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.model.shape_names import weight_map

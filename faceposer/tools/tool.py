@@ -161,7 +161,7 @@ class PosingTool:
 
     Attributes:
         name: By which panels and keys refer to it.
-        cursor: Name of the pointer's shape over the view; see ``faceposer.viewer.cursors``.
+        cursor: Name of the pointer's shape over the view; see ``faceposer.gui.cursors``.
     """
 
     name = ""

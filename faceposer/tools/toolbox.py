@@ -77,7 +77,7 @@ class Toolbox:
 
     @property
     def cursor(self) -> str:
-        """Name of the shape that the pointer should have over the view; see ``faceposer.viewer.cursors``."""
+        """Name of the shape that the pointer should have over the view; see ``faceposer.gui.cursors``."""
         if self._active is self.camera_tool:
             return "orbit"
         if self._active is not None:

@@ -184,8 +184,8 @@ def pick_rows(model: FaceModel, camera: Camera, repeats: int) -> list[Row]:
     Without OpenGL only the way without is measured.
     """
     from faceposer.errors import FacePoserError
-    from faceposer.viewer.offscreen import offscreen_context
-    from faceposer.viewer.scene import Scene
+    from faceposer.render.offscreen import offscreen_context
+    from faceposer.render.scene import Scene
 
     stroke = brow_stroke(model, camera, 900)
     pixels = stroke_pixels(stroke.target, stroke.width)

@@ -10,7 +10,7 @@ import pytest
 from faceposer.model.framing import ABOVE, BELOW, face_frame, face_view
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import load_subject
-from faceposer.viewer.offscreen import plain_subject
+from faceposer.render.offscreen import plain_subject
 
 RIGS = os.environ.get("FACEPOSER_RIGS")
 

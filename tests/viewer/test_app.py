@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from faceposer.geometry.mesh_io import read_mesh
+from faceposer.gui.app import App
+from faceposer.gui.events import CloseRequest, Drop, FocusLost
+from faceposer.gui.settings import Settings
+from faceposer.gui.testing.scripted_user import Robot
 from faceposer.session.document import Document, write_document
-from faceposer.viewer.app import App
-from faceposer.viewer.events import CloseRequest, Drop, FocusLost
-from faceposer.viewer.robot import Robot
-from faceposer.viewer.settings import Settings
 
 LEFT_CORNER, RIGHT_CORNER = "8.3", "8.4"
 

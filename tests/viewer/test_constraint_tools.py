@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from faceposer.gui.app import App
+from faceposer.gui.events import Drop, FocusLost
+from faceposer.gui.panels.tool_bar import TOOL_ICONS
+from faceposer.gui.settings import Settings
+from faceposer.gui.testing.scripted_user import Position, Robot
 from faceposer.solve.constraints.gaze import gaze_direction
-from faceposer.viewer.app import App
-from faceposer.viewer.events import Drop, FocusLost
-from faceposer.viewer.panels.tool_bar import TOOL_ICONS
-from faceposer.viewer.robot import Position, Robot
-from faceposer.viewer.settings import Settings
 
 LEFT, RIGHT, NOSE = "8.3", "8.4", "9.3"
 KEYS = {"point": "Q", "distance": "D", "stroke": "S", "curve": "K", "fix": "H", "gaze": "G", "trajectory": "J"}

@@ -8,8 +8,8 @@ from PIL import Image
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_io import read_mesh
+from faceposer.gui.testing.demo import DemoFiles, run
 from faceposer.session.opening import open_session
-from faceposer.viewer.demo import DemoFiles, run
 
 
 @pytest.fixture(scope="module")

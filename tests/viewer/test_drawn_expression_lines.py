@@ -11,15 +11,15 @@ from PIL import Image
 import faceposer
 from faceposer.cli import main
 from faceposer.geometry.camera import Camera
+from faceposer.gui.app import App
+from faceposer.gui.settings import Settings, load_settings, save_settings
+from faceposer.gui.testing.scripted_user import Robot
+from faceposer.interchange.exporting import Look, write
 from faceposer.model.face_model import FaceModel
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import load_subject
 from faceposer.poses.portrait import portrait_view
-from faceposer.viewer.app import App
-from faceposer.viewer.exporting import Look, write
-from faceposer.viewer.offscreen import render_subject
-from faceposer.viewer.robot import Robot
-from faceposer.viewer.settings import Settings, load_settings, save_settings
+from faceposer.render.offscreen import render_subject
 
 SIZE = (400, 400)
 BROWS = {"browInnerUp": 1.0, "browOuterUpLeft": 1.0, "browOuterUpRight": 1.0}

@@ -8,14 +8,14 @@ import pytest
 from PIL import Image
 
 from faceposer.geometry.mesh_io import read_mesh
+from faceposer.gui.app import App
+from faceposer.gui.events import Drop
+from faceposer.gui.features.export.feature import Exchange
+from faceposer.gui.settings import Settings
+from faceposer.gui.testing.scripted_user import Robot
 from faceposer.interchange.export import write
 from faceposer.model.performance import Performance
 from faceposer.training.capture import read_capture
-from faceposer.viewer.app import App
-from faceposer.viewer.events import Drop
-from faceposer.viewer.exchange import Exchange
-from faceposer.viewer.robot import Robot
-from faceposer.viewer.settings import Settings
 
 
 @pytest.fixture
@@ -107,7 +107,7 @@ def test_a_picture_is_what_the_view_shows(robot: Robot, tmp_path: Path) -> None:
 
 
 def test_a_film_is_drawn_between_frames(robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("faceposer.viewer.exchange._DRAW_SECONDS", 1e-9)
+    monkeypatch.setattr("faceposer.gui.features.export.feature._DRAW_SECONDS", 1e-9)
     app = robot.app
     exchange = exchange_of(app)
     form = exchange.form
@@ -128,7 +128,7 @@ def test_a_film_is_drawn_between_frames(robot: Robot, tmp_path: Path, monkeypatc
 
 
 def test_a_film_can_be_stopped(robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("faceposer.viewer.exchange._DRAW_SECONDS", 1e-9)
+    monkeypatch.setattr("faceposer.gui.features.export.feature._DRAW_SECONDS", 1e-9)
     exchange = exchange_of(robot.app)
     form = exchange.form
     form.suffix, form.width, form.height = ".gif", 64, 48

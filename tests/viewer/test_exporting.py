@@ -10,11 +10,11 @@ import pytest
 from PIL import Image
 
 from faceposer.errors import FacePoserError
+from faceposer.interchange.exporting import Look, picture_steps, write
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
 from faceposer.model.subject_file import load_subject
-from faceposer.viewer.exporting import Look, picture_steps, write
-from faceposer.viewer.turntable import framed_all_round, turned
+from faceposer.render.turntable import framed_all_round, turned
 
 SMALL = (96, 72)
 

@@ -14,10 +14,10 @@ from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import load_subject
-from faceposer.viewer.eye_shading import Eye, EyeShading
-from faceposer.viewer.offscreen import offscreen_context, plain_subject, render_subject
-from faceposer.viewer.renderer import Renderer
-from faceposer.viewer.targets import ColourTarget
+from faceposer.render.eye_shading import Eye, EyeShading
+from faceposer.render.framebuffers import ColourTarget
+from faceposer.render.offscreen import offscreen_context, plain_subject, render_subject
+from faceposer.render.renderer import Renderer
 
 PEOPLE = ("man", "woman", "low")
 ALL = (*PEOPLE, "creature")

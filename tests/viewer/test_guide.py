@@ -12,11 +12,11 @@ from imgui_bundle import imgui
 # isort: split
 import glfw
 
-from faceposer.viewer.app import App
-from faceposer.viewer.cursors import shape_of
-from faceposer.viewer.guide import STEPS, Guide, Seen
-from faceposer.viewer.robot import Robot
-from faceposer.viewer.settings import Settings, load_settings, save_settings
+from faceposer.gui.app import App
+from faceposer.gui.cursors import shape_of
+from faceposer.gui.features.guide.steps import STEPS, Guide, Seen
+from faceposer.gui.settings import Settings, load_settings, save_settings
+from faceposer.gui.testing.scripted_user import Robot
 
 SESSION = object()
 REST = Seen(SESSION, {"8.3": -0.23, "8.4": -0.23, "4.3": 0.19}, frozenset(), (0.0, 0.0), False, 0)
@@ -228,7 +228,7 @@ def test_a_small_window_shows_the_step_as_a_line(tmp_path: Path, size: tuple[int
 
 def test_only_the_first_start_shows_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    monkeypatch.setattr("faceposer.viewer.settings.user_state_dir", lambda: tmp_path / "faceposer")
+    monkeypatch.setattr("faceposer.gui.settings.user_state_dir", lambda: tmp_path / "faceposer")
     first = load_settings()
     assert not first.welcome_done
     assert Settings().welcome_done

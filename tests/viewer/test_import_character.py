@@ -14,14 +14,14 @@ import pytest
 from imgui_bundle import imgui
 
 from faceposer.geometry.mesh_io import read_mesh
+from faceposer.gui.app import App
+from faceposer.gui.events import CloseRequest, Drop
+from faceposer.gui.features.import_character.feature import ImportForm
+from faceposer.gui.settings import Settings
+from faceposer.gui.testing.scripted_user import Robot
+from faceposer.gui.widgets.file_dialogs import FileRequest, PathBrowser
 from faceposer.model.subject_file import load_subject
 from faceposer.session.opening import open_session
-from faceposer.viewer.app import App
-from faceposer.viewer.events import CloseRequest, Drop
-from faceposer.viewer.file_dialogs import FileRequest, PathBrowser
-from faceposer.viewer.importing import ImportForm
-from faceposer.viewer.robot import Robot
-from faceposer.viewer.settings import Settings
 
 SHAPES = (
     "jawOpen",

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from faceposer.geometry.mesh_io import read_mesh
+from faceposer.gui.app import App
+from faceposer.gui.settings import Settings
+from faceposer.gui.testing.scripted_user import Robot
 from faceposer.model.expression_lines import expression_lines
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import save_subject
 from faceposer.session.opening import open_session
-from faceposer.viewer.app import App
-from faceposer.viewer.robot import Robot
-from faceposer.viewer.settings import Settings
 
 RIGS = os.environ.get("FACEPOSER_RIGS")
 pytestmark = pytest.mark.skipif(not RIGS, reason="FACEPOSER_RIGS names no folder of rigs")

@@ -10,11 +10,11 @@ from imgui_bundle import imgui
 # isort: split
 import glfw
 
-from faceposer.viewer.actions import Action, Actions
-from faceposer.viewer.app import App
-from faceposer.viewer.ranking import ranked
-from faceposer.viewer.robot import Robot
-from faceposer.viewer.settings import Settings
+from faceposer.gui.actions import Action, Actions
+from faceposer.gui.app import App
+from faceposer.gui.features.palette.ranking import ranked
+from faceposer.gui.settings import Settings
+from faceposer.gui.testing.scripted_user import Robot
 
 ARROWS = {
     "Up": glfw.KEY_UP,

@@ -9,14 +9,14 @@ from PIL import Image
 
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picture_view import PictureView
+from faceposer.gui.app import App
+from faceposer.gui.events import Drop
+from faceposer.gui.settings import Settings
+from faceposer.gui.testing.scripted_user import Robot
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.photo import Pin
 from faceposer.photo.places import GUIDED
-from faceposer.viewer.app import App
-from faceposer.viewer.events import Drop
-from faceposer.viewer.offscreen import render_subject
-from faceposer.viewer.robot import Robot
-from faceposer.viewer.settings import Settings
+from faceposer.render.offscreen import render_subject
 
 SIZE = (400, 300)
 TAKEN = Camera(np.diag([1.0, -1.0, -1.0]), np.array([4.0, -3.0, 100.0]), 800.0, SIZE)

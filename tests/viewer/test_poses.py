@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from faceposer.gui.app import App
+from faceposer.gui.feature import Feature
+from faceposer.gui.features.poses.feature import PosesFeature
+from faceposer.gui.settings import Settings
+from faceposer.gui.testing.scripted_user import Robot
 from faceposer.poses.applying import Array
 from faceposer.poses.pose_file import Pose, pose_text, read_pose
-from faceposer.viewer.app import App
-from faceposer.viewer.features import Feature
-from faceposer.viewer.poses import PosesFeature
-from faceposer.viewer.robot import Robot
-from faceposer.viewer.settings import Settings
 
 LEFT_CORNER, RIGHT_CORNER = "8.3", "8.4"
 

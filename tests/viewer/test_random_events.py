@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faceposer.gui.actions import parsed_key
+from faceposer.gui.app import App
+from faceposer.gui.settings import Settings
+from faceposer.gui.testing.scripted_user import Position
 from faceposer.session.document import Document
 from faceposer.tools.tool import Button
-from faceposer.viewer.actions import parsed_key
-from faceposer.viewer.app import App
-from faceposer.viewer.robot import Position
-from faceposer.viewer.settings import Settings
 
 EVENTS = 2500
 # Widgets that edit the session or its tools; others open files, menus or dialogs.

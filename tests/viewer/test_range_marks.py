@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faceposer.gui.app import App
+from faceposer.gui.features.range_marks.feature import BEYOND_TEXT, HARDLY_MOVES_TEXT, RangeMarks
+from faceposer.gui.settings import Settings
+from faceposer.gui.testing.scripted_user import Robot
 from faceposer.session.document import read_document
 from faceposer.solve.problem import SPREAD
-from faceposer.viewer.app import App
-from faceposer.viewer.range_marks import BEYOND_TEXT, HARDLY_MOVES_TEXT, RangeMarks
-from faceposer.viewer.robot import Robot
-from faceposer.viewer.settings import Settings
 
 CORNER, HAIRLINE, BRIDGE = "8.3", "11.1", "9.12"
 

@@ -13,23 +13,23 @@ import numpy as np
 import pytest
 
 from faceposer.errors import FacePoserError
+from faceposer.gui import recent_files as recent
+from faceposer.gui.app import App
+from faceposer.gui.settings import MAX_RECENT, Settings, load_settings
+from faceposer.gui.testing.scripted_user import Robot
+from faceposer.gui.window import CloseRequest, Drop
 from faceposer.session.autosave import Journal
 from faceposer.session.document import Document, write_document
 from faceposer.session.opening import open_session
-from faceposer.viewer import recent
-from faceposer.viewer.app import App
-from faceposer.viewer.robot import Robot
-from faceposer.viewer.settings import MAX_RECENT, Settings, load_settings
-from faceposer.viewer.window import CloseRequest, Drop
 
 LEFT_CORNER, RIGHT_CORNER, LEFT_BROW = "8.3", "8.4", "4.1"
 
 # A user who poses until the program is killed: two gestures, and a third one under way.
 POSING = """
 import json, sys
-from faceposer.viewer.app import App
-from faceposer.viewer.robot import Robot
-from faceposer.viewer.settings import Settings
+from faceposer.gui.app import App
+from faceposer.gui.testing.scripted_user import Robot
+from faceposer.gui.settings import Settings
 
 app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(700, 540)), journal=True)
 robot = Robot(app)

@@ -12,9 +12,9 @@ from faceposer.geometry.camera import OrbitView
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.picking import pick
 from faceposer.model.face_model import FaceModel
-from faceposer.viewer.offscreen import offscreen_context, plain_subject, render_mesh, render_subject
-from faceposer.viewer.renderer import Renderer
-from faceposer.viewer.targets import ColourTarget, IdTarget
+from faceposer.render.framebuffers import ColourTarget, IdTarget
+from faceposer.render.offscreen import offscreen_context, plain_subject, render_mesh, render_subject
+from faceposer.render.renderer import Renderer
 
 VIEWS = [("front", (320, 240)), ("three-quarter", (240, 320)), ("left", (200, 200)), ("bottom", (200, 200))]
 

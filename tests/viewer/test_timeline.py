@@ -11,15 +11,15 @@ import pytest
 
 from faceposer.animation.keyframes import Keyframes
 from faceposer.animation.smoothing import FollowingStopped
+from faceposer.gui.app import App
+from faceposer.gui.features.animation_files.feature import AnimationFiles
+from faceposer.gui.features.timeline.feature import Timeline
+from faceposer.gui.features.trajectories.feature import Following
+from faceposer.gui.settings import Settings
+from faceposer.gui.testing.scripted_user import Position, Robot
 from faceposer.interchange.weights_json import write_weights
 from faceposer.model.face_model import FaceModel
 from faceposer.session.document import read_document
-from faceposer.viewer.animation_files import AnimationFiles
-from faceposer.viewer.app import App
-from faceposer.viewer.following import Following
-from faceposer.viewer.robot import Position, Robot
-from faceposer.viewer.settings import Settings
-from faceposer.viewer.timeline import Timeline
 
 CORNER, BROW = "8.3", "4.1"
 CTRL, SHIFT = frozenset({"ctrl"}), frozenset({"shift"})

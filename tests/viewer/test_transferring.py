@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faceposer.gui.app import App
+from faceposer.gui.features.transfer.feature import Transferring
+from faceposer.gui.settings import Settings
+from faceposer.gui.testing.scripted_user import Robot
 from faceposer.transfer.pairs import DEFAULT_PAIRS, PAPER_PAIRS, pairs_to_json
-from faceposer.viewer.app import App
-from faceposer.viewer.robot import Robot
-from faceposer.viewer.settings import Settings
-from faceposer.viewer.transferring import Transferring
 
 
 @pytest.fixture

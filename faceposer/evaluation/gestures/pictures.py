@@ -14,9 +14,9 @@ from faceposer.evaluation.gestures.hand import Drawn, Performed, place_vertex
 from faceposer.geometry.camera import VIEW_ANGLES, Camera, OrbitView, ViewName
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.model.subject import Subject
-from faceposer.viewer.offscreen import offscreen_context
-from faceposer.viewer.renderer import Renderer
-from faceposer.viewer.targets import ColourTarget
+from faceposer.render.framebuffers import ColourTarget
+from faceposer.render.offscreen import offscreen_context
+from faceposer.render.renderer import Renderer
 
 Array = NDArray[np.float64]
 Colour = tuple[int, int, int]

@@ -1,0 +1,120 @@
+"""The command that makes a face follow trajectories: ``animate``."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from faceposer.cli.arguments import add_contact_option, add_spread, number_between
+from faceposer.cli.progress_line import ProgressLine
+from faceposer.files.atomic import check_apart, check_output
+
+NAME = "animate"
+_FORMATS = (".json", ".csv", ".glb", ".gif", ".mp4")
+_PRIORS = ("regions", "whole", "plain")
+
+
+def add_parser(commands: Any) -> None:
+    """Add the parser of ``animate`` to ``commands``."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        NAME,
+        help="make a face follow the trajectories of a few points",
+        description="Pose a face in every frame so that points of it follow trajectories in a picture or in space, "
+        "smoothly and like a real face (docs/animation.md), and write the animation.",
+    )
+    parser.add_argument("subject", metavar="SUBJECT", help="name or file (.npz) of the face")
+    parser.add_argument("trajectories", type=Path, metavar="TRAJECTORIES", help="file of .csv, .json or .c3d")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="OUT",
+        required=True,
+        help="animation to write: weights (.json; .csv of Live Link Face), .glb, .gif or .mp4",
+    )
+    parser.add_argument("--camera", type=Path, metavar="JSON", help="camera of trajectories in a picture")
+    parser.add_argument("--markers", type=Path, metavar="JSON", help="marker map: where on the face each point is")
+    parser.add_argument("--points", type=_names, metavar="A,B", help="points to follow (default: all)")
+    parser.add_argument(
+        "--keep-jumps", action="store_true", help="also follow positions that jump away for a frame or two"
+    )
+    add_contact_option(parser)
+    parser.add_argument("--rate", type=_rate, metavar="FPS", help="frames per second (default: as the file says)")
+    parser.add_argument(
+        "--smoothness", type=_weight, metavar="W", default=1.0, help="weight of changes of velocity (default: 1)"
+    )
+    parser.add_argument(
+        "--prior-weight", type=_weight, metavar="W", default=1.0, help="weight of the prior (default: 1)"
+    )
+    parser.add_argument(
+        "--prior",
+        choices=_PRIORS,
+        default="regions",
+        help="judge region by region, the face as a whole, or by the mixture as it was learned (default: regions)",
+    )
+    add_spread(parser, "1, for what was recorded from a real face")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Make and write the animation that ``options`` ask for and return the exit status."""
+    check_output(options.output, *_FORMATS)
+    check_apart(options.output, options.subject, options.trajectories, options.camera, options.markers)
+    import numpy as np
+
+    from faceposer.animation.following import follow, residuals
+    from faceposer.animation.trajectory_io import read_camera, read_trajectories
+    from faceposer.geometry.marker_map import read_marker_map
+    from faceposer.interchange.exporting import Look, write
+    from faceposer.session.opening import load_model
+    from faceposer.solve.problem import RECORDED_SPREAD
+
+    model = load_model(options.subject)
+    trajectories = read_trajectories(
+        options.trajectories,
+        model.subject,
+        camera=None if options.camera is None else read_camera(options.camera, model.subject),
+        marker_map=None if options.markers is None else read_marker_map(options.markers),
+        points=options.points,
+        rate=options.rate,
+    )
+    jumps = 0
+    if not options.keep_jumps:
+        trajectories, jumps = trajectories.without_jumps()
+    n_frames = len(trajectories)
+    line = ProgressLine()
+    try:
+        performance = follow(
+            model,
+            trajectories,
+            smoothness=options.smoothness,
+            prior_weight=options.prior_weight,
+            prior=options.prior,
+            spread=RECORDED_SPREAD if options.spread is None else options.spread,
+            on_frame=lambda frame, _pose: line.show(f"Frame {frame + 1} of {n_frames}"),
+        )
+        write(options.output, model, performance, Look(contact=options.contact), line.share)
+    finally:
+        line.clear()
+    off, unit = np.nanmean(residuals(model, trajectories, performance)), "px"
+    if trajectories.camera is None:
+        off, unit = 10.0 * off, "mm"
+    blind = int((~trajectories.seen.any(axis=1)).sum())
+    remarks = f", {blind} of them without any point" if blind else ""
+    remarks += f"; jumps left out: {jumps}" if jumps else ""
+    counted = f"{n_frames} frames at {performance.rate:g} per second"
+    print(f"{options.output} written: {counted}, points {off:.1f} {unit} off on average{remarks}")
+    return 0
+
+
+def _names(text: str) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    if not names:
+        raise argparse.ArgumentTypeError("no point is named")
+    return names
+
+
+def _weight(text: str) -> float:
+    return number_between(text, 0.0, 1e6)
+
+
+def _rate(text: str) -> float:
+    return number_between(text, 1e-3, 1e3)

@@ -1,0 +1,53 @@
+"""Command-line options that several commands share."""
+
+import argparse
+import math
+import re
+
+
+def number_between(text: str, least: float, most: float) -> float:
+    """Return the number ``text``, from ``least`` to ``most``.
+
+    Raises:
+        ArgumentTypeError: If it is none.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not least <= value <= most:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number from {least:g} to {most:g}")
+    return value
+
+
+def add_spread(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add ``--spread`` to ``parser``; its value is None unless given, and ``default`` says what then holds."""
+    parser.add_argument(
+        "--spread",
+        type=lambda text: number_between(text, 0.0, 1.0),
+        metavar="S",
+        help=f"how much of the face follows, from 0 (only what was pulled) to 1 (the whole face) (default: {default})",
+    )
+
+
+def add_contact_option(parser: argparse.ArgumentParser) -> None:
+    """Add ``--no-contact`` to ``parser``."""
+    parser.add_argument(
+        "--no-contact",
+        dest="contact",
+        action="store_false",
+        help="leave out the contact step of meshes and pictures: lids, lips and teeth may lie in each other",
+    )
+
+
+def picture_size(text: str, least: int, most: int, example: str = "960x720") -> tuple[int, int]:
+    """Return the width and height of a picture written as ``WxH``.
+
+    Raises:
+        ArgumentTypeError: If it is none, or a side is not from ``least`` to ``most`` pixels.
+    """
+    match = re.fullmatch(r"(\d{1,5})[xX](\d{1,5})", text)
+    sides = tuple(int(side) for side in match.groups()) if match else ()
+    if len(sides) != 2 or not all(least <= side <= most for side in sides):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a size such as {example}, with sides from {least} to {most}")
+    return (sides[0], sides[1])

@@ -1,0 +1,25 @@
+"""``faceposer demo``: plays a scripted pose through the real program, without a display."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+NAME = "demo"
+
+
+def add_parser(commands: Any) -> None:
+    """Add the parser of ``demo`` to ``commands``."""
+    parser = commands.add_parser(
+        NAME,
+        help="play a scripted pose",
+        description="Play a scripted pose through the real program, without a display, and write what it shows.",
+    )
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder to write into")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the demo's pictures and animation and return the exit status."""
+    from faceposer.gui.testing.demo import run as play
+
+    play(options.output)
+    return 0

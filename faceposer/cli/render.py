@@ -1,0 +1,58 @@
+"""``faceposer render``: draws a character, a session or a mesh as a PNG image."""
+
+import argparse
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from faceposer.cli.arguments import add_contact_option, picture_size
+from faceposer.files.atomic import check_output
+
+NAME = "render"
+_VIEWS = ("front", "three-quarter", "left", "right")
+_MOST_PIXELS = 8192
+
+
+def add_parser(commands: Any) -> None:
+    """Add the parser of ``render`` to ``commands``."""
+    parser = commands.add_parser(
+        "render", help="draw a face", description="Draw a subject, a session or a mesh as PNG."
+    )
+    parser.add_argument("what", metavar="SUBJECT|SESSION|MESH", help="name of a subject, session file or mesh file")
+    parser.add_argument("-o", "--output", type=Path, metavar="OUT.png", required=True, help="picture to write")
+    parser.add_argument("--view", choices=_VIEWS, default="front", help="where to look from (default: front)")
+    parser.add_argument(
+        "--size",
+        type=partial(picture_size, least=1, most=_MOST_PIXELS),
+        metavar="WxH",
+        default=(960, 960),
+        help="pixels (default: 960x960)",
+    )
+    add_contact_option(parser)
+    parser.add_argument(
+        "--no-expression-lines", action="store_true", help="leave out the lines that a pose makes in the skin"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the picture and return the exit status."""
+    check_output(options.output, ".png")
+    from faceposer.geometry.mesh_io import MESH_SUFFIXES
+
+    if Path(options.what).suffix.lower() in MESH_SUFFIXES:
+        from faceposer.geometry.camera import OrbitView
+        from faceposer.geometry.mesh_io import read_mesh
+        from faceposer.render.images import write_png
+        from faceposer.render.offscreen import render_mesh
+
+        mesh = read_mesh(Path(options.what))
+        view = OrbitView.preset(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0), options.view)
+        write_png(options.output, render_mesh(mesh.vertices, mesh.triangles(), view.camera(options.size)))
+    else:
+        from faceposer.api import load
+
+        face = load(options.what)
+        face.contact = face.contact and options.contact
+        face.render(options.output, options.view, options.size, expression_lines=not options.no_expression_lines)
+    print(f"{options.output} written")
+    return 0

@@ -1,0 +1,51 @@
+"""``faceposer solve``: poses the face of a session file without a window."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from faceposer.cli.arguments import add_contact_option, add_spread
+from faceposer.errors import FacePoserError
+from faceposer.files.atomic import check_apart, check_output
+
+NAME = "solve"
+
+
+def add_parser(commands: Any) -> None:
+    """Add the parser of ``solve`` to ``commands``."""
+    parser = commands.add_parser(
+        "solve", help="pose a session's face", description="Solve a session and write the face."
+    )
+    parser.add_argument("session", type=Path, metavar="SESSION", help="session file (docs/session-format.md)")
+    parser.add_argument("-o", "--output", type=Path, metavar="OUT.obj", required=True, help="posed mesh to write")
+    parser.add_argument("--report", type=Path, metavar="R.json", help="also write energy, residuals and ARKit weights")
+    add_spread(parser, "as the session has it")
+    add_contact_option(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Solve the session, write the posed mesh and return the exit status."""
+    check_output(options.output, ".obj")
+    if options.report is not None:
+        check_output(options.report, ".json")
+        check_apart(options.report, options.session)
+    from faceposer.api import load
+    from faceposer.session.document import write_text
+    from faceposer.session.report import solve_report
+
+    if options.session.suffix.lower() != ".json":
+        raise FacePoserError(f"'{options.session}' is no session file; give one that ends in '.json'.")
+    face = load(options.session)
+    if options.spread is not None:
+        face.spread = options.spread
+    face.contact = face.contact and options.contact
+    solution = face.solve()
+    face.save(options.output)
+    if options.report is not None:
+        report = solve_report(face.model, face.session.document, solution)
+        write_text(options.report, json.dumps(report, indent=1) + "\n", "report")
+    for i, (constraint, residual) in enumerate(zip(face.constraints, solution.residuals_px, strict=True)):
+        print(f"constraint {i} ({constraint.kind}): {residual:.2f} px off")
+    print(f"{options.output} written, {solution.seconds * 1e3:.1f} ms, energy {solution.energy:.4g}")
+    return 0

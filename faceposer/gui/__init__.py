@@ -1,0 +1,1 @@
+"""The window: the frame loop, input, and the packages of widgets, panels, overlays and features."""

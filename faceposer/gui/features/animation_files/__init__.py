@@ -1,0 +1,1 @@
+"""Animations and trajectories read from files, and key reduction."""

@@ -1,0 +1,1 @@
+"""Export to, and import of poses from, files of other programs."""

@@ -1,0 +1,283 @@
+"""The guided pose on the screen: a card in a corner of the view, and a ring on the face where to press."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from imgui_bundle import ImVec2, ImVec4, imgui
+
+from faceposer.gui.actions import Actions
+from faceposer.gui.features.guide.steps import LAST_WORDS, STEPS, Guide, Seen, Step, places_of
+from faceposer.gui.settings import Settings
+from faceposer.gui.viewport import Pixel, Viewport
+from faceposer.gui.widgets.basic import Rectangle, caption, tooltip
+from faceposer.gui.widgets.theme import ACCENT, EDGE, FAINT, Icon, em, u32
+
+if TYPE_CHECKING:
+    from faceposer.gui.app import App
+
+_WIDTH, _HEIGHT, _MARGIN = 18.0, 16.0, 0.9
+_WHITE = (1.0, 1.0, 1.0, 1.0)
+# Pixels at normal density.
+_RING, _ARROW = 13.0, 34.0
+# Every so many vertices tell where the head is.
+_STRIDE = 7
+_FLAGS = (
+    imgui.WindowFlags_.no_title_bar
+    | imgui.WindowFlags_.no_resize
+    | imgui.WindowFlags_.no_move
+    | imgui.WindowFlags_.no_scrollbar
+    | imgui.WindowFlags_.no_scroll_with_mouse
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_focus_on_appearing
+    | imgui.WindowFlags_.no_nav
+)
+
+
+class GuideCard:
+    """Shows the guided pose on the first start, and whenever the user asks for it."""
+
+    def __init__(self, settings: Settings) -> None:
+        """Begin it if ``settings`` know of no earlier start."""
+        self._settings = settings
+        self._guide: Guide | None = None if settings.welcome_done else Guide()
+        self._key: object = None
+        self._rectangle: Rectangle | None = None
+        self._height = 0.0
+
+    @property
+    def shown(self) -> bool:
+        """Whether it is under way."""
+        return self._guide is not None
+
+    @property
+    def step(self) -> Step | None:
+        """What the user is to try now, if anything."""
+        return self._guide.current if self._guide is not None else None
+
+    def show(self) -> None:
+        """Begin it anew."""
+        self._guide, self._key = Guide(), None
+
+    def dismiss(self) -> None:
+        """Put it away."""
+        self._guide = self._rectangle = None
+
+    def contains(self, position: Pixel) -> bool:
+        """Whether a position in the window lies on the card."""
+        if self._rectangle is None:
+            return False
+        left, top, right, bottom = self._rectangle
+        return left <= position[0] < right and top <= position[1] < bottom
+
+    def follow(self, app: "App") -> None:
+        """See what the user has done."""
+        session = app.session
+        if self._guide is None or app.busy or session.solving:
+            return
+        key = (session, session.revision, app.viewport.view, app.files.meshes_saved)
+        if key == self._key:
+            return
+        self._key = key
+        heights, held = places_of(session)
+        direction = (app.viewport.view.yaw, app.viewport.view.pitch)
+        if self._guide.follow(Seen(session, heights, held, direction, session.can_redo, app.files.meshes_saved)):
+            app.redraw()
+
+    def draw(self, app: "App") -> None:
+        """Draw card and ring."""
+        self._rectangle = None
+        if self._guide is None:
+            return
+        self._settings.welcome_done = True
+        viewport = app.viewport
+        width = min(em(_WIDTH), viewport.size[0] - 2.0 * em(_MARGIN))
+        left, top = viewport.origin[0] + em(_MARGIN), viewport.origin[1] + em(_MARGIN)
+        height = self._height or em(_HEIGHT)
+        head = viewport.camera.project(app.scene.vertices[::_STRIDE]) + viewport.origin
+        if _is_free(head, (left, top, left + width, top + height), em(0.6)):
+            self._draw_card(app, (left, top), width)
+        elif not app.notice:
+            self._draw_strip(app)
+        if self._guide is not None and not (app.toolbox.active or app.comparing or app.covered):
+            self._draw_ring(app, head)
+
+    def _begin(self, position: Pixel, size: Pixel) -> None:
+        imgui.set_next_window_pos(ImVec2(*position))
+        imgui.set_next_window_size(ImVec2(*size))
+        imgui.push_style_color(imgui.Col_.window_bg, ImVec4(0.145, 0.150, 0.163, 0.96))
+        imgui.push_style_var(imgui.StyleVar_.window_rounding, em(0.4))
+        imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
+        imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(em(0.9), em(0.65)))
+        imgui.push_style_var(imgui.StyleVar_.window_min_size, ImVec2(1.0, 1.0))
+        imgui.begin("##guide", None, _FLAGS)
+        imgui.pop_style_var(4)
+        imgui.pop_style_color()
+        corner, extent = imgui.get_window_pos(), imgui.get_window_size()
+        self._rectangle = (corner.x, corner.y, corner.x + extent.x, corner.y + extent.y)
+
+    def _draw_card(self, app: "App", position: Pixel, width: float) -> None:
+        """Draw all steps, the present one with how it is done."""
+        guide = self._guide
+        assert guide is not None
+        self._begin(position, (width, self._height or em(_HEIGHT)))
+        imgui.push_font(app.gui.fonts.bold, 0.0)
+        imgui.text_unformatted("Your first pose")
+        imgui.pop_font()
+        imgui.same_line()
+        closed = self._close_button(app)
+        imgui.dummy(ImVec2(0.0, em(0.05)))
+        for number, step in enumerate(STEPS, 1):
+            _draw_step(app, number, step, step.name in guide.done, step is guide.current)
+        if guide.current is None:
+            imgui.dummy(ImVec2(0.0, em(0.1)))
+            imgui.text_wrapped(_with_keys(LAST_WORDS, app.actions))
+        label = "Skip" if guide.current is not None else "Close"
+        imgui.dummy(ImVec2(0.0, em(0.1)))
+        across = imgui.calc_text_size(label).x + 2.0 * imgui.get_style().frame_padding.x
+        imgui.set_cursor_pos_x(imgui.get_window_width() - em(0.9) - across)
+        closed = imgui.button(f"{label}##guide") or closed
+        app.marks.note("guide:skip")
+        if guide.current is not None:
+            tooltip("Put this away; Help > Guided pose brings it back  (Esc)")
+        self._height = imgui.get_cursor_pos_y() - imgui.get_style().item_spacing.y + em(0.65)
+        imgui.end()
+        if closed:
+            self.dismiss()
+            app.redraw()
+
+    def _draw_strip(self, app: "App") -> None:
+        """Draw the present step as one line at the bottom of the view, where the face leaves no room for the card."""
+        guide, viewport = self._guide, app.viewport
+        assert guide is not None
+        step = guide.current
+        text = _with_keys(LAST_WORDS, app.actions) if step is None else _with_keys(step.title, app.actions)
+        count = "" if step is None else f"{STEPS.index(step) + 1}/{len(STEPS)}"
+        margin = em(0.5)
+        room = viewport.size[0] - 2.0 * margin
+        lead = imgui.calc_text_size(count).x + em(0.6) if count else 0.0
+        wrap = room - em(1.8) - em(1.6) - lead
+        extent = imgui.calc_text_size(text, wrap_width=wrap)
+        width = min(lead + extent.x + em(1.8) + em(1.8), room)
+        height = extent.y + em(1.3)
+        left = viewport.origin[0] + round((viewport.size[0] - width) / 2.0)
+        top = viewport.origin[1] + viewport.size[1] - margin - height
+        self._begin((left, top), (width, height))
+        if count:
+            imgui.text_colored(ACCENT, count)
+            imgui.same_line(0.0, em(0.6))
+        imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + wrap + 1.0)
+        imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()
+        if step is not None:
+            tooltip(_with_keys(step.text, app.actions))
+        imgui.same_line()
+        closed = self._close_button(app)
+        imgui.end()
+        if closed:
+            self.dismiss()
+            app.redraw()
+
+    def _close_button(self, app: "App") -> bool:
+        """Draw an x at the right end of the line."""
+        side = em(1.3)
+        imgui.set_cursor_pos(ImVec2(imgui.get_window_width() - side - em(0.45), imgui.get_cursor_pos_y() - em(0.15)))
+        imgui.push_style_color(imgui.Col_.button, ImVec4(0.0, 0.0, 0.0, 0.0))
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0.0, 0.0))
+        pressed = imgui.button(f"{Icon.CLOSE}##guide", ImVec2(side, side))
+        imgui.pop_style_var()
+        imgui.pop_style_color()
+        app.marks.note("guide:close")
+        tooltip("Put this away; Help > Guided pose brings it back  (Esc)")
+        return pressed
+
+    def _draw_ring(self, app: "App", head: np.ndarray) -> None:
+        """Show where to press and which way to drag, on the view itself."""
+        step = self.step
+        aim = None if step is None else _aim(app, step, head)
+        if aim is None or self.contains(aim[0]):
+            return
+        imgui.begin("##view")
+        draw, scale = imgui.get_window_draw_list(), app.viewport.ui_scale
+        for colour, thickness in ((u32(EDGE, 0.65), 4.5 * scale), (u32(_WHITE, 0.95), 2.0 * scale)):
+            draw.add_circle(aim[0], _RING * scale, colour, 0, thickness)
+            _draw_arrow(draw, aim[0], aim[1], scale, colour, thickness)
+        imgui.end()
+
+
+def _is_free(head: np.ndarray, rectangle: Rectangle, margin: float) -> bool:
+    """Whether none of the pixels ``head``, shape (n, 2), lies in ``rectangle`` or within ``margin`` of it."""
+    low = np.array(rectangle[:2]) - margin
+    high = np.array(rectangle[2:]) + margin
+    return not bool(((head > low) & (head < high)).all(axis=1).any())
+
+
+def _draw_step(app: "App", number: int, step: Step, done: bool, current: bool) -> None:
+    left, title = imgui.get_cursor_pos_x(), _with_keys(step.title, app.actions)
+    if done:
+        imgui.text_colored(ACCENT, Icon.CHECK)
+    else:
+        imgui.text_colored(ACCENT if current else FAINT, str(number))
+    imgui.same_line(left + em(1.5))
+    if current:
+        imgui.text_unformatted(title)
+        imgui.set_cursor_pos(ImVec2(left + em(1.5), imgui.get_cursor_pos_y() - em(0.2)))
+        imgui.begin_group()
+        caption(_with_keys(step.text, app.actions))
+        imgui.end_group()
+    else:
+        imgui.text_colored(FAINT, title)
+
+
+def _with_keys(text: str, actions: Actions) -> str:
+    """Return ``text`` with the keys of the actions that it names."""
+    for action in actions:
+        text = text.replace(f"{{{action.name}}}", action.shortcut)
+    return text
+
+
+def _aim(app: "App", step: Step, head: np.ndarray) -> tuple[Pixel, Pixel | None] | None:
+    """Return where in the window to press and the direction in which to drag, unit length, if they can be seen."""
+    viewport = app.viewport
+    if step.name == "orbit":
+        return _beside(viewport, head)
+    vertex = app.session.model.subject.feature_points.get(step.place)
+    if vertex is None:
+        return None
+    camera, position = viewport.camera, app.scene.vertices[vertex].astype(np.float64)
+    tip = position + np.array([*step.pull, 0.0])
+    begin, end = camera.project(np.stack([position, tip]))
+    if app.scene.occluded(camera, position[None])[0]:
+        return None
+    place = (float(begin[0]) + viewport.origin[0], float(begin[1]) + viewport.origin[1])
+    length = float(np.hypot(*(end - begin)))
+    if not viewport.contains(place):
+        return None
+    across, down = ((end - begin) / max(length, 1e-9)).tolist()
+    return place, (across, down) if length > 1.0 else None
+
+
+def _beside(viewport: Viewport, head: np.ndarray) -> tuple[Pixel, Pixel | None] | None:
+    """Return a place beside the head, at the height of the mouth, if there is room."""
+    scale = viewport.ui_scale
+    edge = viewport.origin[0] + viewport.size[0]
+    side = float(head[:, 0].max())
+    room = edge - side
+    if room < 4.0 * _RING * scale:
+        return None
+    y = viewport.origin[1] + 0.45 * viewport.size[1]
+    return (side + min(0.35 * room, 6.0 * _RING * scale), y), (1.0, 0.0)
+
+
+def _draw_arrow(
+    draw: imgui.ImDrawList, center: Pixel, direction: Pixel | None, scale: float, colour: int, thickness: float
+) -> None:
+    """Draw a short arrow from the ring around ``center``."""
+    if direction is None:
+        return
+    (x, y), (dx, dy) = center, direction
+    begin, end = (_RING + 5.0) * scale, (_RING + _ARROW) * scale
+    tip = (x + end * dx, y + end * dy)
+    draw.add_line((x + begin * dx, y + begin * dy), tip, colour, thickness)
+    back, out = 7.0 * scale, 5.0 * scale
+    for side in (-out, out):
+        draw.add_line(tip, (tip[0] - back * dx + side * dy, tip[1] - back * dy - side * dx), colour, thickness)

@@ -1,0 +1,1 @@
+"""Custom characters made from files."""

@@ -1,0 +1,383 @@
+"""The dialog that makes a character of one's own: what to learn from, how far it is, and what was learned."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from imgui_bundle import imgui
+
+from faceposer.geometry.mesh_io import MESH_SUFFIXES
+from faceposer.gui.features.import_character.feature import ImportForm
+from faceposer.gui.features.import_character.summary import draw_summary
+from faceposer.gui.settings import last_folder
+from faceposer.gui.widgets.basic import Marks, caption, choice, tooltip
+from faceposer.gui.widgets.file_dialogs import FileRequest, Purpose
+from faceposer.gui.widgets.theme import ACCENT_DARK, BAD, Fonts, Icon, em
+
+if TYPE_CHECKING:
+    from faceposer.gui.app import App
+    from faceposer.training.kinds import Kind
+
+_WIDTH, _LABEL = 44.0, 8.4
+_KINDS: tuple["Kind", ...] = ("rig", "examples", "markers")
+_KIND_LABELS = ("Rig", "Examples", "Markers")
+_KIND_TIPS = (
+    "A glTF file (.glb, .gltf, .vrm) or a folder with a mesh for each of ARKit's shapes",
+    "A folder or an .npz file of meshes with the same vertices and faces, one of them neutral",
+    "The motion of markers on a performer's face (.c3d, .csv), and a map that says where each is",
+)
+_KIND_WORDS = (
+    "A face with ARKit's shapes: .glb, .gltf, .vrm, or a folder with a mesh for each shape. It is taken over as it is.",
+    "Meshes of one face in different expressions: a folder, or an .npz. How they differ becomes what can be posed.",
+    "Motion of markers on a face: .c3d or .csv. It moves a scan, and the character is learned from that.",
+)
+_REGIONS = ("face", "whole", "parts")
+_REGION_LABELS = ("Parts of a face", "The whole", "By motion")
+_REGION_TIPS = (
+    "Brows, eyes and mouth move by themselves.",
+    "All moves together, as in the paper of 2009.",
+    "What moves together in the examples belongs together.",
+)
+_NUMBERS = (
+    ("dimensions", "Dimensions", 500, "Number of modes; 0: as many as the energy asks for"),
+    ("components", "Components", 500, "Number of factor analyzers of the prior; 0: chosen by data left out"),
+    ("factors", "Factors", 500, "Number of factors of each; 0: chosen by data left out"),
+)
+# Suffixes of what a field takes, and how such files are called.
+_MESHES = ("Meshes", MESH_SUFFIXES)
+_SOURCES = {
+    "rig": ("Rigs", (".glb", ".gltf", ".vrm")),
+    "examples": ("Arrays of meshes", (".npz",)),
+    "markers": ("Motion of markers", (".c3d", ".csv")),
+}
+
+
+class ImportDialog:
+    """Draws the pages of the dialog."""
+
+    def draw(self, app: "App", draw_above: Callable[[], None]) -> None:
+        """Draw the page that is shown; ``draw_above`` draws the dialogs that lie over it."""
+        importing = app.importing
+        name = "##import"
+        if not imgui.is_popup_open(name):
+            imgui.open_popup(name)
+        view = imgui.get_main_viewport()
+        width = min(em(_WIDTH), view.size.x - em(1))
+        imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
+        imgui.set_next_window_size_constraints((width, 0.0), (width, view.size.y))
+        imgui.push_style_var(imgui.StyleVar_.window_padding, (em(1.4), em(1.2)))
+        flags = (
+            imgui.WindowFlags_.no_title_bar
+            | imgui.WindowFlags_.no_resize
+            | imgui.WindowFlags_.no_move
+            | imgui.WindowFlags_.always_auto_resize
+            | imgui.WindowFlags_.no_scrollbar
+            | imgui.WindowFlags_.no_saved_settings
+        )
+        shown = imgui.begin_popup_modal(name, None, flags)[0]
+        imgui.pop_style_var()
+        if not shown:
+            draw_above()
+            return
+        # Keys are those of the dialog above, if there is one.
+        alone = not (app.dialogs.open or app.file_dialogs.open or imgui.is_window_appearing())
+        {"form": self._form, "running": self._running, "summary": self._summary}[importing.page](app, alone)
+        if not importing.open:
+            imgui.close_current_popup()
+        draw_above()
+        imgui.end_popup()
+
+    # What to learn from
+
+    def _form(self, app: "App", alone: bool) -> None:
+        importing, form, marks = app.importing, app.importing.form, app.marks
+        _title(app.gui.fonts, "Import a character")
+        error_height = 0.0
+        if importing.error:
+            # As much narrower than the dialog as the icon before it is wide, and a little more.
+            wrap = imgui.get_content_region_avail().x - em(2.2)
+            text_height = imgui.calc_text_size(importing.error, wrap_width=wrap).y
+            error_height = text_height + em(0.1) + 2.0 * imgui.get_style().item_spacing.y
+        _begin_body(error_height)
+        self._draw_source(app)
+        kind = _KINDS.index(form.kind)
+        _label("Kind")
+        form.kind = _KINDS[choice(marks, "import:kind", _KIND_LABELS, kind, _KIND_TIPS)]
+        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + em(_LABEL))
+        caption(_KIND_WORDS[_KINDS.index(form.kind)])
+        if form.kind == "rig":
+            self._draw_captures(app)
+        if form.kind == "markers":
+            tip = "JSON file that says where on the scan each marker is (docs/training.md)"
+            form.marker_map = _path_row(app, "marker_map", "Map", form.marker_map, tip, ("Maps", (".json",)))
+            tip = "What the markers move: a mesh, a subject file, or the name of a subject"
+            form.scan = _path_row(app, "scan", "Scan", form.scan, tip, ("Scans", (*MESH_SUFFIXES, ".npz")))
+        if form.takes_neutral:
+            tip = "The relaxed face, if no file is called neutral, rest or base"
+            form.neutral = _path_row(app, "neutral", "Neutral", form.neutral, tip, _MESHES, "found by its name")
+        if form.kind != "rig":
+            self._draw_regions(marks, form)
+        imgui.dummy((0.0, em(0.1)))
+        form.title = _text_row(marks, "title", "Title", form.title, "How the character is called in the window")
+        tip = "The subject file that is written; open it like a session"
+        form.output = _path_row(app, "output", "Save as", form.output, tip, ("Subjects", (".npz",)), purpose="save")
+        opened = imgui.tree_node("Advanced")
+        marks.note("import:advanced")
+        if opened:
+            self._draw_advanced(marks, form)
+            imgui.tree_pop()
+        imgui.end_child()
+        if importing.error:
+            _sentence(BAD, importing.error)
+        pressed = _foot(marks, (("start", "Import"), ("cancel", "Cancel")))
+        typing = imgui.get_io().want_text_input
+        if alone and imgui.is_key_pressed(imgui.Key.escape, False) and not typing:
+            pressed = "cancel"
+        if alone and (_enter() and bool(form.source.strip())):
+            pressed = "start"
+        if pressed == "cancel":
+            importing.close()
+        elif pressed == "start":
+            importing.start()
+
+    def _draw_source(self, app: "App") -> None:
+        importing = app.importing
+        tip = "What to learn from; it can also be dropped here, or pasted as a path"
+        every = tuple(suffix for _, suffixes in _SOURCES.values() for suffix in suffixes)
+        if imgui.is_window_appearing() and not importing.form.source:
+            imgui.set_keyboard_focus_here()
+        source = _path_row(
+            app,
+            "source",
+            "Learn from",
+            importing.form.source,
+            tip,
+            ("Rigs, arrays and motions", every),
+            "a file or a folder",
+            folder=True,
+            done=importing.set_source,
+        )
+        importing.set_source(source)
+
+    def _draw_captures(self, app: "App") -> None:
+        """Draw the performances, each with a button that takes it out, and one that adds another."""
+        form, marks = app.importing.form, app.marks
+
+        def add(path: Path) -> None:
+            if str(path) not in form.captures:
+                form.captures.append(str(path))
+
+        _label("Performances")
+        for i, path in enumerate(list(form.captures)):
+            if i:
+                _label("")
+            if imgui.button(f"{Icon.CLOSE}##capture{i}", (em(1.9), 0.0)):
+                form.captures.remove(path)
+            marks.note(f"import:capture:{i}:remove")
+            tooltip("Do not learn from it")
+            imgui.same_line()
+            imgui.text_unformatted(Path(path).name)
+            tooltip(path)
+        if form.captures:
+            _label("")
+        if imgui.button("Add..."):
+            app.dialogs_ask(
+                FileRequest("open", "A performance", "Performances", (".csv", ".txt"), _start(app, form.source), add)
+            )
+        marks.note("import:capture:add")
+        tooltip("Recordings of ARKit's weights by Live Link Face or Face Cap, from which the prior is learned")
+        if not form.captures:
+            imgui.same_line()
+            caption("none: natural expressions as the program knows them")
+
+    def _draw_regions(self, marks: Marks, form: ImportForm) -> None:
+        _label("Regions")
+        chosen = choice(marks, "import:regions", _REGION_LABELS, _REGIONS.index(form.regions), _REGION_TIPS)
+        form.regions = _REGIONS[chosen]  # type: ignore[assignment]
+        if form.regions == "parts":
+            _label("")
+            imgui.set_next_item_width(-1.0)
+            _, form.n_parts = imgui.slider_int(
+                "##parts", form.n_parts, 2, 12, "%d regions", imgui.SliderFlags_.always_clamp.value
+            )
+            marks.note("import:parts")
+
+    def _draw_advanced(self, marks: Marks, form: ImportForm) -> None:
+        for key, label, most, tip in _NUMBERS:
+            if key == "dimensions" and form.kind == "rig":
+                continue
+            value = getattr(form, key)
+            _label(label, em(_LABEL) - imgui.get_style().indent_spacing)
+            imgui.set_next_item_width(em(8))
+            _, value = imgui.input_int(f"##{key}", value)
+            marks.note(f"import:{key}")
+            tooltip(tip)
+            setattr(form, key, min(max(value, 0), most))
+            if not value:
+                imgui.same_line()
+                imgui.text_disabled("chosen by the data")
+        _label("Credits", em(_LABEL) - imgui.get_style().indent_spacing)
+        imgui.set_next_item_width(-1.0)
+        _, form.credits = imgui.input_text_with_hint("##credits", "where it comes from, and its licence", form.credits)
+        marks.note("import:credits")
+
+    # How far it is
+
+    def _running(self, app: "App", _alone: bool) -> None:
+        training = app.importing.training
+        assert training is not None
+        _title(app.gui.fonts, f"Learning {training.output.stem}")
+        imgui.text_unformatted("Stopping..." if training.stopping else f"{training.stage}...")
+        moving = -0.35 * imgui.get_time()
+        share = min(training.share, 1.0) if training.share > 0.0 else moving
+        text = f"{100.0 * training.share:.0f} %" if training.share > 0.0 else ""
+        imgui.push_style_color(imgui.Col_.plot_histogram, ACCENT_DARK)
+        imgui.progress_bar(share, (-1.0, em(1.5)), text)
+        imgui.pop_style_color()
+        app.marks.note("import:progress")
+        caption("With many meshes this takes minutes. Nothing is written before it is done.")
+        imgui.dummy((0.0, em(0.4)))
+        imgui.begin_disabled(training.stopping)
+        if _foot(app.marks, (("stop", "Cancel"),), lit=False) == "stop":
+            app.importing.stop()
+        imgui.end_disabled()
+
+    # What was learned
+
+    def _summary(self, app: "App", alone: bool) -> None:
+        importing = app.importing
+        assert importing.about is not None
+        _begin_body()
+        draw_summary(app.gui.fonts, importing.about)
+        imgui.end_child()
+        pressed = _foot(app.marks, (("open", "Open"), ("close", "Close")))
+        if alone and _enter():
+            pressed = "open"
+        if alone and imgui.is_key_pressed(imgui.Key.escape, False):
+            pressed = "close"
+        if pressed == "open":
+            importing.open_learned()
+        elif pressed == "close":
+            importing.close()
+
+
+def _title(fonts: Fonts, text: str) -> None:
+    imgui.push_font(fonts.bold, 0.0)
+    imgui.text_unformatted(text)
+    imgui.pop_font()
+    imgui.dummy((0.0, em(0.2)))
+
+
+def _begin_body(below: float = 0.0) -> None:
+    """Begin what scrolls where the window has no room for it, above the buttons and ``below`` more."""
+    foot = imgui.get_frame_height() + em(0.3) + 3.0 * imgui.get_style().item_spacing.y + below
+    # Dear ImGui lets a window that fits its content grow no further.
+    room = imgui.get_main_viewport().work_size.y - 2.0 * imgui.get_style().display_safe_area_padding.y
+    most = room - imgui.get_cursor_pos_y() - foot - em(1.25)
+    width = imgui.get_content_region_avail().x
+    imgui.set_next_window_size_constraints((width, em(3)), (width, max(most, em(3))))
+    imgui.begin_child("##body", (width, 0.0), imgui.ChildFlags_.auto_resize_y.value)
+
+
+def _label(text: str, width: float | None = None) -> None:
+    left = imgui.get_cursor_pos_x()
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted(text)
+    imgui.same_line(left + (em(_LABEL) if width is None else width))
+
+
+def _text_row(marks: Marks, key: str, label: str, value: str, tip: str) -> str:
+    _label(label)
+    imgui.set_next_item_width(-1.0)
+    _, value = imgui.input_text(f"##{key}", value, imgui.InputTextFlags_.auto_select_all.value)
+    marks.note(f"import:{key}")
+    tooltip(tip)
+    return value
+
+
+def _path_row(
+    app: "App",
+    key: str,
+    label: str,
+    value: str,
+    tip: str,
+    files: tuple[str, tuple[str, ...]],
+    hint: str = "",
+    purpose: Purpose = "open",
+    folder: bool = False,
+    done: Callable[[str], None] | None = None,
+) -> str:
+    """Draw a field for a path, with buttons that choose a file or, with ``folder``, a folder; return what it holds.
+
+    What is chosen goes to ``done``, or else into the form's field of this name.
+    """
+    form = app.importing.form
+
+    def take(path: Path) -> None:
+        if done is None:
+            setattr(form, key, str(path))
+        else:
+            done(str(path))
+
+    _label(label)
+    side, gap = em(2.2), imgui.get_style().item_inner_spacing.x
+    count = 1 + folder
+    imgui.set_next_item_width(-(count * (side + gap)))
+    _, value = imgui.input_text_with_hint(f"##{key}", hint, value, imgui.InputTextFlags_.auto_select_all.value)
+    app.marks.note(f"import:{key}")
+    tooltip(f"{tip}\n{value}" if value else tip)
+    imgui.same_line(0.0, gap)
+    if imgui.button(f"{Icon.FILE}##{key}", (side, 0.0)):
+        app.dialogs_ask(FileRequest(purpose, label, *files, _start(app, value or form.source, purpose), take))
+    app.marks.note(f"import:{key}:file")
+    tooltip("Choose a file" if purpose == "open" else "Choose where")
+    if folder:
+        imgui.same_line(0.0, gap)
+        if imgui.button(f"{Icon.FOLDER}##{key}", (side, 0.0)):
+            app.dialogs_ask(FileRequest("folder", label, *files, _start(app, value), take))
+        app.marks.note(f"import:{key}:folder")
+        tooltip("Choose a folder")
+    return value
+
+
+def _start(app: "App", near: str, purpose: Purpose = "open") -> Path:
+    """Return where a file dialog begins: at what is in the field, or where the last one was."""
+    path = Path(near.strip()).expanduser() if near.strip() else None
+    if path is not None and path.parent.is_dir():
+        return path if purpose == "save" else path.parent
+    return last_folder(app.settings)
+
+
+def _sentence(colour: tuple[float, float, float, float], text: str) -> None:
+    imgui.dummy((0.0, em(0.1)))
+    imgui.text_colored(colour, Icon.WARNING)
+    imgui.same_line()
+    imgui.push_text_wrap_pos(0.0)
+    imgui.push_style_color(imgui.Col_.text, colour)
+    imgui.text_unformatted(text)
+    imgui.pop_style_color()
+    imgui.pop_text_wrap_pos()
+
+
+def _foot(marks: Marks, buttons: tuple[tuple[str, str], ...], lit: bool = True) -> str:
+    """Draw buttons at the right, the first one lit, and return the name of the one that was pressed, or ""."""
+    width, gap = em(6), imgui.get_style().item_spacing.x
+    imgui.dummy((0.0, em(0.3)))
+    room = imgui.get_content_region_avail().x - len(buttons) * width - (len(buttons) - 1) * gap
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(room, 0.0))
+    pressed = ""
+    for i, (name, label) in enumerate(buttons):
+        if i:
+            imgui.same_line()
+        if lit and not i:
+            imgui.push_style_color(imgui.Col_.button, ACCENT_DARK)
+        if imgui.button(f"{label}##foot", (width, 0.0)):
+            pressed = name
+        if lit and not i:
+            imgui.pop_style_color()
+        marks.note(f"import:{name}")
+    return pressed
+
+
+def _enter() -> bool:
+    return imgui.is_key_pressed(imgui.Key.enter, False) or imgui.is_key_pressed(imgui.Key.keypad_enter, False)

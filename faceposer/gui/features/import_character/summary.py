@@ -1,0 +1,151 @@
+"""What was learned of a new character, and how well: a table of facts and three curves."""
+
+from typing import Any
+
+import numpy as np
+from imgui_bundle import imgui, implot
+
+from faceposer.gui.recent_files import shown_path
+from faceposer.gui.widgets.theme import ACCENT, FAINT, TARGET, WARNING, Fonts, Icon, em
+
+_LABEL = 8.4
+_PLOTS = (
+    ("compactness", "Compactness", 1.0, "Share of the energy that so many components have"),
+    (
+        "generalization_cm",
+        "Generalization, mm",
+        10.0,
+        "Distance of expressions that were left out from what so many components can make",
+    ),
+    (
+        "specificity_cm",
+        "Specificity, mm",
+        10.0,
+        "Distance of faces drawn at random from the nearest example",
+    ),
+)
+# Names that are listed before the others are only counted.
+_MANY = 8
+
+
+def draw_summary(fonts: Fonts, about: dict[str, Any]) -> None:
+    """Draw the page for ``about``, the description of a subject (``description_of``) with the "path" of its file."""
+    imgui.text_colored(TARGET, Icon.CHECK)
+    imgui.same_line()
+    imgui.push_font(fonts.bold, 0.0)
+    imgui.text_unformatted(f"{about['title']} is ready")
+    imgui.pop_font()
+    imgui.dummy((0.0, em(0.1)))
+    for label, text in facts_of(about):
+        _row(label, text)
+    for warning in about["summary"].get("warnings", []):
+        _row("Note", warning, WARNING)
+    curves = about["summary"].get("curves")
+    if curves:
+        _draw_curves(curves)
+
+
+def facts_of(about: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return the rows of the table: what is spoken of, and what there is to say."""
+    summary = about["summary"]
+    rows = [
+        ("Saved as", shown_path(about["path"])),
+        ("Mesh", f"{about['file_vertices']:,} vertices, {about['polygons']:,} faces"),
+        ("Parts", _listed([part["name"] for part in about["parts"]])),
+    ]
+    if summary["kind"] == "rig":
+        rows.append(("Shapes", f"{summary['shapes']} of ARKit's 52, {summary['dimensions']} dimensions"))
+        for key, label in (("missing", "Missing"), ("empty", "Empty"), ("not_arkit", "Left out")):
+            if summary[key]:
+                rows.append((label, _listed(summary[key])))
+        if summary["eyes_turned"]:
+            rows.append(("Eyes", f"{_listed(summary['eyes_turned'])}: no shape turned them, now they follow the gaze"))
+        worst = f"; least of {summary['worst']['shape']}, {_percent(1.0 - summary['worst']['unreached'])}"
+        rows.append(("Kept", f"{_percent(summary['kept_energy'])} of the motion"))
+        if summary["worst"]["shape"]:
+            rows[-1] = ("Kept", rows[-1][1] + worst)
+    else:
+        rows.append(("Examples", f"{summary['examples']}, {summary['dimensions']} modes"))
+        if "markers" in summary:
+            marked = summary["markers"]
+            text = (
+                f"{marked['frames']} frames, {marked['frames_left_out']} left out, {marked['gaps_filled']} gaps filled"
+            )
+            rows.append(("Markers", text))
+        rows.append(("Neutral", shown_path(summary["neutral"])))
+        worst_region = summary["worst"]
+        rows.append(
+            (
+                "Kept",
+                f"{_percent(summary['kept_energy'])} of the motion; least of {worst_region['region']}, "
+                f"{_percent(worst_region['kept_energy'])}",
+            )
+        )
+    rows.append(("Prior", _prior(summary["prior"])))
+    curves = summary.get("curves", {})
+    if curves.get("generalization_cm"):
+        met, all_of_it = 10.0 * curves["generalization_cm"][-1], 10.0 * curves["neutral_cm"]
+        rows.append(("Left-out faces", f"met to {met:.2f} mm, where the neutral face is {all_of_it:.2f} mm away"))
+    return rows
+
+
+def _prior(prior: dict[str, Any]) -> str:
+    if "components" not in prior:
+        return f"{prior['from']}"
+    count, factors = prior["components"], prior["factors"]
+    text = f"{count} factor analyzer{'s' if count != 1 else ''} of {factors} factor{'s' if factors != 1 else ''}"
+    text += ", as wished" if prior.get("fixed_by_user") else ", chosen by data left out"
+    if prior.get("takes"):
+        text += "; from " + _listed([f"{take['file']} ({take['frames']} frames)" for take in prior["takes"]])
+    return text
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.1f} %"
+
+
+def _listed(names: list[str]) -> str:
+    rest = len(names) - _MANY
+    return ", ".join(names[:_MANY]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def _row(label: str, text: str, colour: tuple[float, float, float, float] | None = None) -> None:
+    left = imgui.get_cursor_pos_x()
+    imgui.text_colored(colour or FAINT, label)
+    imgui.same_line(left + em(_LABEL))
+    imgui.push_text_wrap_pos(0.0)
+    # What a file is called may have signs that formats would mean something by.
+    imgui.text_unformatted(text)
+    imgui.pop_text_wrap_pos()
+
+
+def _draw_curves(curves: dict[str, Any]) -> None:
+    """Draw the curves side by side, by the number of components."""
+    imgui.dummy((0.0, em(0.3)))
+    shown = [plot for plot in _PLOTS if len(curves.get(plot[0], ())) > 1]
+    if not shown:
+        return
+    gap = imgui.get_style().item_spacing.x
+    width = (imgui.get_content_region_avail().x - gap * (len(shown) - 1)) / len(shown)
+    components = np.asarray(curves["components"], dtype=np.float64)
+    flags = implot.Flags_.no_inputs | implot.Flags_.no_legend | implot.Flags_.no_menus | implot.Flags_.no_mouse_text
+    axis = implot.AxisFlags_.no_highlight | implot.AxisFlags_.no_menus
+    for i, (key, title, factor, tip) in enumerate(shown):
+        if i:
+            imgui.same_line(0.0, gap)
+        imgui.begin_group()
+        imgui.text_colored(FAINT, title)
+        values = factor * np.asarray(curves[key], dtype=np.float64)
+        if implot.begin_plot(f"##{key}", (width, em(9)), flags):
+            implot.setup_axes("components", "", axis, axis)
+            top = 1.05 * max(float(values.max()), 1e-6)
+            implot.setup_axes_limits(0.0, float(components[-1]) + 1.0, 0.0, top, implot.Cond_.always)
+            spec = implot.Spec()
+            spec.line_color = imgui.ImVec4(*ACCENT)
+            spec.line_weight = em(0.12)
+            implot.plot_line(f"##{key}line", components[: len(values)], values, spec=spec)
+            implot.end_plot()
+        imgui.end_group()
+        if imgui.is_item_hovered() and imgui.begin_tooltip():
+            imgui.text_unformatted(tip)
+            imgui.end_tooltip()

@@ -1,0 +1,1 @@
+"""Posing after photos."""

@@ -1,0 +1,235 @@
+"""The tab of photos: which there are, how they lie with the face, their camera and their pins."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from imgui_bundle import ImVec2, ImVec4, imgui
+
+from faceposer.geometry.picture_view import PictureView
+from faceposer.gui.features.photo.overlay import place_title
+from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, heading, tooltip
+from faceposer.gui.widgets.theme import FAINT, INK, WARNING, Icon, em, u32
+from faceposer.photo.aligning import residuals_px
+from faceposer.photo.photo import Photo, Place
+from faceposer.photo.places import ALIGNING, guided
+from faceposer.photo.reading import focal_in_mm, focal_in_pixels
+from faceposer.solve.camera_fit import LEAST_POINTS
+
+if TYPE_CHECKING:
+    from faceposer.gui.app import App
+    from faceposer.gui.features.photo.feature import Photos
+
+_FOCALS_MM = (12.0, 400.0)
+
+
+def draw_photo_tab(photos: "Photos") -> None:
+    """Draw the tab."""
+    app = photos.app
+    action_button(app.marks, app.actions["photo-open"], -1.0, strong=not photos.photos)
+    if not photos.photos:
+        imgui.spacing()
+        caption("Open a photo, or drop one onto the window. From a few pins on it, its camera is found.")
+        caption("Then every tool works over the photo, and the pins can pose the face.")
+        return
+    for i in range(len(photos.photos)):
+        imgui.push_id(i)
+        gone = _draw_row(photos, i)
+        imgui.pop_id()
+        if gone:
+            return
+    photo = photos.photo
+    if photo is None:
+        return
+    if not photos.readable:
+        imgui.push_style_color(imgui.Col_.text, ImVec4(*WARNING))
+        imgui.text_wrapped(f"{Icon.WARNING} Its file cannot be read: {photo.path}")
+        imgui.pop_style_color()
+    _draw_layers(photos, photo)
+    _draw_camera(photos, photo)
+    _draw_pins(photos, photo)
+
+
+def _draw_row(photos: "Photos", index: int) -> bool:
+    """Draw a photo of the list; return whether it was removed."""
+    app, photo = photos.app, photos.photos[index]
+    row = imgui.get_frame_height()
+    begin, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
+    imgui.set_next_item_allow_overlap()
+    corner = imgui.get_cursor_screen_pos()
+    pressed, _ = imgui.selectable("##row", index == photos.active, 0, ImVec2(width, row))
+    baseline = corner.y + (row - imgui.get_font_size()) / 2.0
+    draw = imgui.get_window_draw_list()
+    draw.add_text((corner.x + em(0.3), baseline), u32(INK, 0.75), Icon.PHOTO)
+    draw.push_clip_rect((corner.x, corner.y), (corner.x + width - row, corner.y + row), True)
+    draw.add_text((corner.x + em(1.8), baseline), u32(INK), photo.name)
+    draw.pop_clip_rect()
+    app.marks.note(f"photo:{index}")
+    tooltip(f"{photo.path}\n{photo.size[0]} x {photo.size[1]} pixels, {len(photo.pins)} pins")
+    if pressed and not app.busy:
+        photos.choose(index)
+    imgui.set_cursor_pos(ImVec2(begin.x + width - row, begin.y))
+    imgui.push_style_color(imgui.Col_.button, ImVec4(0.0, 0.0, 0.0, 0.0))
+    removed = imgui.button(Icon.CLOSE, ImVec2(row, row)) and not app.busy
+    imgui.pop_style_color()
+    app.marks.note(f"photo:{index}:delete")
+    tooltip("Take it out of the session; the file stays")
+    if removed:
+        photos.remove(index)
+    return removed
+
+
+def _draw_layers(photos: "Photos", photo: Photo) -> None:
+    app = photos.app
+    heading(app.gui.fonts, "In the view")
+    tips = ("The photo lies behind the face", "The photo lies over the face")
+    front = choice(app.marks, "photo-layer", ("Photo behind", "Photo before"), int(photo.front), tips) == 1
+    if front != photo.front and not app.busy:
+        photos.change(replace(photo, front=front), "Order of photo and face")
+        photo = photos.photo or photo
+    imgui.set_next_item_width(em(9.0))
+    label = "Photo's opacity" if photo.front else "Face's opacity"
+    changed, opacity = imgui.slider_float(f"{label}##photo-opacity", photo.opacity, 0.0, 1.0, "%.2f")
+    app.marks.note("photo-opacity")
+
+    def apply() -> None:
+        photos.change(replace(photo, opacity=min(max(opacity, 0.0), 1.0)), "Opacity of the photo")
+
+    app.slider_edit.follow(app.session, "photo-opacity", "Opacity of the photo", changed, apply)
+    shown = app.actions["photo-shown"]
+    pressed, _ = imgui.checkbox("Show the photo", photo.visible)
+    app.marks.note("photo-shown")
+    tooltip(shown.tooltip)
+    if pressed and shown.enabled():
+        shown.run()
+    view = app.viewport.view
+    if isinstance(view, PictureView):
+        imgui.same_line()
+        pressed, locked = imgui.checkbox("Lock the view", view.locked)
+        app.marks.note("photo-lock")
+        tooltip("Keep the view at the photo's camera: a drag beside the face does not turn it")
+        if pressed:
+            app.viewport.view = replace(view if not locked else view.back(), locked=locked)
+    if not photos.aligned:
+        action_button(app.marks, app.actions["photo-look"], -1.0, strong=True)
+
+
+def _draw_camera(photos: "Photos", photo: Photo) -> None:
+    app = photos.app
+    heading(app.gui.fonts, "Camera")
+    off = residuals_px(photo, app.session.model, app.session.coefficients)
+    count = len(off)
+    if count < LEAST_POINTS:
+        more = LEAST_POINTS - count
+        caption(f"{more} more pin{'s' if more > 1 else ''} until the head turns as in the photo; it is moved already.")
+    else:
+        face = _shown_height(app, photo)
+        mean = float(np.mean(list(off.values())))
+        caption(f"{count} pins, {mean:.1f} px off on average, where the head is {face:.0f} px high.")
+    known = photo.focal is not None
+    focal = photo.focal or (photo.camera.focal if photo.camera is not None else 1.0)
+    pressed, known = imgui.checkbox("Focal length", known)
+    app.marks.note("photo-focal-known")
+    tooltip("On: it is what you say, or what the photo's file says. Off: it is found with the camera, from 6 pins on.")
+    if pressed and not app.busy:
+        photos.realign(focal if known else None)
+    imgui.same_line()
+    imgui.set_next_item_width(-1.0)
+    imgui.begin_disabled(photo.focal is None)
+    millimetres = focal_in_mm(focal, photo.size)
+    flags = imgui.SliderFlags_.logarithmic.value | imgui.SliderFlags_.clamp_on_input.value
+    changed, value = imgui.slider_float("##photo-focal", millimetres, *_FOCALS_MM, "%.0f mm", flags)
+    imgui.end_disabled()
+    app.marks.note("photo-focal")
+    tooltip("As on 35 mm film: portraits are taken at 50 to 135 mm, by phones at about 26 mm")
+
+    def apply() -> None:
+        photos.realign(focal_in_pixels(value, photo.size))
+
+    app.slider_edit.follow(app.session, "photo-focal", "Focal length of the photo", changed, apply)
+
+
+def _shown_height(app: "App", photo: Photo) -> float:
+    subject = app.session.model.subject
+    if photo.camera is None:
+        return 0.0
+    middle = subject.vertices.mean(axis=0)
+    depth = float((photo.camera.rotation @ middle + photo.camera.translation)[2])
+    return photo.camera.focal / depth * subject.height
+
+
+def _draw_pins(photos: "Photos", photo: Photo) -> None:
+    app, tool = photos.app, photos.tool
+    heading(app.gui.fonts, "Pins")
+    width = button_width(2)
+    action_button(app.marks, app.actions["photo-pin"], width, "Set pins")
+    imgui.same_line()
+    action_button(app.marks, app.actions["photo-skip"], width, "Skip")
+    ready = photos.enough and tool.next_place(app.viewport) is None and not _posed(app, photo)
+    action_button(app.marks, app.actions["photo-pose"], -1.0, strong=ready)
+    imgui.spacing()
+    off = residuals_px(photo, app.session.model, app.session.coefficients)
+    order = guided(app.session.model.subject)
+    others = [pin.place for pin in photo.pins if pin.place not in order]
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, 0.0))
+    for title, places in (
+        ("To find the camera", [place for place in order if place in ALIGNING]),
+        ("For the expression", [place for place in order if place not in ALIGNING]),
+        ("More", others),
+    ):
+        if not places:
+            continue
+        caption(title)
+        for place in places:
+            index = photo.pin_of(place)
+            _draw_pin(photos, photo, place, None if index is None else off.get(index))
+        imgui.dummy((0.0, em(0.3)))
+    imgui.pop_style_var()
+    caption("Any other place: with Set pins on, press on the face with Shift, then on the photo.")
+
+
+def _posed(app: "App", photo: Photo) -> bool:
+    """Whether anything was drawn through the photo's camera already."""
+    drawn = (constraint.camera for constraint in app.session.document.constraints)
+    return any(photo.camera is not None and camera is not None and camera.stands_with(photo.camera) for camera in drawn)
+
+
+def _draw_pin(photos: "Photos", photo: Photo, place: Place, off: float | None) -> None:
+    """Draw a place of the face in the list: pinned, next, or not pinned."""
+    app, tool = photos.app, photos.tool
+    index = photo.pin_of(place)
+    row = round(imgui.get_font_size() + em(0.4))
+    begin, corner, width = imgui.get_cursor_pos(), imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+    imgui.push_id(str(place))
+    imgui.set_next_item_allow_overlap()
+    choosing = app.toolbox.chosen is tool
+    lit = choosing and (tool.place == place or (index is not None and tool.selected == index))
+    pressed, _ = imgui.selectable("##pin", lit, 0, ImVec2(width, row))
+    app.marks.note(f"pin:{place}")
+    draw = imgui.get_window_draw_list()
+    state = Icon.CHECK if index is not None else Icon.POINT if choosing and tool.place == place else ""
+    baseline = corner.y + (row - imgui.get_font_size()) / 2.0
+    draw.add_text((corner.x + em(0.1), baseline), u32(FAINT), state)
+    tint = imgui.get_color_u32(imgui.Col_.text) if index is not None or lit else u32(FAINT)
+    draw.add_text((corner.x + em(1.4), baseline), tint, place_title(app, place))
+    if pressed and not app.busy:
+        if index is None:
+            photos.place(place)
+        else:
+            tool.selected = index
+    if index is not None:
+        text = "" if off is None else f"{off:.1f} px"
+        at = corner.x + width - em(1.6) - imgui.calc_text_size(text).x
+        draw.add_text((at, baseline), u32(FAINT), text)
+        imgui.set_cursor_pos(ImVec2(begin.x + width - em(1.3), begin.y))
+        imgui.push_style_color(imgui.Col_.button, ImVec4(0.0, 0.0, 0.0, 0.0))
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0.0, 0.0))
+        if imgui.button(Icon.CLOSE, ImVec2(em(1.3), row)) and not app.busy:
+            photos.look()
+            tool.remove(index, app.viewport)
+        imgui.pop_style_var()
+        imgui.pop_style_color()
+        app.marks.note(f"pin:{place}:delete")
+        tooltip("Remove the pin")
+    imgui.set_cursor_pos(ImVec2(begin.x, begin.y + row))
+    imgui.pop_id()

@@ -1,0 +1,115 @@
+"""The question for the name of a pose."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from imgui_bundle import imgui
+
+from faceposer.errors import FacePoserError
+from faceposer.gui.widgets.basic import lit_button
+from faceposer.gui.widgets.theme import ACCENT_DARK, WARNING, em
+from faceposer.poses.library import PoseExistsError
+from faceposer.poses.pose_file import LONGEST_NAME
+
+if TYPE_CHECKING:
+    from faceposer.gui.app import App
+
+
+class NameDialog:
+    """Asks for the name of a pose; a name that is taken is not taken away without asking."""
+
+    def __init__(self, app: "App") -> None:
+        """Ask in the window of ``app``."""
+        self._app = app
+        self._done: Callable[[str, bool], None] | None = None
+        self._title = self._verb = self._name = self._problem = ""
+        self._exists = False
+
+    @property
+    def open(self) -> bool:
+        """Whether it is shown."""
+        return self._done is not None
+
+    def ask(self, title: str, verb: str, name: str, done: Callable[[str, bool], None]) -> None:
+        """Ask, proposing ``name``, and call ``done`` with what was chosen and whether it may replace another pose.
+
+        ``done`` raises PoseExistsError where it may not but would, and FacePoserError where the name cannot be.
+        """
+        self._title, self._verb, self._name, self._done = title, verb, name, done
+        self._problem, self._exists = "", False
+
+    def draw(self) -> None:
+        """Draw the dialog if it is open."""
+        if self._done is None:
+            return
+        if not imgui.is_popup_open("##pose-name"):
+            imgui.open_popup("##pose-name")
+        imgui.set_next_window_pos(imgui.get_main_viewport().get_center(), imgui.Cond_.always, (0.5, 0.5))
+        imgui.push_style_var(imgui.StyleVar_.window_padding, (em(1.4), em(1.2)))
+        flags = (
+            imgui.WindowFlags_.no_title_bar
+            | imgui.WindowFlags_.no_resize
+            | imgui.WindowFlags_.no_move
+            | imgui.WindowFlags_.always_auto_resize
+            | imgui.WindowFlags_.no_saved_settings
+        )
+        shown = imgui.begin_popup_modal("##pose-name", None, flags)[0]
+        imgui.pop_style_var()
+        if not shown:
+            return
+        self._draw_content()
+        if not self.open:
+            imgui.close_current_popup()
+        imgui.end_popup()
+
+    def _draw_content(self) -> None:
+        app = self._app
+        fresh = imgui.is_window_appearing()
+        imgui.push_font(app.gui.fonts.bold, 0.0)
+        imgui.text_unformatted(self._title)
+        imgui.pop_font()
+        imgui.dummy((0.0, em(0.2)))
+        if fresh:
+            imgui.set_keyboard_focus_here()
+        imgui.set_next_item_width(em(22))
+        before = self._name
+        _, self._name = imgui.input_text_with_hint(
+            "##name", "Name of the pose", self._name, imgui.InputTextFlags_.auto_select_all
+        )
+        app.marks.note("pose-name:name")
+        if self._name != before:
+            self._problem, self._exists = "", False
+        if self._problem:
+            imgui.push_text_wrap_pos(em(23.4))
+            imgui.text_colored(WARNING, self._problem)
+            imgui.pop_text_wrap_pos()
+        imgui.dummy((0.0, em(0.4)))
+        width = em(6.5)
+        left = imgui.get_content_region_avail().x - 2.0 * width - imgui.get_style().item_spacing.x
+        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(left, 0.0))
+        imgui.begin_disabled(not self._name.strip() or len(self._name.strip()) > LONGEST_NAME)
+        accepted = lit_button("Replace" if self._exists else self._verb, True, ACCENT_DARK, width)
+        imgui.end_disabled()
+        app.marks.note("pose-name:accept")
+        imgui.same_line()
+        cancelled = imgui.button("Cancel", (width, 0.0))
+        app.marks.note("pose-name:cancel")
+        if not fresh:
+            entered = any(imgui.is_key_pressed(key, False) for key in (imgui.Key.enter, imgui.Key.keypad_enter))
+            accepted |= entered and bool(self._name.strip()) and not self._exists
+            cancelled |= imgui.is_key_pressed(imgui.Key.escape, False)
+        if cancelled:
+            self._done = None
+        elif accepted:
+            self._accept()
+
+    def _accept(self) -> None:
+        assert self._done is not None
+        try:
+            self._done(self._name.strip(), self._exists)
+        except PoseExistsError:
+            self._problem, self._exists = f"There is a pose '{self._name.strip()}' already.", True
+        except FacePoserError as error:
+            self._problem, self._exists = str(error), False
+        else:
+            self._done = None

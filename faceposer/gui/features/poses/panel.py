@@ -1,0 +1,301 @@
+"""The tab of the poses: pictures to click on, and below them how the pose reaches the face."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal, TypeVar
+
+from imgui_bundle import ImVec2, imgui
+
+from faceposer.gui.widgets.basic import Marks, action_button, button_width, caption, choice, lit_button, tooltip
+from faceposer.gui.widgets.theme import ACCENT, ACCENT_DARK, FAINT, FIELD, INK, RAISED_MORE, WARNING, Icon, em, u32
+from faceposer.poses.applying import GREATEST_STRENGTH, LEAST_STRENGTH, REGIONS, Array, Blend, Region, Side, misfit
+from faceposer.poses.library import Entry
+
+if TYPE_CHECKING:
+    from faceposer.gui.features.poses.feature import PosesFeature
+
+Category = Literal["all", "expression", "viseme", "mine"]
+_Name = TypeVar("_Name", bound=str)
+
+_COLUMNS = 3
+_LEAST_GRID = 9.0
+_CATEGORIES: tuple[tuple[Category, str, str], ...] = (
+    ("all", "All", "All poses"),
+    ("expression", "Expressions", "Poses with the tag expression, such as the six basic expressions"),
+    ("viseme", "Visemes", "Poses with the tag viseme: mouth shapes of speech"),
+    ("mine", "Mine", "The poses that you have saved"),
+)
+_REGION_TIPS = {
+    "brows": "the brows",
+    "eyes": "eyes and lids",
+    "cheeks": "cheeks and nose",
+    "mouth": "mouth, jaw and tongue",
+}
+_SIDES: tuple[tuple[Side, str, str], ...] = (
+    ("both", "Both sides", "The next pose reaches both sides of the face."),
+    (
+        "left",
+        "Left",
+        "The next pose reaches the character's left side alone; what has no side, such as the jaw, stays.",
+    ),
+    (
+        "right",
+        "Right",
+        "The next pose reaches the character's right side alone; what has no side, such as the jaw, stays.",
+    ),
+)
+_BLENDS: tuple[tuple[Blend, str, str], ...] = (
+    ("replace", "Replace", "The pose takes the place of what the face has there."),
+    ("add", "Add", "The pose comes on top of what the face has, as a viseme on a smile."),
+)
+
+
+class PosesPanel:
+    """The content of the tab."""
+
+    def __init__(self, poses: "PosesFeature") -> None:
+        """Show ``poses``."""
+        self._poses = poses
+
+    def draw(self) -> None:
+        """Draw the tab."""
+        poses, app = self._poses, self._poses.app
+        imgui.set_next_item_width(-1.0)
+        _, poses.filter = imgui.input_text_with_hint("##poses-filter", "Find a pose", poses.filter)
+        app.marks.note("poses:filter")
+        poses.category = _choice(app.marks, "poses:category", _CATEGORIES, poses.category, by_text=True)
+        style = imgui.get_style()
+        below = 6 * imgui.get_frame_height_with_spacing() + 2.0 * style.item_spacing.y
+        height = max(imgui.get_content_region_avail().y - below, em(_LEAST_GRID))
+        imgui.begin_child("##poses-grid", ImVec2(0.0, height))
+        self._draw_grid()
+        imgui.end_child()
+        imgui.separator()
+        imgui.begin_disabled(app.toolbox.active or app.features.busy)
+        self._draw_strength()
+        self._draw_reach()
+        imgui.end_disabled()
+        self._draw_buttons()
+
+    # The pictures
+
+    def _draw_grid(self) -> None:
+        entries = self._poses.shown()
+        if not entries:
+            self._draw_empty()
+            return
+        gap = round(em(0.35))
+        # Room for the scroll bar is kept, so that the pictures do not change size when it comes.
+        room = imgui.get_window_width() - imgui.get_style().scrollbar_size
+        side = max(int((room - gap * (_COLUMNS - 1)) / _COLUMNS), 8)
+        imgui.push_style_var(imgui.StyleVar_.item_spacing, (gap, gap))
+        for i, entry in enumerate(entries):
+            if i % _COLUMNS:
+                imgui.same_line()
+            self._draw_cell(entry, side)
+        imgui.pop_style_var()
+
+    def _draw_empty(self) -> None:
+        poses = self._poses
+        imgui.dummy((0.0, em(0.3)))
+        if poses.filter.strip():
+            caption("No pose has this in its name.")
+        elif poses.category == "mine":
+            caption("Nothing here yet. Save pose keeps the face as it is now.")
+        else:
+            caption("The poses that come with the program need the shapes of ARKit, which this face does not have.")
+
+    def _draw_cell(self, entry: Entry, side: int) -> None:
+        poses, app = self._poses, self._poses.app
+        fits = poses.weights(entry) is not None
+        last = poses.application
+        active = last is not None and last.pose == entry.pose
+        imgui.push_id(str(entry.path))
+        low = imgui.get_cursor_screen_pos()
+        size = ImVec2(side, side + imgui.get_text_line_height() + em(0.25))
+        pressed = imgui.invisible_button("cell", size)
+        seen, hovered = imgui.is_item_visible(), imgui.is_item_hovered()
+        app.marks.note(f"pose:{entry.title}")
+        tooltip(self._tip(entry, fits))
+        if seen:
+            self._paint_cell(entry, low, side, fits, active, hovered)
+        if pressed and fits and entry.pose is not None:
+            poses.apply(entry.pose)
+        self._draw_menu(entry, fits)
+        imgui.pop_id()
+
+    def _tip(self, entry: Entry, fits: bool) -> str:
+        if entry.pose is None:
+            return entry.problem
+        if not fits:
+            return misfit(entry.pose, self._poses.app.session.model.subject)
+        return f"{entry.title}. {entry.pose.note}" if entry.pose.note else entry.title
+
+    def _paint_cell(self, entry: Entry, low: ImVec2, side: int, fits: bool, active: bool, hovered: bool) -> None:
+        draw = imgui.get_window_draw_list()
+        high = ImVec2(low.x + side, low.y + side)
+        rounding = em(0.2)
+        texture = self._texture(entry, side, fits)
+        draw.add_rect_filled(low, high, u32(FIELD), rounding)
+        if texture is not None:
+            # The picture of a live pose is drawn with its first row at the top, as a file's is.
+            tint = u32((1.0, 1.0, 1.0, 1.0 if fits else 0.35))
+            draw.add_image_rounded(
+                imgui.ImTextureRef(texture), low, high, ImVec2(0.0, 0.0), ImVec2(1.0, 1.0), tint, rounding
+            )
+        elif entry.pose is None or not fits:
+            text = Icon.WARNING if entry.pose is None else Icon.EYE_OFF
+            extent = imgui.calc_text_size(text)
+            colour = u32(WARNING if entry.pose is None else FAINT)
+            draw.add_text((low.x + 0.5 * (side - extent.x), low.y + 0.5 * (side - extent.y)), colour, text)
+        if active or hovered:
+            thick = max(round(em(0.13)), 1) if active else max(round(em(0.07)), 1)
+            draw.add_rect(low, high, u32(ACCENT if active else RAISED_MORE), rounding, thickness=thick)
+        name = shortened(entry.title, side)
+        across = imgui.calc_text_size(name).x
+        colour = u32(INK if active or hovered else FAINT, 1.0 if fits else 0.6)
+        draw.add_text((round(low.x + 0.5 * (side - across)), round(high.y + em(0.1))), colour, name)
+
+    def _texture(self, entry: Entry, side: int, fits: bool) -> int | None:
+        poses, app = self._poses, self._poses.app
+        pose = entry.pose
+        if pose is None:
+            return None
+        if not fits:
+            try:
+                return poses.portraits.of_file(entry.picture, entry.picture.stat().st_mtime_ns)
+            except OSError:
+                return None
+        pixels = round(side * app.window.pixels[0] / max(app.window.size[0], 1))
+
+        def coefficients() -> Array:
+            weights = poses.weights(entry)
+            assert weights is not None
+            return app.session.model.coefficients_of(weights)
+
+        return poses.portraits.of_pose(pose, coefficients, pixels)
+
+    def _draw_menu(self, entry: Entry, fits: bool) -> None:
+        poses = self._poses
+        if not imgui.begin_popup_context_item("##pose-menu"):
+            return
+        pose = entry.pose
+        items: list[tuple[str, str, bool, Callable[[], None]]] = []
+        if pose is not None:
+            items += [
+                ("apply", "Apply", fits, lambda: poses.apply(pose)),
+                ("flip", "Apply flipped", fits, lambda: poses.apply_flipped(pose)),
+            ]
+        if not entry.shipped:
+            items += [
+                ("update", "Replace with this face...", pose is not None, lambda: poses.ask_to_update(entry)),
+                ("rename", "Rename...", pose is not None, lambda: poses.ask_to_rename(entry)),
+                ("delete", "Delete...", True, lambda: poses.ask_to_delete(entry)),
+            ]
+        for name, label, enabled, run in items:
+            if name == "update":
+                imgui.separator()
+            if imgui.menu_item_simple(label, "", False, enabled):
+                run()
+            poses.app.marks.note(f"pose-menu:{name}")
+        imgui.end_popup()
+
+    # How it reaches the face
+
+    def _draw_strength(self) -> None:
+        poses, app = self._poses, self._poses.app
+        last = poses.application
+        imgui.align_text_to_frame_padding()
+        if last is None:
+            imgui.text_disabled("Click a pose to apply it")
+        else:
+            reach = f", {last.reach.words}" if last.reach.words else ""
+            imgui.text(shortened(f"{last.pose.name}{reach}", imgui.get_content_region_avail().x))
+        percent = 100.0 * (1.0 if last is None else last.strength)
+        reset = last is not None and percent != 100.0 and not app.slider_edit.active
+        imgui.begin_disabled(last is None)
+        imgui.set_next_item_width(-em(2.3) if reset else -1.0)
+        changed, value = imgui.slider_float(
+            "##strength",
+            percent,
+            100.0 * LEAST_STRENGTH,
+            100.0 * GREATEST_STRENGTH,
+            "Strength %.0f %%",
+            imgui.SliderFlags_.clamp_on_input,
+        )
+        app.marks.note("poses:strength")
+        if last is not None:
+            app.slider_edit.follow(
+                app.session,
+                "pose-strength",
+                f"Apply {last.pose.name}",
+                changed,
+                lambda: poses.set_strength(value / 100.0),
+                merges=True,
+            )
+        imgui.end_disabled()
+        tooltip("How far the pose goes: 0 leaves the face, -100 is its opposite. Ctrl+click to type a value.")
+        if reset and last is not None:
+            imgui.same_line()
+            if imgui.button(f"{Icon.UNDO}##strength", (em(1.8), 0.0)):
+                poses.reset_strength()
+            app.marks.note("poses:strength-reset")
+            tooltip("Back to 100 %")
+
+    def _draw_reach(self) -> None:
+        poses, marks = self._poses, self._poses.app.marks
+        regions = self._draw_regions(poses.reach.regions)
+        side = _choice(marks, "poses:side", _SIDES, poses.reach.side)
+        blend = _choice(marks, "poses:blend", _BLENDS, poses.reach.blend)
+        poses.reach = replace(poses.reach, regions=regions, side=side, blend=blend)
+
+    def _draw_regions(self, regions: frozenset[Region]) -> frozenset[Region]:
+        """Draw the switches of the regions and return those that are on now; all are, where none would be."""
+        app = self._poses.app
+        everything = frozenset(REGIONS)
+        gap = max(round(em(0.1)), 1)
+        width = (imgui.get_content_region_avail().x - gap * len(REGIONS)) / (len(REGIONS) + 1)
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, (em(0.1), imgui.get_style().frame_padding.y))
+        chosen = regions
+        if lit_button("Face##region", regions == everything, ACCENT_DARK, width):
+            chosen = everything
+        app.marks.note("poses:region:all")
+        tooltip("The next pose reaches the whole face.")
+        for region in REGIONS:
+            imgui.same_line(0.0, gap)
+            on = region in regions and regions != everything
+            if lit_button(f"{region.title()}##region", on, ACCENT_DARK, width):
+                # The first one that is pressed stands alone, more join it.
+                chosen = frozenset((region,)) if regions == everything else regions ^ {region}
+            app.marks.note(f"poses:region:{region}")
+            tooltip(f"The next pose reaches {_REGION_TIPS[region]}, and the other regions that are lit.")
+        imgui.pop_style_var()
+        return chosen or everything
+
+    def _draw_buttons(self) -> None:
+        poses, app = self._poses, self._poses.app
+        width = button_width(3)
+        action_button(app.marks, app.actions["pose-save"], width, "Save...")
+        imgui.same_line()
+        mirror = "pose-mirror-right" if poses.reach.side == "right" else "pose-mirror"
+        action_button(app.marks, app.actions[mirror], width, "Mirror")
+        imgui.same_line()
+        action_button(app.marks, app.actions["pose-flip"], width, "Flip")
+
+
+def _choice(
+    marks: Marks, name: str, rows: Sequence[tuple[_Name, str, str]], value: _Name, by_text: bool = False
+) -> _Name:
+    """Draw a row of buttons of which one is down, and return the name of the one that is now."""
+    names = [row[0] for row in rows]
+    labels, tips = [row[1] for row in rows], [row[2] for row in rows]
+    return names[choice(marks, name, labels, names.index(value), tips, by_text)]
+
+
+def shortened(text: str, width: float) -> str:
+    """Return ``text``, cut at its end where it is wider than ``width``."""
+    if imgui.calc_text_size(text).x <= width:
+        return text
+    while text and imgui.calc_text_size(f"{text}...").x > width:
+        text = text[:-1]
+    return f"{text.rstrip()}..."

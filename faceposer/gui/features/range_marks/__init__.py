@@ -1,0 +1,1 @@
+"""Range marks: how far a point can move."""

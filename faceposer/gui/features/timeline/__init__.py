@@ -1,0 +1,1 @@
+"""The timeline: keys, playback and the strip below the view."""

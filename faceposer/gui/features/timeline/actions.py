@@ -1,0 +1,159 @@
+"""What menus and keys do with the timeline; the keys are those of Blender and Maya where these are free."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from faceposer.gui.actions import Action
+
+if TYPE_CHECKING:
+    from faceposer.gui.features.timeline.feature import Timeline
+
+_MENU = "Animate"
+
+
+def build_timeline_actions(timeline: "Timeline") -> list[Action]:
+    """Return the actions of ``timeline``, in the order of its menu."""
+
+    def free() -> bool:
+        return timeline.free
+
+    def has_keys() -> bool:
+        return bool(timeline.keyframes.keys)
+
+    def loop() -> None:
+        keyframes = timeline.keyframes
+        timeline.change(replace(keyframes, loop=not keyframes.loop), "Loop", merges=True)
+
+    return [
+        Action(
+            "timeline",
+            "Timeline",
+            "View",
+            timeline.toggle,
+            ("A",),
+            checked=lambda: timeline.shown,
+            separated=True,
+            help="Show the keys of the animation beneath the face",
+        ),
+        Action(
+            "play",
+            "Play or stop",
+            _MENU,
+            timeline.play,
+            ("Shift+Space",),
+            lambda: timeline.reachable and has_keys() and timeline.keyframes.length > 1,
+            lambda: timeline.playing,
+            help="Play from the frame that is shown, or stop",
+        ),
+        Action(
+            "loop",
+            "Loop",
+            _MENU,
+            loop,
+            (),
+            free,
+            lambda: timeline.keyframes.loop,
+            help="Begin again when the end is reached; the face moves smoothly from the last key to the first",
+        ),
+        Action(
+            "set-key",
+            "Set a key",
+            _MENU,
+            timeline.set_key,
+            ("I",),
+            free,
+            separated=True,
+            help="Make this face the key at the frame that is shown",
+        ),
+        Action(
+            "auto-key",
+            "Auto key",
+            _MENU,
+            timeline.toggle_auto_key,
+            checked=lambda: timeline.app.settings.auto_key,
+            help="Once there is a key and the timeline is shown, each change of the face becomes the key at its frame",
+        ),
+        Action(
+            "delete-keys",
+            "Delete keys",
+            _MENU,
+            lambda: timeline.delete(timeline.targets),
+            ("Alt+I",),
+            lambda: free() and bool(timeline.targets),
+            help="Delete the selected keys, or the one at the frame that is shown",
+        ),
+        Action(
+            "copy-keys",
+            "Copy keys",
+            _MENU,
+            timeline.copy,
+            ("Ctrl+C",),
+            lambda: free() and bool(timeline.targets),
+            help="Copy the selected keys, or the one at the frame that is shown",
+        ),
+        Action(
+            "paste-keys",
+            "Paste keys",
+            _MENU,
+            timeline.paste,
+            ("Ctrl+V",),
+            lambda: free() and timeline.can_paste,
+            help="Paste keys from the frame that is shown on",
+        ),
+        Action(
+            "select-keys", "Select all keys", _MENU, timeline.select_all, ("Ctrl+A",), lambda: free() and has_keys()
+        ),
+        *_frame_actions(timeline, has_keys),
+    ]
+
+
+def _frame_actions(timeline: "Timeline", has_keys: Callable[[], bool]) -> list[Action]:
+    def reachable() -> bool:
+        return timeline.reachable
+
+    def to_key(after: bool) -> None:
+        keyframes, frame = timeline.keyframes, timeline.animation.frame
+        timeline.go_to(keyframes.next_frame(frame) if after else keyframes.previous_frame(frame))
+
+    return [
+        Action(
+            "first-frame",
+            "First frame",
+            _MENU,
+            lambda: timeline.go_to(0),
+            ("Home",),
+            reachable,
+            separated=True,
+        ),
+        Action(
+            "previous-key",
+            "Previous key",
+            _MENU,
+            lambda: to_key(False),
+            (",",),
+            lambda: reachable() and has_keys(),
+            repeats=True,
+        ),
+        Action(
+            "previous-frame", "Previous frame", _MENU, lambda: timeline.step(-1), ("Alt+,",), reachable, repeats=True
+        ),
+        Action("next-frame", "Next frame", _MENU, lambda: timeline.step(1), ("Alt+.",), reachable, repeats=True),
+        Action(
+            "next-key",
+            "Next key",
+            _MENU,
+            lambda: to_key(True),
+            (".",),
+            lambda: reachable() and has_keys(),
+            repeats=True,
+        ),
+        Action(
+            "last-frame",
+            "Last frame",
+            _MENU,
+            lambda: timeline.go_to(timeline.keyframes.length - 1),
+            ("End",),
+            reachable,
+        ),
+    ]

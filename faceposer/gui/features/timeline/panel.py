@@ -1,0 +1,175 @@
+"""The strip of the timeline: buttons and fields above, ruler and keys beneath."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from imgui_bundle import ImVec2, ImVec4, imgui
+
+from faceposer.animation.keyframes import LONGEST
+from faceposer.gui.features.timeline.track import track_height
+from faceposer.gui.widgets.basic import tooltip
+from faceposer.gui.widgets.theme import (
+    ACCENT_DARK,
+    ACCENT_MID,
+    FAINT,
+    INK,
+    KEYED,
+    RAISED_MORE,
+    WARNING,
+    Colour,
+    Icon,
+    em,
+)
+
+if TYPE_CHECKING:
+    from faceposer.gui.features.timeline.feature import Timeline
+    from faceposer.session.animating import Shown
+
+_RATES = (24.0, 25.0, 30.0, 50.0, 60.0)
+_PAD = 0.45
+# Widths of the strip below which what is least needed is left out.
+_NO_RATE, _NO_LENGTH, _NO_ENDS = 37.0, 30.0, 24.0
+# What the face on the screen is: in words, in which colour, and what that means.
+_SHOWN: dict["Shown", tuple[str, Colour, str]] = {
+    "unkeyed": ("No keys yet", FAINT, "Pose the face and set a key; then go to another frame and pose it again."),
+    "key": ("Key", KEYED, "This face is a key of the animation."),
+    "between": ("In between", INK, "The animation has this face here, between its keys."),
+    "changed": (
+        "Changed, no key",
+        WARNING,
+        "This face differs from what the animation has here. Set a key to keep it; going to another frame leaves it.",
+    ),
+}
+
+
+def _room() -> float:
+    """Return the width of the strip in units of the font's size."""
+    return imgui.get_window_width() / em()
+
+
+def timeline_height() -> float:
+    """Return the height of the strip."""
+    return round(imgui.get_frame_height() + track_height() + em(2 * _PAD))
+
+
+def draw_timeline(timeline: "Timeline") -> None:
+    """Draw the strip into the current window."""
+    pad = em(_PAD)
+    imgui.set_cursor_pos(ImVec2(em(0.6), pad))
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(em(0.4), pad))
+    _draw_buttons(timeline)
+    _draw_fields(timeline)
+    _draw_state(timeline)
+    imgui.set_cursor_pos(ImVec2(0.0, round(imgui.get_frame_height() + 2 * pad)))
+    timeline.track.draw(imgui.get_window_width(), track_height())
+    imgui.pop_style_var()
+
+
+def _icon_button(timeline: "Timeline", name: str, icon: str, on: bool = False, wide: float = 1.9) -> None:
+    action = timeline.app.actions[name]
+    imgui.push_style_color(imgui.Col_.button, ImVec4(*ACCENT_DARK) if on else ImVec4(0.0, 0.0, 0.0, 0.0))
+    imgui.push_style_color(imgui.Col_.button_hovered, ImVec4(*(ACCENT_MID if on else RAISED_MORE)))
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0.0, imgui.get_style().frame_padding.y))
+    imgui.begin_disabled(not action.enabled())
+    if imgui.button(f"{icon}##{name}", ImVec2(em(wide), 0.0)):
+        action.run()
+    imgui.end_disabled()
+    imgui.pop_style_var()
+    imgui.pop_style_color(2)
+    timeline.app.marks.note(name)
+    # While it plays, one watches.
+    if not timeline.playing:
+        tooltip(action.tooltip)
+    imgui.same_line(0.0, em(0.15))
+
+
+def _draw_buttons(timeline: "Timeline") -> None:
+    wide = _room() > _NO_ENDS
+    if wide:
+        _icon_button(timeline, "first-frame", Icon.FIRST)
+    _icon_button(timeline, "previous-key", Icon.PREVIOUS)
+    playing = timeline.playing
+    _icon_button(timeline, "play", Icon.PAUSE if playing else Icon.PLAY, playing, 2.6)
+    _icon_button(timeline, "next-key", Icon.NEXT)
+    if wide:
+        _icon_button(timeline, "last-frame", Icon.LAST)
+    _icon_button(timeline, "loop", Icon.LOOP, timeline.keyframes.loop)
+    imgui.same_line(0.0, em(0.9))
+
+
+def _draw_fields(timeline: "Timeline") -> None:
+    """Draw the frame that is shown, the length and the rate, as far as there is room."""
+    marks = timeline.app.marks
+    imgui.begin_disabled(not timeline.reachable)
+    imgui.set_next_item_width(em(3.9))
+    flags = imgui.SliderFlags_.always_clamp.value
+    changed, frame = imgui.drag_int("##frame", timeline.animation.frame + 1, 0.2, 1, LONGEST, "%d", flags)
+    if changed:
+        timeline.go_to(frame - 1)
+    marks.note("frame-shown")
+    tooltip("The frame that is shown: drag, or double-click to type a number")
+    imgui.same_line()
+    if _room() > _NO_LENGTH:
+        _draw_length(timeline)
+    if _room() > _NO_RATE:
+        _draw_rate(timeline)
+    imgui.end_disabled()
+    imgui.same_line(0.0, em(0.9))
+
+
+def _draw_length(timeline: "Timeline") -> None:
+    keyframes, marks = timeline.keyframes, timeline.app.marks
+    imgui.align_text_to_frame_padding()
+    imgui.text_colored(FAINT, "of")
+    imgui.same_line()
+    imgui.set_next_item_width(em(3.9))
+    flags = imgui.SliderFlags_.always_clamp.value
+    changed, length = imgui.drag_int("##length", keyframes.length, 0.2, 1, LONGEST, "%d", flags)
+    if changed:
+        timeline.change(replace(keyframes, length=length), "Change the length", merges=True)
+    marks.note("length")
+    tooltip(f"How many frames are played, {keyframes.length / keyframes.rate:.2f} s: drag, or double-click to type")
+    imgui.same_line()
+
+
+def _draw_rate(timeline: "Timeline") -> None:
+    keyframes, marks = timeline.keyframes, timeline.app.marks
+    imgui.set_next_item_width(em(5.6))
+    opened = imgui.begin_combo("##rate", f"{keyframes.rate:g} fps")
+    marks.note("rate")
+    if not opened:
+        tooltip("Frames per second; keys stay at their frames")
+    else:
+        for rate in sorted({*_RATES, keyframes.rate}):
+            pressed, _ = imgui.selectable(f"{rate:g} fps", rate == keyframes.rate)
+            marks.note(f"rate:{rate:g}")
+            if pressed:
+                timeline.change(replace(keyframes, rate=rate), "Change the frame rate", merges=True)
+        imgui.end_combo()
+
+
+def _draw_state(timeline: "Timeline") -> None:
+    """Draw the buttons that make keys, and what the face on the screen is."""
+    app = timeline.app
+    action = app.actions["set-key"]
+    shown = timeline.animation.shown
+    imgui.begin_disabled(not action.enabled())
+    words, colour, meaning = _SHOWN[shown]
+    # The mark tells what the words do, where there is no room for them.
+    imgui.push_style_color(imgui.Col_.text, ImVec4(*colour))
+    pressed = imgui.button(f"{Icon.KEY}##set-key")
+    imgui.pop_style_color()
+    if pressed:
+        action.run()
+    imgui.end_disabled()
+    app.marks.note("set-key")
+    tooltip(f"{action.tooltip}\n{meaning}")
+    imgui.same_line()
+    _icon_button(timeline, "auto-key", "Auto", app.settings.auto_key, 3.0)
+    imgui.same_line(0.0, em(0.6))
+    if imgui.calc_text_size(words).x > imgui.get_content_region_avail().x:
+        return
+    imgui.align_text_to_frame_padding()
+    imgui.text_colored(colour, words)
+    app.marks.note("shown")
+    tooltip(meaning)

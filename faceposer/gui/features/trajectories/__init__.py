@@ -1,0 +1,1 @@
+"""Trajectories drawn over the face, and the animation that follows them."""

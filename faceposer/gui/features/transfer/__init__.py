@@ -1,0 +1,1 @@
+"""Transfer of expressions to other characters."""

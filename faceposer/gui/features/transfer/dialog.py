@@ -1,0 +1,291 @@
+"""The dialog that carries the pose to another character: to whom, by which way, which distances, and how it looks."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from imgui_bundle import ImVec2, ImVec4, imgui
+from numpy.typing import NDArray
+
+from faceposer.geometry.camera import OrbitView
+from faceposer.gui.settings import last_folder
+from faceposer.gui.widgets.basic import caption, choice, tooltip
+from faceposer.gui.widgets.file_dialogs import FileRequest
+from faceposer.gui.widgets.theme import ACCENT_DARK, BAD, FAINT, INK, Icon, em
+from faceposer.model.face_model import FaceModel
+from faceposer.render.scene import Scene
+from faceposer.transfer.pairs import PRESETS
+
+if TYPE_CHECKING:
+    from faceposer.gui.features.transfer.feature import Transferring
+
+_FORM, _PICTURE, _LABEL, _LIST, _NUMBER = 29.0, 12.6, 4.6, 14.5, 4.2
+_METHODS = ("distances", "weights")
+_METHOD_LABELS = ("By distances", "By weights")
+_METHOD_TIPS = (
+    "Keeps distances between points of the face, each within what the character can do. Works between any two faces.",
+    "Gives the same weights to ARKit's shapes, where both characters have them.",
+)
+_PRESETS = (
+    ("full", "All", "All distances that the program knows"),
+    ("paper", "Three", "Heights of mouth and eyes alone"),
+)
+_SAMPLES = 4
+
+
+class TransferDialog:
+    """Draws the dialog."""
+
+    def __init__(self, state: "Transferring") -> None:
+        """Show and change ``state``."""
+        self._state = state
+        self._lists = self._listing = False
+
+    def draw(self) -> None:
+        """Draw the dialog."""
+        app = self._state.app
+        name = "##transfer"
+        if not imgui.is_popup_open(name):
+            imgui.open_popup(name)
+        view = imgui.get_main_viewport()
+        imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
+        imgui.set_next_window_size_constraints((0.0, 0.0), (view.size.x, view.size.y))
+        imgui.push_style_var(imgui.StyleVar_.window_padding, (em(1.4), em(1.2)))
+        flags = (
+            imgui.WindowFlags_.no_title_bar
+            | imgui.WindowFlags_.no_resize
+            | imgui.WindowFlags_.no_move
+            | imgui.WindowFlags_.always_auto_resize
+            | imgui.WindowFlags_.no_saved_settings
+        )
+        shown = imgui.begin_popup_modal(name, None, flags)[0]
+        imgui.pop_style_var()
+        if not shown:
+            return
+        fresh = imgui.is_window_appearing()
+        imgui.push_font(app.gui.fonts.bold, 0.0)
+        imgui.text_unformatted("Transfer expression")
+        imgui.pop_font()
+        imgui.dummy((0.0, em(0.2)))
+        imgui.begin_child("##form", (em(_FORM), 0.0), imgui.ChildFlags_.auto_resize_y.value)
+        self._draw_form()
+        imgui.end_child()
+        imgui.same_line(0.0, em(1.0))
+        imgui.begin_child("##pictures", (em(_PICTURE), 0.0), imgui.ChildFlags_.auto_resize_y.value)
+        self._draw_pictures()
+        imgui.end_child()
+        self._draw_foot(fresh)
+        if not self._state.open:
+            imgui.close_current_popup()
+        imgui.end_popup()
+
+    # Choices
+
+    def _draw_form(self) -> None:
+        state = self._state
+        app, marks = state.app, state.app.marks
+        _label("To")
+        imgui.set_next_item_width(-em(2.8))
+        titles = dict(state.subjects)
+        opened = imgui.begin_combo("##to", titles.get(state.to, Path(state.to).stem))
+        marks.note("transfer:to")
+        self._lists = opened
+        if opened:
+            for name, title in state.subjects:
+                if imgui.selectable(f"{title}##{name}", name == state.to)[0]:
+                    state.to = name
+                marks.note(f"transfer:to:{name}")
+            imgui.end_combo()
+        else:
+            tooltip("The character that gets the expression")
+        imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
+        if imgui.button(f"{Icon.FILE}##to", (-1.0, 0.0)):
+            folder = last_folder(app.settings)
+            app.dialogs_ask(FileRequest("open", "A character", "Subjects", (".npz",), folder, state.choose_file))
+        marks.note("transfer:to:file")
+        tooltip("Choose a subject file")
+        _label("Method")
+        chosen = choice(marks, "transfer:method", _METHOD_LABELS, _METHODS.index(state.method), _METHOD_TIPS)
+        state.method = "distances" if chosen == 0 else "weights"
+        imgui.dummy((0.0, em(0.2)))
+        if state.method == "distances":
+            self._draw_list()
+        else:
+            caption("Each of ARKit's shapes gets the weight that it has here, within the limits of both characters.")
+        if state.error:
+            imgui.push_style_color(imgui.Col_.text, ImVec4(*BAD))
+            imgui.text_wrapped(f"{Icon.WARNING}  {state.error}")
+            imgui.pop_style_color()
+
+    def _draw_list(self) -> None:
+        state = self._state
+        app, marks = state.app, state.app.marks
+        imgui.align_text_to_frame_padding()
+        imgui.text_unformatted("Distances")
+        tooltip("In the unit of each mesh, from one feature point to another")
+        for preset, label, tip in _PRESETS:
+            imgui.same_line()
+            if imgui.button(f"{label}##preset"):
+                state.pairs = PRESETS[preset]
+            marks.note(f"transfer:preset:{preset}")
+            tooltip(tip)
+        for name, label, tip in (("load", "Load...", "Read a list from a file"), ("save", "Save...", "Write the list")):
+            imgui.same_line()
+            if imgui.button(label):
+                self._ask(name)
+            marks.note(f"transfer:{name}")
+            tooltip(tip)
+        flags = (
+            imgui.TableFlags_.scroll_y
+            | imgui.TableFlags_.row_bg
+            | imgui.TableFlags_.borders_outer
+            | imgui.TableFlags_.sizing_fixed_fit
+        )
+        if imgui.begin_table("##pairs", 4, flags, (-1.0, em(_LIST))):
+            imgui.table_setup_scroll_freeze(0, 1)
+            imgui.table_setup_column("between", imgui.TableColumnFlags_.width_stretch.value)
+            imgui.table_setup_column("here", imgui.TableColumnFlags_.width_fixed.value, em(_NUMBER))
+            imgui.table_setup_column("there", imgui.TableColumnFlags_.width_fixed.value, em(_NUMBER))
+            imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed.value, em(1.6))
+            imgui.table_headers_row()
+            for index in range(len(state.pairs)):
+                if index < len(state.pairs):
+                    self._draw_pair(index)
+            imgui.end_table()
+        self._draw_add()
+        if app.session.model.subject.feature_points:
+            on = sum(pair.enabled for pair in state.pairs)
+            caption(f"{on} of {len(state.pairs)} are kept; lengths in the unit of each mesh")
+
+    def _draw_pair(self, index: int) -> None:
+        state = self._state
+        marks, pair = state.app.marks, state.pairs[index]
+        imgui.push_id(index)
+        imgui.table_next_row()
+        imgui.table_next_column()
+        changed, on = imgui.checkbox(pair.name, pair.enabled)
+        marks.note(f"transfer:pair:{index}")
+        if changed:
+            state.enable(index, on)
+        tooltip(f"{self._title(pair.first)}  -  {self._title(pair.second)}")
+        for lengths in state.lengths:
+            imgui.table_next_column()
+            length = lengths[index] if index < len(lengths) else None
+            text = "-" if length is None else f"{length:.2f}"
+            room = imgui.get_content_region_avail().x - imgui.calc_text_size(text).x
+            imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(room, 0.0))
+            imgui.align_text_to_frame_padding()
+            imgui.text_colored(ImVec4(*(INK if pair.enabled else FAINT)), text)
+        imgui.table_next_column()
+        if imgui.small_button(Icon.CLOSE):
+            state.remove(index)
+        marks.note(f"transfer:pair:{index}:remove")
+        tooltip("Take it out of the list")
+        imgui.pop_id()
+
+    def _draw_add(self) -> None:
+        """Draw the choice of two feature points, and the button that adds their distance."""
+        state = self._state
+        marks, points = state.app.marks, state.app.session.model.subject.feature_points
+        if not points:
+            return
+        gap, button = imgui.get_style().item_inner_spacing.x, em(4.0)
+        width = (imgui.get_content_region_avail().x - button - 2.0 * gap) / 2.0
+        for end in range(2):
+            imgui.set_next_item_width(width)
+            opened = imgui.begin_combo(f"##end{end}", self._title(state.added[end]))
+            marks.note(f"transfer:end:{end}")
+            self._lists |= opened
+            if opened:
+                for name in points:
+                    if imgui.selectable(f"{self._title(name)}##{name}", name == state.added[end])[0]:
+                        state.added[end] = name
+                    marks.note(f"transfer:end:{end}:{name}")
+                imgui.end_combo()
+            imgui.same_line(0.0, gap)
+        imgui.begin_disabled(state.added[0] == state.added[1])
+        if imgui.button("Add", (button, 0.0)):
+            state.add()
+        imgui.end_disabled()
+        marks.note("transfer:add")
+        tooltip("Keep the distance between these two points too")
+
+    def _title(self, point: str) -> str:
+        """Return what people call the feature point ``point``."""
+        return self._state.app.session.model.subject.feature_titles.get(point, point)
+
+    def _ask(self, what: str) -> None:
+        state = self._state
+        folder = last_folder(state.app.settings)
+        if what == "load":
+            request = FileRequest("open", "A list of pairs", "Lists of pairs", (".json",), folder, state.load_pairs)
+        else:
+            place = folder / "pairs.json"
+            request = FileRequest("save", "Save the pairs", "Lists of pairs", (".json",), place, state.save_pairs)
+        state.app.dialogs_ask(request)
+
+    # Pictures
+
+    def _draw_pictures(self) -> None:
+        state = self._state
+        session = state.app.session
+        source, target = state.scenes
+        self._draw_picture("source", source, session.model, session.coefficients)
+        imgui.dummy((0.0, em(0.1)))
+        if state.target is not None and state.result is not None:
+            self._draw_picture("target", target, state.target, state.result)
+        else:
+            imgui.dummy((em(_PICTURE), em(_PICTURE)))
+
+    def _draw_picture(self, name: str, scene: Scene, model: FaceModel, pose: NDArray[np.float64]) -> None:
+        app, side = self._state.app, em(_PICTURE)
+        pixels = max(round(side * app.window.pixels[0] / max(app.window.size[0], 1)), 1)
+        scene.set_model(model)
+        scene.set_pose(pose, app.session.document.contact)
+        scene.expression_lines = app.settings.expression_lines
+        texture = scene.draw(portrait(model).camera((pixels, pixels)), app.shading, False, _SAMPLES)
+        imgui.image(imgui.ImTextureRef(texture.glo), ImVec2(side, side), ImVec2(0.0, 1.0), ImVec2(1.0, 0.0))
+        app.marks.note(f"transfer:picture:{name}")
+        tooltip(model.subject.title)
+
+    def _draw_foot(self, fresh: bool) -> None:
+        state = self._state
+        marks = state.app.marks
+        width, gap = em(7), imgui.get_style().item_spacing.x
+        imgui.dummy((0.0, em(0.3)))
+        room = imgui.get_content_region_avail().x - 2.0 * width - gap
+        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(room, 0.0))
+        imgui.begin_disabled(state.result is None)
+        imgui.push_style_color(imgui.Col_.button, ACCENT_DARK)
+        accepted = imgui.button("Open", (width, 0.0))
+        imgui.pop_style_color()
+        imgui.end_disabled()
+        marks.note("transfer:open")
+        tooltip("Edit it as a new pose")
+        imgui.same_line()
+        cancelled = imgui.button("Cancel", (width, 0.0))
+        marks.note("transfer:cancel")
+        # A list that was open in the last frame takes the key for itself.
+        if not fresh and not self._listing:
+            cancelled = cancelled or imgui.is_key_pressed(imgui.Key.escape, False)
+            accepted = accepted or (state.result is not None and imgui.is_key_pressed(imgui.Key.enter, False))
+        self._listing = self._lists
+        if accepted:
+            state.accept()
+        elif cancelled:
+            state.hide()
+
+
+def portrait(model: FaceModel) -> OrbitView:
+    """Return the front view that frames the face of ``model``, ears and neck aside."""
+    subject = model.subject
+    inner = [vertex for name, vertex in subject.feature_points.items() if not name.startswith("10.")]
+    face = subject.vertices[inner] if inner else subject.vertices
+    return OrbitView.preset(face.min(axis=0), face.max(axis=0))
+
+
+def _label(text: str) -> None:
+    left = imgui.get_cursor_pos_x()
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted(text)
+    imgui.same_line(left + em(_LABEL))

@@ -1,0 +1,79 @@
+"""Dear ImGui over a window: its life, its frames, and getting on after an error inside one."""
+
+from collections.abc import Callable
+
+from imgui_bundle import imgui, implot
+
+from faceposer.gui.cursors import Cursors
+from faceposer.gui.widgets.theme import Fonts, apply_theme, load_fonts
+from faceposer.gui.window import Window
+
+
+class Gui:
+    """The context of Dear ImGui that belongs to a window."""
+
+    def __init__(self, window: Window) -> None:
+        """Attach to ``window``, whose own callbacks are set already: the backend calls them after its own.
+
+        Raises:
+            FacePoserError: If a font is missing.
+        """
+        imgui.create_context()
+        implot.create_context()
+        self.io = imgui.get_io()
+        self.io.set_ini_filename(None)
+        self.io.config_windows_move_from_title_bar_only = True
+        imgui.backends.glfw_init_for_opengl(window.address, True)
+        imgui.backends.opengl3_init("#version 330")
+        self.cursors = Cursors(window)
+        self._scale = 0.0
+        self.fonts: Fonts = load_fonts()
+        self.set_scale(window.ui_scale)
+
+    def set_scale(self, scale: float) -> None:
+        """Make everything ``scale`` times as large as on a display at normal density."""
+        if scale != self._scale:
+            self._scale = scale
+            apply_theme(scale)
+
+    def frame(self, build: Callable[[], None]) -> Exception | None:
+        """Run ``build`` between the begin and the end of a frame; return what it raised.
+
+        An exception leaves windows, tables or colours open; they are closed here, or each later frame would fail too.
+        """
+        imgui.backends.opengl3_new_frame()
+        imgui.backends.glfw_new_frame()
+        imgui.new_frame()
+        state = imgui.internal.ErrorRecoveryState()
+        imgui.internal.error_recovery_store_state(state)
+        failure: Exception | None = None
+        try:
+            build()
+        except Exception as error:  # whatever it is, the window goes on
+            failure = error
+            self.io.config_error_recovery_enable_assert = False
+            imgui.internal.error_recovery_try_to_recover_state(state)
+            self.io.config_error_recovery_enable_assert = True
+        imgui.render()
+        return failure
+
+    def draw(self) -> None:
+        """Draw the frame into the framebuffer in use."""
+        imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
+
+    @property
+    def popup_open(self) -> bool:
+        """Whether a menu, a drop-down list or a dialog is open."""
+        flags = imgui.PopupFlags_.any_popup.value
+        return imgui.is_popup_open("", flags)
+
+    def close_popups(self) -> None:
+        """Close menus and drop-down lists."""
+        imgui.internal.close_popup_to_level(0, True)
+
+    def close(self) -> None:
+        """End it, before the window closes."""
+        imgui.backends.opengl3_shutdown()
+        imgui.backends.glfw_shutdown()
+        implot.destroy_context()
+        imgui.destroy_context()

@@ -1,0 +1,416 @@
+"""What the window can do, and the table of it."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from faceposer.gui.actions import Action, Actions, Submenu
+from faceposer.gui.widgets.dialogs import Question
+from faceposer.tools.gaze_tool import eyes_of
+from faceposer.tools.tool import Navigation
+
+if TYPE_CHECKING:
+    from faceposer.gui.app import App
+
+# Name of the view, label, key; Ctrl gives the opposite side, as Blender's users know it.
+_VIEWS = (
+    ("front", "Front", "1"),
+    ("back", "Back", "Ctrl+1"),
+    ("three-quarter", "Three-quarter", "2"),
+    ("left", "Left side", "3"),
+    ("right", "Right side", "Ctrl+3"),
+    ("top", "Top", "7"),
+    ("bottom", "Bottom", "Ctrl+7"),
+)
+
+# Name of the tool, label, key, what it is for.
+_TOOLS = (
+    ("point", "Points", "Q", "Drag points of the face, and whatever has a handle"),
+    ("distance", "Distance", "D", "Set how far apart two points appear, such as the height of the mouth"),
+    ("stroke", "Stroke", "S", "Draw on the face what should move, then where it should be"),
+    ("curve", "Curve", "K", "Click a curve on the face and drag its points"),
+    ("fix", "Fix", "H", "Hold vertices where they are"),
+    ("gaze", "Gaze", "G", "Let both eyes follow a handle"),
+    ("trajectory", "Trajectories", "J", "Draw the ways of points over time, which the face then follows"),
+)
+
+_IMPORT = "Make a character of your own from a rig, from example meshes or from the motion of markers"
+
+
+class Commands:
+    """What menus and keys do, files aside."""
+
+    def __init__(self, app: "App") -> None:
+        """Serve ``app``."""
+        self._app = app
+
+    def apply(self) -> None:
+        """Finish what the tool has begun, or else let the face follow the constraints."""
+        if not self._app.toolbox.accept() and self._app.session.mode == "apply":
+            self._app.session.apply()
+
+    def undo(self) -> None:
+        """Take back the last step, first of what the tool has begun."""
+        if not self._app.toolbox.step_back():
+            self._app.session.undo()
+
+    def choose_tool(self, name: str) -> None:
+        """Take up the tool ``name``."""
+        self._app.toolbox.choose(name)
+
+    def toggle_symmetry(self) -> None:
+        """Mirror what is drawn, or not."""
+        symmetry = self._app.toolbox.bench.symmetry
+        symmetry.on = not symmetry.on
+
+    def accept_pose(self) -> None:
+        """Start from the current face."""
+        self._app.toolbox.cancel()
+        self._app.session.accept_pose()
+
+    def widen_brush(self, factor: float) -> None:
+        """Make the brush of the chosen tool wider or thinner."""
+        options = self._app.toolbox.bench.options
+        if self._app.toolbox.chosen is self._app.toolbox.fix_tool:
+            options.fix_brush = min(max(options.fix_brush * factor, 4.0), 160.0)
+        else:
+            options.brush = min(max(options.brush * factor, 1.0), 60.0)
+
+    def nudge(self, dx: float, dy: float) -> None:
+        """Move the targets of what is selected by pixels."""
+        self._app.toolbox.nudge(dx, dy)
+
+    def delete_selected(self) -> None:
+        """Remove the selected pin of a photo, or the selected points and what else is selected."""
+        if self.pin_selected:
+            photo_tool = self._app.toolbox.photo_tool
+            photo_tool.remove(photo_tool.selected or 0, self._app.viewport)
+        else:
+            self._app.toolbox.delete_selected()
+            self._app.features.delete_selected()
+
+    @property
+    def pin_selected(self) -> bool:
+        """Whether what would be deleted is a pin of a photo."""
+        toolbox = self._app.toolbox
+        return toolbox.chosen is toolbox.photo_tool and toolbox.photo_tool.selected is not None
+
+    def clear_points(self) -> None:
+        """Remove all constraints that are not locked."""
+        self._app.toolbox.cancel()
+        free = {i for i, c in enumerate(self._app.session.document.constraints) if not c.locked}
+        self._app.session.remove_constraints(free, "Clear all constraints")
+
+    def reset(self) -> None:
+        """Return to the neutral face."""
+        self._app.toolbox.cancel()
+        self._app.comparing = False
+        if self._app.session.document.constraints or np.any(self._app.session.coefficients):
+            self._app.session.reset_pose()
+
+    def cancel(self) -> None:
+        """Take back the gesture, or deselect, or put the guided pose away."""
+        if not self._app.toolbox.cancel():
+            self._app.guide.dismiss()
+
+    def compare(self) -> None:
+        """Show the neutral face, or the pose again."""
+        if not self._app.toolbox.active:
+            self._app.comparing = not self._app.comparing
+
+    def look(self, name: str) -> None:
+        """Turn the view."""
+        if not self._app.toolbox.active:
+            self._app.viewport.look(name)
+
+    def navigate(self, preset: Navigation) -> None:
+        """Let the mouse buttons move the view as in another program."""
+        self._app.viewport.navigation = self._app.settings.navigation = preset
+
+    def toggle_wireframe(self) -> None:
+        """Draw the edges of the mesh, or not."""
+        self._app.wireframe = not self._app.wireframe
+
+    def toggle_clay(self) -> None:
+        """Draw without textures, or with them."""
+        self._app.shading = "full" if self._app.shading == "clay" else "clay"
+
+    def toggle_expression_lines(self) -> None:
+        """Draw the lines of the skin that a pose makes, or not."""
+        shown = not self._app.settings.expression_lines
+        self._app.settings.expression_lines = self._app.scene.expression_lines = shown
+
+    def toggle_contact(self) -> None:
+        """Keep surfaces apart, or not."""
+        session = self._app.session
+        if not session.editing:
+            session.set_contact(not session.document.contact)
+
+    def toggle_points(self) -> None:
+        """Draw the pins, or not."""
+        self._app.points_shown = not self._app.points_shown
+
+    def toggle_panel(self) -> None:
+        """Show the side panel, or not."""
+        self._app.panel_shown = not self._app.panel_shown
+
+    def toggle_keys(self) -> None:
+        """Show the sheet of keys."""
+        self._app.dialogs.keys_shown = True
+
+    def about(self) -> None:
+        """Show who made what."""
+        subject = self._app.session.model.subject
+        text = f"Pose 3D faces by dragging: the whole face follows as a real face would.\n\n{subject.credits}"
+        self._app.dialogs.ask(Question("Face Poser", text))
+
+
+def _tool_actions(app: "App", do: Commands, free: Callable[[], bool]) -> list[Action]:
+    """Return the actions that choose tools and change how they work."""
+
+    def chosen(name: str) -> Callable[[], bool]:
+        return lambda: app.toolbox.chosen.name == name
+
+    def usable(name: str) -> Callable[[], bool]:
+        return lambda: free() and (name != "gaze" or eyes_of(app.session.model.subject) is not None)
+
+    tools = [
+        Action(
+            f"tool-{name}", label, "Tools", partial(do.choose_tool, name), (key,), usable(name), chosen(name), help=text
+        )
+        for name, label, key, text in _TOOLS
+    ]
+    nudges = [
+        Action(
+            f"nudge-{key.lower()}{'-far' if step > 1 else ''}",
+            f"Nudge {key.lower()}{' far' if step > 1 else ''}",
+            "Tools",
+            partial(do.nudge, dx * step, dy * step),
+            (f"Shift+{key}" if step > 1 else key,),
+            lambda: free() and bool(app.toolbox.selection),
+            repeats=True,
+            help=f"Move what is selected by {step} pixel{'s' if step > 1 else ''}",
+            listed=False,
+        )
+        for step in (1, 10)
+        for key, dx, dy in (("Left", -1, 0), ("Right", 1, 0), ("Up", 0, -1), ("Down", 0, 1))
+    ]
+    symmetry = Action(
+        "symmetry",
+        "Symmetry",
+        "Tools",
+        do.toggle_symmetry,
+        ("X",),
+        free,
+        lambda: app.toolbox.bench.symmetry.on,
+        separated=True,
+        help="Mirror what is drawn to the other side; what is uneven already stays so",
+    )
+    brushes = [
+        Action("brush-thinner", "Thinner brush", "Tools", partial(do.widen_brush, 0.8), ("[",), repeats=True),
+        Action("brush-wider", "Wider brush", "Tools", partial(do.widen_brush, 1.25), ("]",), repeats=True),
+    ]
+    return [*tools, symmetry, *brushes, *nudges]
+
+
+def _draws_trajectories(app: "App") -> bool:
+    tool = app.toolbox.trajectory_tool
+    return app.toolbox.chosen is tool and bool(tool.drawn)
+
+
+def build_actions(app: "App") -> Actions:
+    """Return the actions of ``app``, in the order of its menus."""
+    do = Commands(app)
+
+    def free() -> bool:
+        return not app.busy
+
+    def applies() -> bool:
+        waits = app.session.mode == "apply" and bool(app.session.document.constraints)
+        begun = bool(app.toolbox.curve_tool.points) or _draws_trajectories(app)
+        return free() and (waits or begun)
+
+    def undoes() -> bool:
+        toolbox = app.toolbox
+        begun = toolbox.curve_tool.points or toolbox.stroke_tool.draws_target or toolbox.distance_tool.first
+        return free() and (bool(begun) or _draws_trajectories(app) or app.session.can_undo)
+
+    def redo() -> None:
+        app.session.redo()
+
+    return Actions(
+        [
+            Action("open", "Open...", "File", app.files.open_dialog, ("Ctrl+O",), help="Open a session or a subject"),
+            Submenu("open-recent", "Open recent", "File", app.files.recent.entries, lambda: bool(app.settings.recent)),
+            Action("import", "Import character...", "File", app.importing.show, (), free, help=_IMPORT),
+            Action("save", "Save", "File", app.files.save, ("Ctrl+S",), separated=True, help="Save the session"),
+            Action("save-as", "Save as...", "File", app.files.save_as, ("Ctrl+Shift+S",)),
+            Action("export", "Save OBJ", "File", app.files.export, ("Ctrl+E",), help="Save the posed face as OBJ"),
+            Action("export-as", "Save OBJ as...", "File", app.files.export_as, ("Ctrl+Shift+E",)),
+            *app.features.actions(file_menu=True),
+            Action("quit", "Quit", "File", app.files.quit, ("Ctrl+Q",), separated=True),
+            Action("undo", "Undo", "Edit", do.undo, ("Ctrl+Z",), undoes, repeats=True),
+            Action(
+                "redo",
+                "Redo",
+                "Edit",
+                redo,
+                ("Ctrl+Shift+Z", "Ctrl+Y"),
+                lambda: free() and app.session.can_redo,
+                repeats=True,
+            ),
+            Action(
+                "apply",
+                "Apply",
+                "Edit",
+                do.apply,
+                ("Enter", "Space"),
+                applies,
+                separated=True,
+                help="Accept the curve, or let the face follow the constraints",
+            ),
+            Action(
+                "delete",
+                "Delete selected",
+                "Edit",
+                do.delete_selected,
+                ("Delete", "Backspace"),
+                lambda: free() and (do.pin_selected or bool(app.toolbox.selection) or app.features.selects),
+                separated=True,
+            ),
+            Action(
+                "clear",
+                "Clear all constraints",
+                "Edit",
+                do.clear_points,
+                (),
+                lambda: free() and any(not c.locked for c in app.session.document.constraints),
+                help="Remove all constraints that are not locked; the face goes back to where they pulled it from",
+            ),
+            Action(
+                "reset",
+                "Reset to neutral",
+                "Edit",
+                do.reset,
+                ("R",),
+                free,
+                help="Back to the neutral face, no constraints",
+            ),
+            Action(
+                "cancel", "Cancel or deselect", "Edit", do.cancel, ("Esc",), help="Take back the gesture, or deselect"
+            ),
+            Action(
+                "accept-pose",
+                "Accept the pose",
+                "Edit",
+                do.accept_pose,
+                ("Ctrl+Enter",),
+                lambda: free() and bool(app.session.document.constraints),
+                help="Make this face the one to start from, and clear the constraints",
+            ),
+            *_tool_actions(app, do, free),
+            *(
+                Action(f"view-{name}", label, "View", lambda name=name: do.look(name), (key,))  # type: ignore[misc]
+                for name, label, key in _VIEWS
+            ),
+            Action("frame", "Frame the face", "View", app.viewport.frame_face, ("F",), separated=True),
+            Action(
+                "compare",
+                "Compare with neutral",
+                "View",
+                do.compare,
+                ("C",),
+                checked=lambda: app.comparing,
+                separated=True,
+                help="Show the neutral face: tap to switch, or hold",
+            ),
+            Action(
+                "wireframe",
+                "Wireframe",
+                "View",
+                do.toggle_wireframe,
+                ("W",),
+                checked=lambda: app.wireframe,
+                help="Draw the edges of the mesh",
+            ),
+            Action(
+                "clay",
+                "Clay",
+                "View",
+                do.toggle_clay,
+                ("T",),
+                checked=lambda: app.shading == "clay",
+                help="Draw without textures",
+            ),
+            Action(
+                "expression-lines",
+                "Expression lines",
+                "View",
+                do.toggle_expression_lines,
+                checked=lambda: app.settings.expression_lines,
+                help="Draw the lines that a pose makes in the skin: forehead, frown lines, crow's feet, nose, cheeks",
+            ),
+            Action(
+                "contact",
+                "Contact",
+                "View",
+                do.toggle_contact,
+                checked=lambda: app.session.document.contact,
+                help="Keep lids on the eyes and off each other, lips before the teeth, and teeth inside",
+            ),
+            Action(
+                "points",
+                "Show constraints",
+                "View",
+                do.toggle_points,
+                ("P",),
+                checked=lambda: app.points_shown,
+                help="Draw pins, strokes and curves over the face",
+            ),
+            Action(
+                "panel",
+                "Side panel",
+                "View",
+                do.toggle_panel,
+                ("N",),
+                checked=lambda: app.panel_shown,
+                help="Show the panel at the right",
+            ),
+            Action(
+                "blender",
+                "Navigate as in Blender",
+                "View",
+                lambda: do.navigate("blender"),
+                checked=lambda: app.viewport.navigation == "blender",
+                separated=True,
+            ),
+            Action(
+                "maya",
+                "Navigate as in Maya",
+                "View",
+                lambda: do.navigate("maya"),
+                checked=lambda: app.viewport.navigation == "maya",
+            ),
+            *app.features.actions(file_menu=False),
+            Action(
+                "palette",
+                "Find a command...",
+                "Help",
+                app.palette.show,
+                ("Ctrl+P",),
+                free,
+                help="The command palette: everything there is, by a few letters of its name",
+            ),
+            Action(
+                "guide",
+                "Guided pose",
+                "Help",
+                app.guide.show,
+                help="A first smile in five steps, with the view showing where to press",
+            ),
+            Action("keys", "Keys and mouse", "Help", do.toggle_keys, ("F1",)),
+            Action("about", "About Face Poser", "Help", do.about),
+        ]
+    )

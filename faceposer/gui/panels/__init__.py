@@ -1,0 +1,1 @@
+"""The core panels of the window, one file each."""

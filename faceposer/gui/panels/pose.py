@@ -1,0 +1,214 @@
+"""The panel's first part: which face, how it follows, and back to neutral."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from imgui_bundle import imgui
+
+from faceposer.gui.panels.constraint_details import LARGEST_HOLD
+from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, tooltip
+from faceposer.gui.widgets.theme import FIELD, RAISED, Icon, em
+from faceposer.model.subject_file import available_subjects
+from faceposer.solve.constraints.fixed import FixedConstraint
+from faceposer.solve.priors import PRIORS, Prior
+from faceposer.solve.problem import SPREAD
+
+if TYPE_CHECKING:
+    from faceposer.gui.app import App
+
+_MODES = ("live", "apply")
+_LARGEST_WEIGHT = 10.0
+_USUAL_WEIGHT = 1.0
+_PRIOR_LABELS: dict[Prior, str] = {"regions": "By region", "whole": "Whole face", "plain": "As learned"}
+# In the order of ``PRIORS``.
+_PRIOR_TEXTS = (
+    "The usual way: muscles that work together in real faces move together, as far as Spread says.",
+    "The face is judged as a whole: whatever moved together in the captured performances moves together here.",
+    "The learned expressions as they are, as in the paper: the face drifts to its usual expressions by itself.",
+)
+
+
+class PosePanel:
+    """Subject, mode, spread, prior weight, neutral."""
+
+    def __init__(self) -> None:
+        self._subjects: list[tuple[str, str]] | None = None
+
+    def draw(self, app: "App") -> None:
+        """Draw the part."""
+        tips = (
+            "The face follows while you drag.",
+            f"The points wait until you press Apply  ({app.actions['apply'].shortcut})",
+        )
+        session = app.session
+        mode = _MODES.index(session.mode)
+        chosen = choice(app.marks, "mode", ("Live", "On apply"), mode, tips)
+        if chosen != mode:
+            app.set_mode("live" if chosen == 0 else "apply")
+        if session.mode == "apply":
+            action_button(app.marks, app.actions["apply"], -1.0, strong=session.pending)
+        imgui.spacing()
+        self._draw_spread(app)
+        self._draw_weight(app)
+        self._draw_hold(app)
+        self._draw_advanced(app)
+        imgui.spacing()
+        width = button_width(3)
+        action_button(app.marks, app.actions["reset"], width, "Reset")
+        imgui.same_line()
+        action_button(app.marks, app.actions["compare"], width, "Compare")
+        imgui.same_line()
+        action_button(app.marks, app.actions["accept-pose"], width, "Accept")
+
+    def draw_subjects(self, app: "App") -> None:
+        """Draw the list of faces to choose from."""
+        subject = app.session.model.subject
+        imgui.set_next_item_width(-1.0)
+        opened = imgui.begin_combo("##subject", subject.title)
+        app.marks.note("subject")
+        if not opened:
+            tooltip(f"Whose face to pose; {app.actions['open'].shortcut} opens others from files")
+            return
+        if self._subjects is None:
+            self._subjects = available_subjects()
+        for name, title in self._subjects:
+            pressed, _ = imgui.selectable(f"{title}##{name}", name == app.session.document.subject)
+            app.marks.note(f"subject:{name}")
+            if pressed and name != app.session.document.subject:
+                app.files.open(name)
+        imgui.end_combo()
+
+    def _draw_spread(self, app: "App") -> None:
+        session = app.session
+
+        tip = (
+            "How much of the face follows what you pull. Local: only the muscles that it takes. Whole face: all that "
+            "usually moves along in real faces. Ctrl+click to type a value from 0 to 1, Esc to take a drag back."
+        )
+        # The other priors know no spread.
+        imgui.begin_disabled(session.document.prior != "regions")
+        self._draw_slider(
+            app,
+            "spread",
+            "Spread",
+            session.document.spread,
+            (SPREAD, 1.0, "%.2f"),
+            session.set_spread,
+            "Change the spread",
+            tip,
+            ends=("Local", "Whole face"),
+        )
+        imgui.end_disabled()
+
+    def _draw_weight(self, app: "App") -> None:
+        session = app.session
+        tip = (
+            "How strongly the face keeps to natural expressions. At 0 only the points count. "
+            "Ctrl+click to type a value, Esc to take a drag back."
+        )
+        self._draw_slider(
+            app,
+            "weight",
+            "Prior weight",
+            session.document.prior_weight,
+            (_USUAL_WEIGHT, _LARGEST_WEIGHT, "%.2f"),
+            session.set_prior_weight,
+            "Change the prior weight",
+            tip,
+            logarithmic=True,
+        )
+
+    def _draw_slider(
+        self,
+        app: "App",
+        name: str,
+        title: str,
+        value: float,
+        measures: tuple[float, float, str],
+        change: Callable[[float], None],
+        step: str,
+        tip: str,
+        logarithmic: bool = False,
+        ends: tuple[str, str] = ("", ""),
+    ) -> None:
+        """Draw a slider from 0, with a button that brings the default back.
+
+        Args:
+            app: The window.
+            name: Of the widget.
+            title: Beside it.
+            value: Now.
+            measures: Its default, its largest value, and how the value is written.
+            change: Brings a value into the session.
+            step: What the history calls it.
+            tip: Of the tooltip.
+            logarithmic: Whether small values get more room.
+            ends: What its left and its right end are called, in place of their values.
+        """
+        session = app.session
+        usual, largest, form = measures
+        # At an end its name, which no value follows.
+        form = {0.0: ends[0], largest: ends[1]}.get(value) or form
+        imgui.align_text_to_frame_padding()
+        imgui.text(title)
+        imgui.same_line(em(6.6))
+        reset = value != usual and not app.slider_edit.active
+        imgui.set_next_item_width(-em(2.3) if reset else -1.0)
+        flags = imgui.SliderFlags_.clamp_on_input | (imgui.SliderFlags_.logarithmic if logarithmic else 0)
+        changed, new = imgui.slider_float(f"##pose:{name}", value, 0.0, largest, form, flags)
+        app.marks.note(name)
+        app.slider_edit.follow(session, name, step, changed, lambda: change(new))
+        tooltip(tip)
+        if reset:
+            imgui.same_line()
+            if imgui.button(f"{Icon.UNDO}##pose:{name}", (em(1.8), 0.0)) and not session.editing:
+                change(usual)
+            app.marks.note(f"{name}:reset")
+            tooltip(f"Back to {usual:g}")
+
+    def _draw_advanced(self, app: "App") -> None:
+        """Draw which prior judges, under a header that is closed at first."""
+        session = app.session
+        prior = session.document.prior
+        # A session that has another prior shows it.
+        if prior != "regions":
+            imgui.set_next_item_open(True, imgui.Cond_.once)
+        imgui.push_style_color(imgui.Col_.header, imgui.ImVec4(*FIELD))
+        imgui.push_style_color(imgui.Col_.header_hovered, imgui.ImVec4(*RAISED))
+        opened = imgui.collapsing_header("Advanced")
+        imgui.pop_style_color(2)
+        app.marks.note("advanced")
+        tooltip("Other ways to judge what is natural")
+        if not opened:
+            return
+        chosen = choice(app.marks, "prior", tuple(_PRIOR_LABELS[p] for p in PRIORS), PRIORS.index(prior), _PRIOR_TEXTS)
+        caption(_PRIOR_TEXTS[chosen])
+        if PRIORS[chosen] != prior and not session.editing:
+            session.set_prior(PRIORS[chosen])
+
+    def _draw_hold(self, app: "App") -> None:
+        """Draw a slider for the weight of all fixed vertices together."""
+        session = app.session
+        fixed = [i for i, c in enumerate(session.document.constraints) if isinstance(c, FixedConstraint)]
+        if not fixed:
+            return
+        weight = session.document.constraints[fixed[0]].weight
+        imgui.align_text_to_frame_padding()
+        imgui.text("Hold weight")
+        imgui.same_line(em(6.6))
+        imgui.set_next_item_width(-1.0)
+        flags = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.clamp_on_input
+        changed, value = imgui.slider_float("##hold", weight, 0.0, LARGEST_HOLD, "%.2f", flags)
+        app.marks.note("hold-weight")
+
+        def apply() -> None:
+            document = session.document
+            for i in fixed:
+                constraint = document.constraints[i]
+                if isinstance(constraint, FixedConstraint) and not constraint.locked:
+                    document = document.with_constraint(i, replace(constraint, weight=value))
+            session.replace(document)
+
+        app.slider_edit.follow(session, "hold", "Change the hold weight", changed, apply)
+        tooltip("How strongly fixed vertices stay where they were: from free, at 0, to immovable.")

@@ -1,0 +1,47 @@
+"""The line at the bottom: what the mouse will do now, and how the last solve went."""
+
+from typing import TYPE_CHECKING
+
+from imgui_bundle import imgui
+
+from faceposer.gui.widgets.theme import FAINT, em
+
+if TYPE_CHECKING:
+    from faceposer.gui.app import App
+
+
+def status_height() -> float:
+    """Return the height of the bar."""
+    return round(imgui.get_font_size() + 2.0 * em(0.42))
+
+
+def draw_status_bar(app: "App") -> None:
+    """Draw the bar's text into the current window."""
+    right = _figures(app)
+    edge = imgui.get_window_width() - imgui.get_style().window_padding.x
+    width = imgui.calc_text_size(right).x
+    imgui.set_cursor_pos_y((imgui.get_window_height() - imgui.get_font_size()) / 2.0)
+    left = imgui.get_cursor_screen_pos()
+    end = imgui.get_window_pos().x + edge - width - em(1.5)
+    imgui.push_clip_rect((left.x, left.y - em(1)), (max(end, left.x), left.y + em(2)), True)
+    imgui.text_unformatted(app.features.hint or app.hint())
+    imgui.pop_clip_rect()
+    if edge - width > em(8):
+        imgui.same_line(edge - width)
+        imgui.text_colored(FAINT, right)
+
+
+def _figures(app: "App") -> str:
+    session = app.session
+    parts = [session.model.subject.title]
+    if session.document.constraints:
+        worst = max(
+            (r for r, c in zip(session.residuals_px, session.document.constraints, strict=True) if c.enabled),
+            default=0.0,
+        )
+        parts.append(f"residual {worst:.1f} px")
+    if session.solution is not None:
+        parts.append(f"solved in {session.solution.seconds * 1e3:.1f} ms")
+    if app.debug:
+        parts.append(f"frame {app.frame_seconds * 1e3:.1f} ms")
+    return "   ·   ".join(reversed(parts))

@@ -1,0 +1,1 @@
+"""A scripted user of the real window, for tests and the demo."""

@@ -1,0 +1,1 @@
+"""Widgets of the window that know nothing of faces: theme, dialogs, file dialogs, small building blocks."""

@@ -1,0 +1,138 @@
+"""Small pieces that panels are made of."""
+
+from collections.abc import Iterator, Sequence
+
+from imgui_bundle import ImVec2, ImVec4, imgui
+
+from faceposer.gui.actions import Action
+from faceposer.gui.widgets.theme import ACCENT_DARK, ACCENT_MID, FAINT, Fonts, em
+
+Rectangle = tuple[float, float, float, float]
+
+
+class Marks:
+    """Where each named widget of the last frame was drawn, in window units: left, top, right, bottom.
+
+    Tests and the demo find by it what to click on.
+    """
+
+    def __init__(self) -> None:
+        self._rectangles: dict[str, Rectangle] = {}
+
+    def clear(self) -> None:
+        """Forget all, at the begin of a frame."""
+        self._rectangles.clear()
+
+    def note(self, name: str) -> None:
+        """Remember the widget that was drawn last as ``name``."""
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        self._rectangles[name] = (low.x, low.y, high.x, high.y)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._rectangles
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._rectangles)
+
+    def __getitem__(self, name: str) -> Rectangle:
+        return self._rectangles[name]
+
+    def center(self, name: str) -> tuple[float, float]:
+        """Return the middle of the widget ``name``.
+
+        Raises:
+            KeyError: If there was none in the last frame.
+        """
+        left, top, right, bottom = self._rectangles[name]
+        return ((left + right) / 2.0, (top + bottom) / 2.0)
+
+
+def heading(fonts: Fonts, text: str, first: bool = False) -> None:
+    """Write the title of a section."""
+    if not first:
+        imgui.dummy((0.0, em(0.35)))
+        imgui.separator()
+        imgui.dummy((0.0, em(0.10)))
+    imgui.push_font(fonts.bold, 0.0)
+    imgui.text(text)
+    imgui.pop_font()
+
+
+def caption(text: str) -> None:
+    """Write a quiet line."""
+    imgui.push_style_color(imgui.Col_.text, ImVec4(*FAINT))
+    imgui.text_wrapped(text)
+    imgui.pop_style_color()
+
+
+def tooltip(text: str) -> None:
+    """Explain the widget before, when the pointer rests on it, even if it cannot be used now."""
+    flags = imgui.HoveredFlags_.for_tooltip.value | imgui.HoveredFlags_.allow_when_disabled.value
+    if imgui.is_item_hovered(flags) and imgui.begin_tooltip():
+        imgui.push_text_wrap_pos(em(24))
+        imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()
+        imgui.end_tooltip()
+
+
+def button_width(count: int) -> float:
+    """Return the width of each of ``count`` buttons that share the line."""
+    spacing = imgui.get_style().item_spacing.x
+    return max((imgui.get_content_region_avail().x - spacing * (count - 1)) / count, 1.0)
+
+
+def action_button(marks: Marks, action: Action, width: float, label: str = "", strong: bool = False) -> None:
+    """Draw a button for ``action``; ``strong`` calls attention to it."""
+    on = action.checked is not None and action.checked()
+    if on or strong:
+        _push_lit(ACCENT_DARK if on else ACCENT_MID)
+    imgui.begin_disabled(not action.enabled())
+    if imgui.button(f"{label or action.label}##{action.name}", (width, 0.0)):
+        action.run()
+    imgui.end_disabled()
+    marks.note(action.name)
+    tooltip(action.tooltip)
+    if on or strong:
+        imgui.pop_style_color(3)
+
+
+def lit_button(label: str, on: bool, colour: tuple[float, float, float, float], width: float) -> bool:
+    """Draw a button, in ``colour`` where it is ``on``, and return whether it was pressed."""
+    if on:
+        _push_lit(colour)
+    pressed = imgui.button(label, (max(width, 1.0), 0.0))
+    if on:
+        imgui.pop_style_color(3)
+    return pressed
+
+
+def choice(
+    marks: Marks, name: str, labels: Sequence[str], chosen: int, tips: Sequence[str], by_text: bool = False
+) -> int:
+    """Draw buttons of which one is down, and return which is chosen now.
+
+    They are equally wide, or ``by_text`` as wide as their labels and a share of the room that is left.
+    """
+    gap = max(round(em(0.1)), 1)
+    room = imgui.get_content_region_avail().x - gap * (len(labels) - 1)
+    texts = [imgui.calc_text_size(label).x if by_text else 0.0 for label in labels]
+    spare = (room - sum(texts)) / len(labels)
+    if by_text:
+        padding = ImVec2(max(min(0.5 * spare, em(0.6)), 0.0), imgui.get_style().frame_padding.y)
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, padding)
+    for i, label in enumerate(labels):
+        if i:
+            imgui.same_line(0.0, gap)
+        pressed = lit_button(f"{label}##{name}", i == chosen, ACCENT_DARK, texts[i] + spare)
+        marks.note(f"{name}:{i}")
+        tooltip(tips[i])
+        if pressed:
+            chosen = i
+    if by_text:
+        imgui.pop_style_var()
+    return chosen
+
+
+def _push_lit(colour: tuple[float, float, float, float]) -> None:
+    for index in (imgui.Col_.button, imgui.Col_.button_hovered, imgui.Col_.button_active):
+        imgui.push_style_color(index, ImVec4(*colour))

@@ -1,0 +1,1 @@
+"""Rendering with OpenGL: the face, offscreen images, films. No window system."""

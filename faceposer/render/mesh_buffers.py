@@ -1,0 +1,89 @@
+"""The GPU's copy of a subject, brought up to date only when the face has changed."""
+
+import io
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from faceposer.model.subject import Subject
+from faceposer.render.line_buffers import LineBuffers
+
+
+def drawn_by_processor(ctx: moderngl.Context) -> bool:
+    """Whether the processor draws, not a graphics card."""
+    renderer = ctx.info["GL_RENDERER"].lower()
+    return any(name in renderer for name in ("llvmpipe", "softpipe", "swiftshader", "swrast"))
+
+
+class MeshBuffers:
+    """Vertex and index buffers of one subject.
+
+    A vertex on a seam of the texture has several texture coordinates; the GPU wants one per vertex, so such vertices
+    are doubled. ``source`` maps every vertex drawn to the subject's vertex.
+    """
+
+    def __init__(self, ctx: moderngl.Context, subject: Subject) -> None:
+        """Upload the topology of ``subject``; ``update`` must follow before anything is drawn."""
+        self.subject = subject
+        # A pair of numbers in one is sorted several times faster than a row of two.
+        corners = subject.triangles.ravel() * np.int64(len(subject.uv)) + subject.triangle_uvs.ravel()
+        pairs, inverse = np.unique(corners, return_inverse=True)
+        source, uv = np.divmod(pairs, len(subject.uv))
+        self.source: NDArray[np.intp] = source.astype(np.intp)
+        indices = inverse.astype(np.int32)
+        self._staging = np.empty((len(pairs), 6), dtype=np.float32)
+        self.points = ctx.buffer(reserve=self._staging.nbytes, dynamic=True)
+        self.uvs = ctx.buffer(np.ascontiguousarray(subject.uv[uv], dtype=np.float32))
+        self.triangles = ctx.buffer(indices)
+        first_use = np.full(len(subject.vertices), -1, dtype=np.int32)
+        first_use[self.source[::-1]] = np.arange(len(pairs), dtype=np.int32)[::-1]
+        self.edges = ctx.buffer(np.ascontiguousarray(first_use[_edges(subject)]))
+        self.textures = {name: _texture(ctx, data) for name, data in subject.textures.items()}
+        self.lines = LineBuffers(ctx, subject, self.source, indices.reshape(-1, 3))
+        self._revision: object = None
+
+    def update(self, vertices: NDArray[np.float32], normals: NDArray[np.float32], revision: object) -> bool:
+        """Upload positions and normals, each (N, 3), and return True, unless ``revision`` is there already."""
+        if revision is not None and revision == self._revision:
+            return False
+        np.take(vertices, self.source, axis=0, out=self._staging[:, :3])
+        np.take(normals, self.source, axis=0, out=self._staging[:, 3:])
+        self.points.write(self._staging)
+        self.lines.update(vertices)
+        self._revision = revision
+        return True
+
+    def release(self) -> None:
+        """Free what the GPU holds."""
+        for buffer in (self.points, self.uvs, self.triangles, self.edges):
+            buffer.release()
+        self.lines.release()
+        for texture in self.textures.values():
+            texture.release()
+
+
+def _edges(subject: Subject) -> NDArray[np.int32]:
+    """Return the edges of the polygons, each once, as vertex pairs of shape (E, 2)."""
+    polygons = subject.polygons
+    following = np.roll(polygons, -1, axis=1)
+    is_triangle = polygons[:, 3] < 0
+    following[is_triangle, 2] = polygons[is_triangle, 0]
+    lower, upper = np.minimum(polygons, following), np.maximum(polygons, following)
+    count = np.int64(len(subject.vertices))
+    pairs = np.unique((lower * count + upper)[lower >= 0])
+    return np.stack(np.divmod(pairs, count), axis=1).astype(np.int32)
+
+
+def _texture(ctx: moderngl.Context, data: bytes) -> moderngl.Texture:
+    with Image.open(io.BytesIO(data)) as encoded:
+        image = encoded.convert("RGBA" if encoded.mode in ("RGBA", "LA", "P") else "RGB")
+    image = image.transpose(Image.Transpose.FLIP_TOP_BOTTOM)
+    texture = ctx.texture(image.size, len(image.getbands()), image.tobytes(), alignment=1)
+    texture.build_mipmaps()
+    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    if not drawn_by_processor(ctx):
+        # Mesa's processor needs many seconds for some triangles that are seen from their edge.
+        texture.anisotropy = 4.0
+    return texture

@@ -1,0 +1,307 @@
+"""Draws a posed subject into any framebuffer."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.geometry.camera import Camera
+from faceposer.model.materials import BASE_COLOURS
+from faceposer.model.subject import Subject
+from faceposer.render.eye_painter import EyePainter
+from faceposer.render.mesh_buffers import MeshBuffers
+from faceposer.render.neck_fade import NO_FADE, neck_fade
+from faceposer.resources import shader_text
+
+Shading = Literal["full", "clay"]
+#: One program, or several that get the same uniforms.
+Programs = moderngl.Program | Sequence[moderngl.Program]
+_BASE = {"clay": (0.42, 0.42, 0.43), **BASE_COLOURS}
+_MATERIALS = ("clay", "skin", "eye", "teeth", "gums", "tongue", "lashes")
+
+
+@dataclass(frozen=True)
+class PhotoLayer:
+    """A photo as it lies behind the face and before it, centred where the camera's optical axis meets the picture.
+
+    Attributes:
+        picture: Top row first.
+        size: Width and height in pixels of the camera that took it.
+        focal: Of that camera, in its pixels.
+        behind: Opacity of the photo as the ground of the face, 0 to 1.
+        before: Opacity of the photo over the face, 0 to 1.
+    """
+
+    picture: moderngl.Texture
+    size: tuple[int, int]
+    focal: float
+    behind: float
+    before: float
+
+    def corners(self, camera: Camera) -> tuple[float, float, float, float]:
+        """Return left, top, right and bottom of the photo in the pixels of ``camera``."""
+        scale = camera.focal / self.focal
+        x, y = camera.principal_point.tolist()
+        across, down = 0.5 * scale * self.size[0], 0.5 * scale * self.size[1]
+        return (x - across, y - down, x + across, y + down)
+
+
+def projection_matrix(camera: Camera) -> NDArray[np.float32]:
+    """Return the matrix from camera space (y down, z forward) to clip space, shape (4, 4)."""
+    width, height = camera.size
+    depth = float(np.linalg.norm(camera.center)) + 1.0
+    near, far = max(0.02 * depth, 0.1), 4.0 * depth + 200.0
+    matrix = np.zeros((4, 4), dtype=np.float32)
+    matrix[0, 0] = 2.0 * camera.focal / width
+    matrix[1, 1] = -2.0 * camera.focal / height
+    matrix[0, 2] = 2.0 * camera.shift[0] / width
+    matrix[1, 2] = -2.0 * camera.shift[1] / height
+    matrix[2, 2] = (far + near) / (far - near)
+    matrix[2, 3] = -2.0 * far * near / (far - near)
+    matrix[3, 2] = 1.0
+    return matrix
+
+
+def view_matrix(camera: Camera) -> NDArray[np.float32]:
+    """Return the matrix from world to camera space, shape (4, 4)."""
+    matrix = np.eye(4, dtype=np.float32)
+    matrix[:3, :3], matrix[:3, 3] = camera.rotation, camera.translation
+    return matrix
+
+
+def load_program(ctx: moderngl.Context, vertex: str, fragment: str, define: str = "") -> moderngl.Program:
+    """Compile the shaders of these file names; ``//#include NAME`` stands for another file, ``define`` for #ifdef."""
+
+    def source(name: str) -> str:
+        version, *lines = shader_text(name).splitlines()
+        included = [shader_text(line.split()[1]) if line.startswith("//#include ") else line for line in lines]
+        return "\n".join([version, *([f"#define {define}"] if define else []), *included])
+
+    return ctx.program(vertex_shader=source(vertex), fragment_shader=source(fragment))
+
+
+def set_uniform(programs: Programs, name: str, value: Any) -> None:
+    """Set a uniform of one or several programs, or nothing where a compiler has found that it is not needed."""
+    for program in programs if isinstance(programs, Sequence) else (programs,):
+        if name in program:
+            if isinstance(value, np.ndarray):
+                # GLSL keeps matrices by columns.
+                program[name].write(np.ascontiguousarray(value.T, dtype=np.float32))  # type: ignore[union-attr]
+            else:
+                program[name].value = value  # type: ignore[union-attr]
+
+
+class Renderer:
+    """Draws one subject at a time; it owns the programs and the subject's buffers."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        """Compile the shaders in ``ctx``."""
+        self.ctx = ctx
+        # Without expression lines, and with them: on a processor even code that is passed over takes time.
+        self._surface = [load_program(ctx, "surface.vert", "surface.frag")]
+        self._eyes = EyePainter(
+            ctx, load_program(ctx, "eye.vert", "eye.frag"), load_program(ctx, "eye.vert", "lashes.frag")
+        )
+        self._background = load_program(ctx, "background.vert", "background.frag")
+        self._edges = load_program(ctx, "edges.vert", "edges.frag")
+        self._triangle_id = load_program(ctx, "triangle_id.vert", "triangle_id.frag")
+        self._photo = load_program(ctx, "photo.vert", "photo.frag")
+        self._photo_quad = ctx.vertex_array(self._photo, [])
+        self._backdrop = ctx.vertex_array(self._background, [])
+        self.buffers: MeshBuffers | None = None
+        self._neck = NO_FADE
+        self._arrays: dict[str, moderngl.VertexArray] = {}
+
+    def set_subject(self, subject: Subject) -> None:
+        """Draw ``subject`` from now on."""
+        self.release_subject()
+        buffers = self.buffers = MeshBuffers(self.ctx, subject)
+        self._eyes.set_buffers(buffers)
+        self._neck = neck_fade(subject)
+        points = (buffers.points, "3f 3f", "position", "normal")
+        bare = (buffers.points, "3f 3x4", "position")
+        self._arrays = {
+            "surface": self.ctx.vertex_array(
+                self._surface[0], [points, (buffers.uvs, "2f", "uv")], index_buffer=buffers.triangles
+            ),
+            "id": self.ctx.vertex_array(self._triangle_id, [bare], index_buffer=buffers.triangles),
+            "edges": self.ctx.vertex_array(self._edges, [bare], index_buffer=buffers.edges),
+        }
+
+    def update(self, vertices: NDArray[np.float32], normals: NDArray[np.float32], revision: object = None) -> None:
+        """Take over a pose: positions and normals, each (N, 3); nothing is done if ``revision`` is known already."""
+        if self._require_buffers().update(vertices, normals, revision) and self._eyes.shading is not None:
+            self._eyes.shading.update(vertices)
+
+    def draw(
+        self,
+        target: moderngl.Framebuffer,
+        camera: Camera,
+        shading: Shading = "full",
+        wireframe: bool = False,
+        photo: PhotoLayer | None = None,
+        expression_lines: bool = True,
+    ) -> None:
+        """Draw the backdrop and the subject into all of ``target``, whose size must be the camera's.
+
+        With a ``photo`` that lies behind, what fades into the backdrop fades into the photo. Clay has no
+        ``expression_lines``.
+        """
+        ctx, buffers = self.ctx, self._require_buffers()
+        target.use()
+        ctx.viewport = (0, 0, *camera.size)
+        target.clear(0.0, 0.0, 0.0, 1.0, depth=1.0)
+        size = (float(camera.size[0]), float(camera.size[1]))
+        ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
+        set_uniform(self._background, "viewport", size)
+        self._backdrop.render(moderngl.TRIANGLES, vertices=3)
+        # What lies below shows through: the picture itself stays opaque.
+        ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ONE, moderngl.ONE  # type: ignore[assignment]
+        over_photo = photo is not None and photo.behind > 0.0
+        if photo is not None and over_photo:
+            self._draw_photo(photo, camera, photo.behind)
+            ctx.enable(moderngl.BLEND)
+
+        ctx.enable(moderngl.DEPTH_TEST)
+        ctx.depth_func = "<="
+        lined = expression_lines and shading == "full" and buffers.lines.use()
+        if lined:
+            self.prepare()
+        for name, unit in buffers.lines.units.items():
+            set_uniform(self._surface, name, unit)
+        self._eyes.camera = camera
+        for program in (self._surface, *self._eyes.programs):
+            self._set_camera(program, camera)
+            set_uniform(program, "viewport", size)
+        set_uniform(self._surface, "over_photo", over_photo)
+        set_uniform(self._surface, "neck", self._neck)
+        set_uniform(self._surface, "mouth", _mouth_opening(buffers.subject))
+        if over_photo:
+            # Only what is nearest fades into the photo: its depth comes first.
+            target.color_mask = (False, False, False, False)
+            self._draw_parts(shading, opaque=True, lined=lined)
+            target.color_mask = (True, True, True, True)
+        self._draw_parts(shading, opaque=True, lined=lined)
+        if wireframe:
+            self._set_camera(self._edges, camera)
+            ctx.enable(moderngl.BLEND)
+            set_uniform(self._edges, "line", (0.0, 0.0, 0.0, 0.35))
+            self._arrays["edges"].render(moderngl.LINES)
+        ctx.enable(moderngl.BLEND)
+        target.depth_mask = False
+        self._draw_parts(shading, opaque=False)
+        target.depth_mask = True
+        ctx.disable(moderngl.DEPTH_TEST | moderngl.BLEND)
+        if photo is not None and photo.before > 0.0:
+            self._draw_photo(photo, camera, photo.before)
+
+    def prepare(self) -> None:
+        """Do now what else the first pose would wait for."""
+        buffers = self._require_buffers()
+        buffers.lines.prepare()
+        if buffers.lines.triangles is None or "lined" in self._arrays:
+            return
+        if len(self._surface) == 1:
+            self._surface.append(load_program(self.ctx, "surface.vert", "surface.frag", "EXPRESSION_LINES"))
+        plain = [(buffers.points, "3f 3f", "position", "normal"), (buffers.uvs, "2f", "uv")]
+        both = {"plain": plain, "lined": [*plain, (buffers.lines.places, "3f", "line_coordinates")]}
+        for program, (name, content) in zip(self._surface, both.items(), strict=True):
+            self._arrays[name] = self.ctx.vertex_array(program, content, index_buffer=buffers.lines.triangles)
+
+    def _draw_photo(self, photo: PhotoLayer, camera: Camera, opacity: float) -> None:
+        left, top, right, bottom = photo.corners(camera)
+        width, height = camera.size
+        corners = (2.0 * left / width - 1.0, 1.0 - 2.0 * bottom / height, 2.0 * right / width - 1.0)
+        self.ctx.enable(moderngl.BLEND)
+        set_uniform(self._photo, "corners", (*corners, 1.0 - 2.0 * top / height))
+        set_uniform(self._photo, "opacity", opacity)
+        photo.picture.use(0)
+        self._photo_quad.render(moderngl.TRIANGLE_STRIP, vertices=4)
+        self.ctx.disable(moderngl.BLEND)
+
+    def _draw_parts(self, shading: Shading, opaque: bool, lined: bool = False) -> None:
+        buffers = self._require_buffers()
+        subject = buffers.subject
+        for part in subject.parts:
+            if (part.material == "lashes") == opaque:
+                continue
+            clay = shading == "clay" and part.material in ("skin", "lashes")
+            if clay and part.material == "lashes":
+                continue
+            name = "clay" if clay else part.material
+            texture = None if clay else buffers.textures.get(part.name, buffers.textures.get(part.material))
+            if self._eyes.draw(part, subject.part_triangles(part), texture):
+                continue
+            set_uniform(self._surface, "material", _MATERIALS.index(name))
+            set_uniform(self._surface, "textured", texture is not None)
+            set_uniform(self._surface, "base", _BASE[name])
+            if texture is not None:
+                texture.use(0)
+            first, last = subject.part_triangles(part)
+            begin = buffers.lines.first_lined.get(part.name, last) if lined else last
+            if begin == last:
+                self._arrays["surface"].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
+            else:
+                self._arrays["plain"].render(moderngl.TRIANGLES, vertices=3 * (begin - first), first=3 * first)
+                self._arrays["lined"].render(moderngl.TRIANGLES, vertices=3 * (last - begin), first=3 * begin)
+
+    def draw_ids(self, target: moderngl.Framebuffer, camera: Camera) -> None:
+        """Write the index plus one of the nearest front-facing triangle into each pixel of ``target``, 0 where none.
+
+        Lashes are left out: a press on them means the lid behind.
+        """
+        subject = self._require_buffers().subject
+        target.use()
+        self.ctx.viewport = (0, 0, *camera.size)
+        # OpenGL clears with floats; of all of them, only zero is the same as an integer.
+        target.clear(0.0, depth=1.0)
+        self.ctx.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        self.ctx.disable(moderngl.BLEND)
+        self._set_camera(self._triangle_id, camera)
+        for part in subject.parts:
+            if part.material != "lashes":
+                first, last = subject.part_triangles(part)
+                set_uniform(self._triangle_id, "first", first)
+                self._arrays["id"].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
+        self.ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+
+    def _set_camera(self, program: Programs, camera: Camera) -> None:
+        set_uniform(program, "view", view_matrix(camera))
+        set_uniform(program, "projection", projection_matrix(camera))
+
+    def _require_buffers(self) -> MeshBuffers:
+        if self.buffers is None:
+            raise RuntimeError("set_subject must come before drawing")
+        return self.buffers
+
+    def release_subject(self) -> None:
+        """Free the buffers of the subject."""
+        for array in self._arrays.values():
+            array.release()
+        self._arrays = {}
+        self._eyes.release_subject()
+        if self.buffers is not None:
+            self.buffers.release()
+            self.buffers = None
+
+    def release(self) -> None:
+        """Free everything."""
+        self.release_subject()
+        self._backdrop.release()
+        self._photo_quad.release()
+        self._eyes.release()
+        for program in (*self._surface, self._background, self._edges, self._triangle_id, self._photo):
+            program.release()
+
+
+def _mouth_opening(subject: Subject) -> tuple[float, float]:
+    """Return at which height the upper teeth end and how far forward the neutral teeth reach: behind, it gets dark."""
+    teeth = [subject.vertices[slice(*part.vertices)] for part in subject.parts if part.material == "teeth"]
+    if not teeth:
+        return float(subject.vertices[:, 1].min()), float(subject.vertices[:, 2].max())
+    front = max(teeth, key=lambda vertices: float(vertices[:, 2].max()))
+    ahead = front[front[:, 2] > front[:, 2].max() - 0.02 * subject.height]
+    return float(ahead[:, 1].min()), float(front[:, 2].max())

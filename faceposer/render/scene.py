@@ -1,0 +1,161 @@
+"""The face as the window shows it: from coefficients to a picture, each step only when what it needs has changed."""
+
+import moderngl
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from faceposer.geometry.camera import Camera
+from faceposer.geometry.mesh import VertexNormals
+from faceposer.geometry.picking import SurfacePoint, SurfacePoints, points_on_triangles
+from faceposer.model.face_model import FaceModel
+from faceposer.model.subject import Subject
+from faceposer.render.framebuffers import ColourTarget, IdTarget, Size
+from faceposer.render.renderer import PhotoLayer, Renderer, Shading
+
+
+class Scene:
+    """One face in one picture.
+
+    Attributes:
+        photo: What lies behind the face or before it, or None.
+        expression_lines: Whether the lines of the skin that a pose makes are drawn; clay has none.
+    """
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        """Compile the shaders in ``ctx``."""
+        self._ctx = ctx
+        self._renderer = Renderer(ctx)
+        self._ids = IdTarget(ctx)
+        self._targets: dict[int, ColourTarget] = {}
+        self._model: FaceModel | None = None
+        self._normals: VertexNormals | None = None
+        self._coefficients: NDArray[np.float64] = np.zeros(0)
+        self._contact = True
+        self._pose = 0
+        self._drawn: tuple[object, ColourTarget] | None = None
+        self.vertices: NDArray[np.float32] = np.zeros((0, 3), dtype=np.float32)
+        self.normals: NDArray[np.float32] = np.zeros((0, 3), dtype=np.float32)
+        self.photo: PhotoLayer | None = None
+        self.expression_lines = True
+        self.pictures_drawn = 0
+
+    @property
+    def triangles(self) -> NDArray[np.int32]:
+        """The subject's triangles, shape (T, 3)."""
+        return self._require_model().triangles
+
+    def set_model(self, model: FaceModel) -> None:
+        """Show ``model``, neutral."""
+        if model is self._model:
+            return
+        self._renderer.set_subject(model.subject)
+        self._model = model
+        self._normals = VertexNormals(model.triangles, len(model.subject.vertices))
+        self._set(model, model.neutral())
+
+    def set_pose(self, coefficients: ArrayLike, contact: bool = True) -> None:
+        """Show the pose ``coefficients``, shape (r,), with the contact step or without."""
+        pose = np.asarray(coefficients, dtype=np.float64)
+        if contact != self._contact or not np.array_equal(pose, self._coefficients):
+            self._contact = contact
+            self._set(self._require_model(), pose)
+
+    def _set(self, model: FaceModel, pose: NDArray[np.float64]) -> None:
+        assert self._normals is not None
+        self._coefficients = pose.copy()
+        self._pose += 1
+        # The neutral face needs no contact step, which the first picture would wait for.
+        self.vertices = model.surface(pose, self._contact and bool(pose.any()))
+        self.normals = self._normals(self.vertices)
+        self._renderer.update(self.vertices, self.normals, self._pose)
+
+    @property
+    def subject(self) -> Subject:
+        """The character shown."""
+        return self._require_model().subject
+
+    def prepare(self) -> None:
+        """Do now, while nobody waits, what the first pose of this face needs."""
+        self._renderer.prepare()
+
+    def draw(self, camera: Camera, shading: Shading, wireframe: bool, samples: int) -> moderngl.Texture:
+        """Return the picture under ``camera``, bottom row first, with ``samples`` per pixel; 0 for no multisampling."""
+        lines = self.expression_lines
+        key = (camera, self._pose, shading, wireframe, samples, id(self._model), self.photo, lines)
+        if self._drawn is None or self._drawn[0] != key:
+            target = self._target(camera.size, min(samples, self._ctx.max_samples))
+            self._renderer.draw(target.framebuffer, camera, shading, wireframe, self.photo, lines)
+            target.resolve()
+            self._drawn = (key, target)
+            self.pictures_drawn += 1
+        return self._drawn[1].texture
+
+    def portrait(self, coefficients: ArrayLike, camera: Camera, samples: int) -> NDArray[np.uint8]:
+        """Return a picture of another pose, shape (r,), without showing it: (height, width, 3), top row first."""
+        assert self._normals is not None
+        vertices = self._require_model().surface(coefficients, self._contact)
+        self._renderer.update(vertices, self._normals(vertices))
+        target = ColourTarget(self._ctx, camera.size, min(samples, self._ctx.max_samples))
+        self._renderer.draw(target.framebuffer, camera, expression_lines=self.expression_lines)
+        target.resolve()
+        picture = target.read()
+        target.release()
+        self._renderer.update(self.vertices, self.normals, self._pose)
+        return picture
+
+    def _target(self, size: Size, samples: int) -> ColourTarget:
+        target = self._targets.get(samples)
+        if target is None or target.size != size:
+            if target is not None:
+                target.release()
+            target = self._targets[samples] = ColourTarget(self._ctx, size, samples)
+        return target
+
+    def pick(self, camera: Camera, pixel: tuple[float, float]) -> SurfacePoint | None:
+        """Return the point of the visible surface at ``pixel``, or None."""
+        points, _ = self.pick_many(camera, np.array([pixel]))
+        point = points[0] if len(points) else None
+        return point if isinstance(point, SurfacePoint) else None
+
+    def pick_many(self, camera: Camera, pixels: NDArray[np.float64]) -> tuple[SurfacePoints, NDArray[np.bool_]]:
+        """Return the points of the visible surface at ``pixels``, (n, 2), and which of them there are, (n,)."""
+        faces = self._seen(camera, pixels)
+        met = faces >= 0
+        return points_on_triangles(self.vertices, self.triangles, faces[met], camera, pixels[met]), met
+
+    def _seen(self, camera: Camera, pixels: NDArray[np.float64]) -> NDArray[np.int64]:
+        return self._ids.at(self._renderer, camera, (self._pose, id(self._model)), pixels)
+
+    def facing_away(self, camera: Camera, points: SurfacePoints) -> NDArray[np.bool_]:
+        """Return which of ``points`` lie where the face turns its back on ``camera``, shape (n,)."""
+        assert self._normals is not None
+        corners = points.corners(self.triangles)
+        normals = np.einsum("nk,nkd->nd", points.barycentric, self.normals[corners].astype(np.float64))
+        positions = points.positions(self.vertices, self.triangles)
+        away: NDArray[np.bool_] = np.einsum("nd,nd->n", normals, positions - camera.center) > 0.0
+        return away
+
+    def occluded(self, camera: Camera, positions: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which ``positions`` in space, shape (n, 3), lie behind the visible face, shape (n,)."""
+        if not len(positions):
+            return np.zeros(0, dtype=bool)
+        faces = self._seen(camera, camera.project(positions))
+        tolerance = 0.02 * float(np.ptp(self._require_model().subject.vertices[:, 1]))
+        met = faces >= 0
+        hidden = np.zeros(len(positions), dtype=bool)
+        corners = self.vertices[self.triangles[faces[met]]].astype(np.float64)
+        nearest = (corners @ camera.rotation[2] + camera.translation[2]).min(axis=1)
+        hidden[met] = camera.to_camera(positions[met])[:, 2] > nearest + tolerance
+        return hidden
+
+    def _require_model(self) -> FaceModel:
+        if self._model is None:
+            raise RuntimeError("set_model must come first")
+        return self._model
+
+    def release(self) -> None:
+        """Free what the GPU holds."""
+        for target in self._targets.values():
+            target.release()
+        self._ids.release()
+        self._renderer.release()

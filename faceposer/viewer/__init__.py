@@ -1,1 +1,0 @@
-"""The window: drawing, panels and events."""
