@@ -1,7 +1,6 @@
-"""Finds the shaders, the assets and the user's own folders, installed or in a checkout."""
+"""Finds the shaders and the assets, installed or in a checkout, and the fonts."""
 
-import os
-import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 from faceposer.errors import FacePoserError
@@ -37,25 +36,13 @@ def shader_text(name: str) -> str:
         ) from error
 
 
-def user_config_dir() -> Path:
-    """Return the folder for the user's settings; it need not exist."""
-    return _user_dir("XDG_CONFIG_HOME", ".config")
+def fonts_folder() -> Path:
+    """Return the folder of the fonts that come with Dear ImGui's package.
 
-
-def user_data_dir() -> Path:
-    """Return the folder for what the user makes and the program keeps; it need not exist."""
-    return _user_dir("XDG_DATA_HOME", ".local/share")
-
-
-def user_state_dir() -> Path:
-    """Return the folder for what the program remembers between runs; it need not exist."""
-    return _user_dir("XDG_STATE_HOME", ".local/state")
-
-
-def _user_dir(variable: str, fallback: str) -> Path:
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData/Local")) / "FacePoser"
-    if sys.platform == "darwin":
-        return Path.home() / "Library/Application Support/FacePoser"
-    base = os.environ.get(variable, "")
-    return (Path(base) if base else Path.home() / fallback) / "faceposer"
+    Raises:
+        FacePoserError: If the package is not installed.
+    """
+    found = find_spec("imgui_bundle")
+    if found is None or found.origin is None:
+        raise FacePoserError("The fonts are missing; install Face Poser again.")
+    return Path(found.origin).parent / "assets" / "fonts"

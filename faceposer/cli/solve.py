@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
         check_output(options.report, ".json")
         check_apart(options.report, options.session)
     from faceposer.api import load
-    from faceposer.session.document import write_text
+    from faceposer.files.atomic import write_text
     from faceposer.session.report import solve_report
 
     if options.session.suffix.lower() != ".json":

@@ -15,8 +15,8 @@ from faceposer.evaluation.running import Show
 from faceposer.evaluation.study import FORMAT, RESULTS, TABLE, TABLES, VERSION, Outcome, Study, machine
 from faceposer.evaluation.tables import error_tables, share_tables, time_table
 from faceposer.evaluation.takes import Source, Sparse
+from faceposer.files.atomic import write_text
 from faceposer.model.subject import Subject
-from faceposer.session.document import write_text
 from faceposer.training.expressions import Recipe
 
 #: The name of the rows over all performers.

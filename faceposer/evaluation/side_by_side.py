@@ -16,9 +16,9 @@ from faceposer.evaluation.setting import Setting
 from faceposer.evaluation.study import Outcome, Study
 from faceposer.evaluation.tables import targets
 from faceposer.evaluation.trials import Cell, Trial, TrialMaker
-from faceposer.gui.widgets.theme import FONTS
 from faceposer.render.images import write_png
 from faceposer.render.offscreen import render_subject
+from faceposer.resources import fonts_folder
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import Constraint
@@ -116,7 +116,7 @@ class _Sheet:
     def __init__(self, setting: Setting, frames: NDArray[np.float64], study: Study, outcome: Outcome) -> None:
         self._setting, self._frames, self._study, self._outcome = setting, frames, study, outcome
         self._maker = TrialMaker(setting)
-        self._font = ImageFont.truetype(str(FONTS / "Roboto" / "Roboto-Regular.ttf"), _FONT)
+        self._font = ImageFont.truetype(str(fonts_folder() / "Roboto" / "Roboto-Regular.ttf"), _FONT)
 
     def scores(self, method: str, cell: Cell) -> dict[Key, Score]:
         """Return the scores of ``method`` in ``cell`` by seed and number of the trial."""

@@ -22,8 +22,8 @@ from faceposer.evaluation.setting import SIZE
 from faceposer.evaluation.tables import error_tables, other_tables, time_table
 from faceposer.evaluation.takes import Source
 from faceposer.evaluation.trial_log import Scores, TrialLog
+from faceposer.files.atomic import write_text
 from faceposer.model.subject import Subject
-from faceposer.session.document import write_text
 
 #: Files of a study.
 LOG, RESULTS, TABLE, TABLES = "trials.jsonl", "results.json", "results.csv", "tables.md"

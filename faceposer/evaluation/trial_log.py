@@ -14,6 +14,7 @@ from typing import Any
 from faceposer.errors import FacePoserError
 from faceposer.evaluation.measures import Score
 from faceposer.evaluation.trials import Cell
+from faceposer.files.atomic import write_text
 
 #: Scores by method, cell and seed, then by number of the trial.
 Scores = dict[tuple[str, Cell, int], dict[int, Score]]
@@ -65,9 +66,7 @@ class TrialLog:
         return data[:whole].splitlines()
 
     def _begin(self, header: Mapping[str, Any]) -> None:
-        temporary = self.path.with_name(f".{self.path.name}.{os.getpid()}.tmp")
-        temporary.write_text(json.dumps(header) + "\n", encoding="utf-8", newline="\n")
-        temporary.replace(self.path)
+        write_text(self.path, json.dumps(header) + "\n", "file of trials")
 
     def _check(self, line: bytes, header: Mapping[str, Any]) -> None:
         try:

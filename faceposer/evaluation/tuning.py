@@ -16,7 +16,7 @@ from faceposer.evaluation.running import unavailable
 from faceposer.evaluation.setting import Setting
 from faceposer.evaluation.takes import FOLDS, Source
 from faceposer.evaluation.trials import Cell, Trial, TrialMaker
-from faceposer.session.document import write_text
+from faceposer.files.atomic import write_text
 
 #: The file of the result.
 TUNED = "tuned.json"

@@ -1,28 +1,83 @@
-"""Files that appear whole or not at all."""
+"""Files and folders that are written atomically: the old content stays until the new one is complete."""
 
 import os
+import re
+import shutil
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from faceposer.errors import FacePoserError
 
+_TEMPORARY = re.compile(r"\..+\.(\d+)\.tmp")
+# Longest name of a file on common systems, in bytes; a temporary file has a longer one than the file.
+_LONGEST_NAME = 255
+
 
 @contextmanager
-def replacing(path: Path, kind: str) -> Iterator[Path]:
-    """Give the path of a temporary file beside ``path`` that takes its place at the end, unless something is raised.
+def atomic_file(path: Path, kind: str, durable: bool = True) -> Iterator[Path]:
+    """Yield a temporary path beside ``path`` that replaces it at the end of the block, unless the block raises.
+
+    What killed programs left there of the same file is removed.
+
+    Args:
+        path: The file; its folder must exist.
+        kind: Noun for messages, such as "session".
+        durable: Wait until the content is on the disk (fsync), so that it also survives a power failure.
 
     Raises:
-        FacePoserError: If the file cannot be written; ``kind`` says what it is.
+        FacePoserError: If the file cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = _temporary(path)
     try:
+        _remove_stale(path)
         yield temporary
+        if durable:
+            _sync(temporary, os.O_RDWR)
         temporary.replace(path)
+        if durable:
+            _sync_folder(path.parent)
     except OSError as error:
-        raise FacePoserError(f"The {kind} '{path}' cannot be written: {error.strerror}.") from error
+        raise FacePoserError(_cannot(kind, path, error)) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        # Cleaning up must not hide the first error.
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def atomic_folder(path: Path, kind: str = "folder") -> Iterator[Path]:
+    """Yield a temporary folder beside ``path``, which must be new or empty, that becomes ``path`` at the end.
+
+    Raises:
+        FacePoserError: If ``path`` holds something, or cannot be written.
+    """
+    temporary = _temporary(path)
+    try:
+        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+            raise FacePoserError(f"'{path}' is there and not an empty folder; give the name of a new one.")
+        _remove_stale(path)
+        temporary.mkdir()
+        yield temporary
+        if path.exists():
+            path.rmdir()
+        temporary.replace(path)
+        _sync_folder(path.parent)
+    except OSError as error:
+        raise FacePoserError(_cannot(kind, path, error)) from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def write_text(path: Path, text: str, kind: str, durable: bool = True) -> None:
+    """Write ``text`` to ``path`` in UTF-8, atomically; ``kind`` and ``durable`` as for ``atomic_file``.
+
+    Raises:
+        FacePoserError: If the file cannot be written.
+    """
+    with atomic_file(path, kind, durable) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
 def check_apart(path: Path | None, *inputs: Path | str | None) -> None:
@@ -54,3 +109,60 @@ def check_output(path: Path, *suffixes: str) -> None:
         raise FacePoserError(f"The folder '{path.parent}' of the output does not exist; make it first.")
     if not os.access(path.parent, os.W_OK):
         raise FacePoserError(f"The folder '{path.parent}' of the output cannot be written to; choose another.")
+
+
+def _cannot(kind: str, path: Path, error: OSError) -> str:
+    return f"The {kind} '{path}' cannot be written: {error.strerror or error}."
+
+
+def _temporary(path: Path) -> Path:
+    """Return the path of the temporary file or folder of this process for ``path``."""
+    tail = f".{os.getpid()}.tmp"
+    room = _LONGEST_NAME - len(tail) - 1
+    name = path.name.encode("utf-8", "surrogateescape")
+    # A name too long for its temporary file is cut; one too long for the system fails when it takes its place.
+    short = name[:room].decode("utf-8", "ignore") if len(name) > room else path.name
+    return path.with_name(f".{short}{tail}")
+
+
+def _remove_stale(path: Path) -> None:
+    """Remove temporary files and folders of ``path`` whose program is gone."""
+    prefix = f".{path.name}."
+    with suppress(OSError), os.scandir(path.parent) as entries:
+        for entry in entries:
+            match = _TEMPORARY.fullmatch(entry.name) if entry.name.startswith(prefix) else None
+            if match is None or entry.name != f"{prefix}{match[1]}.tmp" or _is_running(int(match[1])):
+                continue
+            if entry.is_dir(follow_symlinks=False):
+                shutil.rmtree(entry.path, ignore_errors=True)
+            else:
+                with suppress(OSError):
+                    Path(entry.path).unlink()
+
+
+def _is_running(pid: int) -> bool:
+    """Whether a process ``pid`` may exist; on Windows, where asking could end it, always true."""
+    if sys.platform == "win32" or not 0 < pid < 2**31:
+        return True
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _sync(path: Path, flags: int) -> None:
+    descriptor = os.open(path, flags)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Have the system write a folder's entries to the disk, where it can."""
+    # Windows cannot open folders, and some network drives cannot sync them.
+    with suppress(OSError):
+        _sync(folder, os.O_RDONLY)

@@ -1,7 +1,6 @@
 """Reading and writing Wavefront OBJ, with the order of vertices, faces and texture coordinates untouched."""
 
 import hashlib
-import os
 import re
 from collections.abc import Sequence
 from functools import lru_cache
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.atomic import write_text
 from faceposer.geometry.polygon_mesh import Group, PolygonMesh, no_polygons, pad_polygons
 
 # All faces are kept as wide as the widest.
@@ -90,13 +90,7 @@ class ObjWriter:
 
 
 def _write(path: Path, lines: list[str]) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-        temporary.replace(path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise FacePoserError(f"The mesh '{path}' cannot be written: {error.strerror}.") from error
+    write_text(path, "\n".join(lines) + "\n", "mesh")
 
 
 def _rows(keyword: str, values: NDArray[np.floating], form: str) -> list[str]:

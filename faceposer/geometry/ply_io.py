@@ -1,6 +1,5 @@
 """Reading and writing PLY with the order of vertices and the corners of faces untouched: reads text and binary."""
 
-import os
 import re
 import warnings
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.atomic import atomic_file
 from faceposer.geometry.polygon_mesh import PolygonMesh, no_polygons, pad_polygons
 
 _CODES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
@@ -69,13 +69,8 @@ def write_ply(
     rows["corners"] = polygons
     written = np.hstack([np.ones((len(polygons), 1), dtype=bool), np.repeat(inside, 4, axis=1)])
     faces = rows.view(np.uint8).reshape(len(polygons), -1)[written]
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
+    with atomic_file(path, "mesh") as temporary:
         temporary.write_bytes("\n".join(header).encode("utf-8") + points.tobytes() + faces.tobytes())
-        temporary.replace(path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise FacePoserError(f"The mesh '{path}' cannot be written: {error.strerror}.") from error
 
 
 def read_ply(path: Path) -> PolygonMesh:

@@ -1,12 +1,14 @@
 """What the window remembers between runs: folders, navigation, its size. Losing it costs no more than comfort."""
 
 import json
-import os
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, get_args
 
-from faceposer.resources import user_state_dir
+from faceposer.errors import FacePoserError
+from faceposer.files.atomic import write_text
+from faceposer.files.user_folders import state_folder
 from faceposer.tools.tool import Navigation
 
 _FILE = "window.json"
@@ -46,7 +48,7 @@ class Settings:
 def load_settings() -> Settings:
     """Return the settings of the last run; what is missing or damaged has its default."""
     try:
-        path = user_state_dir() / _FILE
+        path = state_folder() / _FILE
         data = json.loads(path.read_text(encoding="utf-8")) if path.stat().st_size < _MAX_BYTES else {}
     except (OSError, ValueError, RecursionError):
         data = {}
@@ -62,14 +64,10 @@ def load_settings() -> Settings:
 
 def save_settings(settings: Settings) -> None:
     """Write the settings; a folder that cannot be written is no reason to bother the user."""
-    path = user_state_dir() / _FILE
-    temporary = path.with_name(f".{_FILE}.{os.getpid()}.tmp")
-    try:
+    path = state_folder() / _FILE
+    with suppress(OSError, FacePoserError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_text(json.dumps(asdict(settings), indent=1) + "\n", encoding="utf-8")
-        temporary.replace(path)
-    except OSError:
-        temporary.unlink(missing_ok=True)
+        write_text(path, json.dumps(asdict(settings), indent=1) + "\n", "settings")
 
 
 def last_folder(settings: Settings) -> Path:

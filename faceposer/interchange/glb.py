@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.files.atomic import replacing
+from faceposer.files.atomic import atomic_file
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.interchange.gltf_builder import INDICES, VERTICES, GltfBuilder
 from faceposer.interchange.progress import Progress, no_progress
@@ -89,7 +89,7 @@ def write_glb(
     builder.root["scene"] = builder.add("scenes", {"nodes": [head]})
     if isinstance(motion, Performance) and moving:
         _animate(builder, moving, frames, motion.rate)
-    with replacing(path, "model") as temporary:
+    with atomic_file(path, "model") as temporary:
         temporary.write_bytes(builder.to_bytes())
 
 

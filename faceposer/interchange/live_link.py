@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import replacing
+from faceposer.files.atomic import atomic_file
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.model.shape_names import weight_map
@@ -76,7 +76,7 @@ def write_live_link(path: Path, model: FaceModel, performance: Performance) -> N
     order = [ARKIT_SHAPES.index(name) for name in _CHANNELS]
     values = np.hstack([weights[:, order], np.zeros((len(weights), 3)), _eye_turns(weights)])
     with (
-        replacing(path, "capture") as temporary,
+        atomic_file(path, "capture") as temporary,
         temporary.open("w", newline="", encoding="utf-8") as file,
     ):
         writer = csv.writer(file, lineterminator="\n")

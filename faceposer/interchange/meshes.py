@@ -3,8 +3,6 @@
 A character from a file of its own goes back in the unit, the axes and the order of that file.
 """
 
-import os
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Literal
@@ -12,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.files.atomic import atomic_folder
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.obj_io import ObjWriter
 from faceposer.geometry.ply_io import write_ply
@@ -80,21 +78,10 @@ def sequence_steps(
     """
     write = {"obj": _obj_frames, "ply": _ply_frames}[kind](model)
     digits = max(4, len(str(len(performance))))
-    temporary = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
-    try:
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise FacePoserError(f"'{folder}' is there and not an empty folder; give the name of a new one.")
-        temporary.mkdir()
+    with atomic_folder(folder) as temporary:
         for number, pose in enumerate(performance.coefficients, 1):
             write(temporary / f"{folder.name}.{number:0{digits}}.{kind}", model.surface(pose, contact))
             yield number / len(performance)
-        if folder.exists():
-            folder.rmdir()
-        temporary.replace(folder)
-    except OSError as error:
-        raise FacePoserError(f"The folder '{folder}' cannot be written: {error.strerror}.") from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def _obj_frames(model: FaceModel) -> _WriteFrame:

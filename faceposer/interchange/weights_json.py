@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import replacing
+from faceposer.files.atomic import write_text
 from faceposer.interchange.named_weights import NamedWeights
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
@@ -38,8 +38,7 @@ def write_weights(path: Path, model: FaceModel, motion: NDArray[np.float64] | Pe
     lines.append('"names": ' + json.dumps(list(model.subject.shape_names)))
     rows = ",\n  ".join(json.dumps(row) for row in frames.tolist())
     text = "{\n " + ",\n ".join(lines) + f',\n "frames": [\n  {rows}\n ]\n}}\n'
-    with replacing(path, "weights") as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_text(path, text, "weights")
 
 
 def read_weights(path: Path) -> NamedWeights:

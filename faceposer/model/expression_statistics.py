@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.atomic import atomic_file
 from faceposer.model.coupling import independent
 from faceposer.resources import asset_path
 
@@ -122,8 +123,7 @@ class ExpressionStatistics:
         arrays: dict[str, Any] = {name: getattr(self, name).astype(np.float32) for name in (*_ARRAYS, "coupling")}
         if self.examples is not None:
             arrays["examples"] = self.examples.astype(np.float16)
-        temporary = path.with_name(path.name + ".tmp")
-        with temporary.open("wb") as file:
+        with atomic_file(path, "file of statistics") as temporary, temporary.open("wb") as file:
             np.savez_compressed(
                 file,
                 shape_names=np.array(self.shape_names),
@@ -131,7 +131,6 @@ class ExpressionStatistics:
                 regions=np.array(self.regions),
                 **arrays,
             )
-        temporary.replace(path)
 
 
 def _check_correlation(matrix: Array) -> None:

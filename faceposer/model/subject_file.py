@@ -7,7 +7,6 @@ plain arrays. Nothing in it is pickled.
 import dataclasses
 import json
 import os
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.atomic import atomic_file
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.origin import Origin
 from faceposer.model.subject import Floats, Ints, Part, Subject
@@ -113,21 +113,8 @@ def save_subject(path: str | os.PathLike[str], subject: Subject) -> None:
     }
     arrays |= {f"region.{name}": ids for name, ids in subject.regions.items()}
     arrays |= {f"texture.{name}": np.frombuffer(data, np.uint8) for name, data in subject.textures.items()}
-    target = Path(path)
-    temporary = None
-    try:
-        with tempfile.NamedTemporaryFile(dir=target.parent, suffix=".tmp", delete=False) as file:
-            temporary = file.name
-            np.savez_compressed(file, allow_pickle=False, **arrays)
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(target)
-    except BaseException as error:
-        # An interrupt must not leave half a file behind either.
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
-        if not isinstance(error, OSError):
-            raise
-        raise FacePoserError(f"The subject file '{target}' cannot be written: {error.strerror or error}.") from error
+    with atomic_file(Path(path), "subject file") as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
 
 
 def _refuse(path: Path, reason: str) -> NoReturn:

@@ -1,6 +1,5 @@
 """A folder of poses: one JSON file for each, and a picture of the same name beside it."""
 
-import os
 import re
 import unicodedata
 from contextlib import suppress
@@ -8,8 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from faceposer.errors import FacePoserError
+from faceposer.files.atomic import write_text
+from faceposer.files.user_folders import data_folder
 from faceposer.poses.pose_file import Pose, pose_text, read_pose
-from faceposer.resources import asset_path, user_data_dir
+from faceposer.resources import asset_path
 
 SUFFIX, PICTURE_SUFFIX = ".json", ".png"
 _MOST_POSES = 2000
@@ -146,7 +147,7 @@ class PoseLibrary:
 
 def own_folder() -> Path:
     """Return the folder of the user's poses, unless another is chosen; it need not exist."""
-    return user_data_dir() / "poses"
+    return data_folder() / "poses"
 
 
 def starter_poses() -> list[Entry]:
@@ -201,12 +202,8 @@ def _same_file(one: Path, other: Path) -> bool:
 
 
 def _write(path: Path, text: str) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_text(text, encoding="utf-8", newline="\n")
-        temporary.replace(path)
     except OSError as error:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
         raise FacePoserError(f"The pose '{path}' cannot be written: {error.strerror}.") from error
+    write_text(path, text, "pose")

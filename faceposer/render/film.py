@@ -1,6 +1,5 @@
 """Moving pictures in files, drawn frame by frame, each file all or nothing: GIF, and MP4 by way of ffmpeg."""
 
-import os
 import shutil
 import subprocess
 import tempfile
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from faceposer.errors import FacePoserError
+from faceposer.files.atomic import atomic_file
 from faceposer.render.images import reduced, shared_palette, write_reduced
 
 Picture = NDArray[np.uint8]
@@ -70,12 +70,11 @@ def write_mp4(path: Path, draw: Draw, count: int, rate: float, size: tuple[int, 
         FacePoserError: If there is no ffmpeg, or it cannot write the file, with what it says.
     """
     program = find_ffmpeg()
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     taken = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{size[0]}x{size[1]}", "-r", f"{rate:.6g}", "-i", "-"]
-    made = ["-an", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4", str(temporary)]
-    with tempfile.TemporaryFile() as log:
+    made = ["-an", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4"]
+    with atomic_file(path, "film") as temporary, tempfile.TemporaryFile() as log:
         process = subprocess.Popen(
-            [program, "-y", "-loglevel", "error", *taken, *made],
+            [program, "-y", "-loglevel", "error", *taken, *made, str(temporary)],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=log,
@@ -88,12 +87,9 @@ def write_mp4(path: Path, draw: Draw, count: int, rate: float, size: tuple[int, 
             process.stdin.close()
             if process.wait() != 0:
                 raise _failure(path, log)
-            temporary.replace(path)
         except BrokenPipeError as error:
             process.wait()
             raise _failure(path, log) from error
-        except OSError as error:
-            raise FacePoserError(f"The film '{path}' cannot be written: {error.strerror}.") from error
         finally:
             # Closing sends what waits, which nobody may want any more.
             with suppress(OSError):
@@ -101,7 +97,6 @@ def write_mp4(path: Path, draw: Draw, count: int, rate: float, size: tuple[int, 
             if process.poll() is None:
                 process.kill()
                 process.wait()
-            temporary.unlink(missing_ok=True)
 
 
 def _failure(path: Path, log: IO[bytes]) -> FacePoserError:

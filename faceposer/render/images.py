@@ -1,6 +1,5 @@
 """Writes pictures to files, each all or nothing."""
 
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -9,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from faceposer.errors import FacePoserError
+from faceposer.files.atomic import atomic_file
 
 # Of an animation's shared palette: more would cost bytes without showing where most of it is a window.
 _COLOURS = 160
@@ -75,13 +74,8 @@ def write_reduced(path: Path, pictures: Sequence[Image.Image], milliseconds: Seq
 
 
 def _write(path: Path, save: Callable[[Path], None]) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
+    with atomic_file(path, "picture") as temporary:
         save(temporary)
-        temporary.replace(path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise FacePoserError(f"The picture '{path}' cannot be written: {error.strerror}.") from error
 
 
 def drawn_pixels(ctx: moderngl.Context, size: tuple[int, int], draw: Callable[[], None]) -> NDArray[np.uint8]:

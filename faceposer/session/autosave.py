@@ -19,9 +19,10 @@ from pathlib import Path
 from typing import Any
 
 from faceposer.errors import FacePoserError
+from faceposer.files.atomic import write_text
+from faceposer.files.user_folders import state_folder
 from faceposer.geometry.camera import Camera
-from faceposer.resources import user_state_dir
-from faceposer.session.document import Document, write_text
+from faceposer.session.document import Document
 from faceposer.session.file_lock import FileLock, take_lock
 from faceposer.session.opening import session_of
 from faceposer.session.session import Session
@@ -39,7 +40,7 @@ _MAX_BYTES = 64 * 2**20
 
 def autosave_dir() -> Path:
     """Return the folder of the journals; it need not exist."""
-    return user_state_dir() / "autosave"
+    return state_folder() / "autosave"
 
 
 def _now() -> datetime:
@@ -106,7 +107,8 @@ class Journal:
             self._remove()
         else:
             data = _to_json(session, unsaved, camera, self._now())
-            write_text(self._own_path(), json.dumps(data) + "\n", "journal")
+            # Waiting for the disk would be felt, and the data of a killed program reaches it anyway.
+            write_text(self._own_path(), json.dumps(data) + "\n", "journal", durable=False)
             self._held = (unsaved, session.path)
         self._due, self._not_before = math.inf, -math.inf
 

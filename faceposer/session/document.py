@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.animation.keyframes import LONGEST, Keyframes
 from faceposer.errors import FacePoserError
+from faceposer.files.atomic import write_text
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.aligning import aligned
@@ -290,18 +291,3 @@ def write_document(path: Path, document: Document) -> None:
         FacePoserError: If the file cannot be written.
     """
     write_text(path, json.dumps(document.to_json(), indent=1) + "\n", "session")
-
-
-def write_text(path: Path, text: str, kind: str) -> None:
-    """Write ``text`` to ``path`` by a temporary file beside it, so that the old file stays until the new one is whole.
-
-    Raises:
-        FacePoserError: If the file cannot be written; ``kind`` says what it is.
-    """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
-        temporary.replace(path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise FacePoserError(f"The {kind} '{path}' cannot be written: {error.strerror}.") from error

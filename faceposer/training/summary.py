@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from faceposer.errors import FacePoserError
+from faceposer.files.atomic import atomic_file, write_text
 from faceposer.model.face_model import FaceModel
 from faceposer.model.shape_names import match_arkit
 from faceposer.model.subject import Subject
@@ -128,13 +129,11 @@ def write_summary(folder: Path, subject: Subject) -> None:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(description_of(subject), indent=1, ensure_ascii=False)
-        temporary = folder / ".summary.json.tmp"
-        temporary.write_text(text + "\n", encoding="utf-8")
-        temporary.replace(folder / "summary.json")
-        _plot(folder / "summary.png", subject)
     except OSError as error:
         raise FacePoserError(f"The summary cannot be written to '{folder}': {error.strerror}.") from error
+    text = json.dumps(description_of(subject), indent=1, ensure_ascii=False)
+    write_text(folder / "summary.json", text + "\n", "summary")
+    _plot(folder / "summary.png", subject)
 
 
 def _plot(path: Path, subject: Subject) -> None:
@@ -164,9 +163,8 @@ def _plot(path: Path, subject: Subject) -> None:
         axes.set_ylim(bottom=0.0)
         axes.grid(alpha=0.3)
     figure.suptitle(subject.title)
-    temporary = path.with_name(".summary.tmp.png")
-    figure.savefig(temporary, dpi=110)
-    temporary.replace(path)
+    with atomic_file(path, "picture") as temporary:
+        figure.savefig(temporary, dpi=110, format="png")
 
 
 def _percent(share: float) -> str:

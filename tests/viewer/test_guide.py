@@ -228,7 +228,7 @@ def test_a_small_window_shows_the_step_as_a_line(tmp_path: Path, size: tuple[int
 
 def test_only_the_first_start_shows_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    monkeypatch.setattr("faceposer.gui.settings.user_state_dir", lambda: tmp_path / "faceposer")
+    monkeypatch.setattr("faceposer.gui.settings.state_folder", lambda: tmp_path / "faceposer")
     first = load_settings()
     assert not first.welcome_done
     assert Settings().welcome_done

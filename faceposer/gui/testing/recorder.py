@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from faceposer.gui.widgets.theme import BAR, FONTS, INK, Colour
+from faceposer.gui.widgets.theme import BAR, INK, Colour
 from faceposer.render.images import write_animation, write_png
+from faceposer.resources import fonts_folder
 
 _ARROW = ((0.0, 0.0), (0.0, 17.0), (4.0, 13.5), (7.0, 19.5), (9.6, 18.3), (6.7, 12.6), (12.0, 12.4))
 _ANIMATION_WIDTH = 640
@@ -29,7 +30,7 @@ class Recorder:
         self.frames: list[Path] = []
         self._screenshot = screenshot
         self._folder = folder
-        self._font = ImageFont.truetype(str(FONTS / "Roboto" / "Roboto-Regular.ttf"), 17)
+        self._font = ImageFont.truetype(str(fonts_folder() / "Roboto" / "Roboto-Regular.ttf"), 17)
         self._small: list[Image.Image] = []
         self._milliseconds: list[int] = []
         self._last = b""

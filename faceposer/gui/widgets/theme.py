@@ -1,15 +1,13 @@
 """Colours, fonts and measures: one quiet dark look. Lengths are in units of the font's size and grow with it."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
-import imgui_bundle
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.errors import FacePoserError
+from faceposer.resources import fonts_folder
 
 FONT_SIZE = 15.0
-FONTS = Path(imgui_bundle.__file__).parent / "assets" / "fonts"
 
 Colour = tuple[float, float, float, float]
 
@@ -92,18 +90,18 @@ def load_fonts() -> Fonts:
     """
 
     def load(name: str) -> imgui.ImFont:
-        for path in (FONTS / name, icons):
+        for path in (fonts_folder() / name, icons):
             if not path.is_file():
                 raise FacePoserError(f"The font '{path}' is missing; install the package imgui-bundle again.")
         atlas = imgui.get_io().fonts
-        font = atlas.add_font_from_file_ttf(str(FONTS / name), FONT_SIZE)
+        font = atlas.add_font_from_file_ttf(str(fonts_folder() / name), FONT_SIZE)
         merge = imgui.ImFontConfig()
         merge.merge_mode = True
         merge.glyph_offset = imgui.ImVec2(0.0, 1.0)
         atlas.add_font_from_file_ttf(str(icons), FONT_SIZE * 0.87, merge)
         return font
 
-    icons = FONTS / "Font_Awesome_6_Free-Solid-900.otf"
+    icons = fonts_folder() / "Font_Awesome_6_Free-Solid-900.otf"
     return Fonts(load("Roboto/Roboto-Regular.ttf"), load("Roboto/Roboto-Bold.ttf"))
 
 

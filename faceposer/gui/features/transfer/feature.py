@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.atomic import write_text
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.transfer.dialog import TransferDialog
 from faceposer.model.face_model import FaceModel
 from faceposer.model.subject_file import available_subjects
 from faceposer.render.scene import Scene
-from faceposer.session.document import Document, write_text
+from faceposer.session.document import Document
 from faceposer.session.opening import load_model, session_of
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
