@@ -122,13 +122,14 @@ class InMotion:
             turn: Seconds in which the camera of a film goes round the head once, 0 for one that stands.
             expression_lines: Draw the lines that a pose makes in the skin, in pictures and films.
         """
-        from faceposer.interchange.exporting import Look, write
+        from faceposer.interchange.formats import write
+        from faceposer.render.options import OutputOptions
 
         checks.number(turn, 0.0, _LONGEST_TURN, "The seconds of a turn")
         if turn and Path(path).suffix.lower() not in (".gif", ".mp4"):
             raise FacePoserError(f"The camera turns in films; let '{path}' end in .gif or .mp4, or leave 'turn' out.")
         model = self.session.model
         moving = self.session.coefficients if motion is None else checks.performance_of(motion, model)
-        look = Look(turn=turn, expression_lines=expression_lines, contact=self.session.document.contact)
-        write(Path(path), model, moving, look)
+        options = OutputOptions(turn=turn, expression_lines=expression_lines, contact=self.session.document.contact)
+        write(Path(path), model, moving, options)
         return Path(path)

@@ -9,7 +9,6 @@ from faceposer.cli.progress_line import ProgressLine
 from faceposer.files.atomic import check_apart, check_output
 
 NAME = "animate"
-_FORMATS = (".json", ".csv", ".glb", ".gif", ".mp4")
 _PRIORS = ("regions", "whole", "plain")
 
 
@@ -56,14 +55,17 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Make and write the animation that ``options`` ask for and return the exit status."""
-    check_output(options.output, *_FORMATS)
+    from faceposer.interchange.formats import suffixes
+
+    check_output(options.output, *suffixes(lambda form: form.animated))
     check_apart(options.output, options.subject, options.trajectories, options.camera, options.markers)
     import numpy as np
 
     from faceposer.animation.following import follow, residuals
     from faceposer.animation.trajectory_io import read_camera, read_trajectories
     from faceposer.geometry.marker_map import read_marker_map
-    from faceposer.interchange.exporting import Look, write
+    from faceposer.interchange.formats import write
+    from faceposer.render.options import OutputOptions
     from faceposer.session.opening import load_model
     from faceposer.solve.problem import RECORDED_SPREAD
 
@@ -91,7 +93,7 @@ def run(options: argparse.Namespace) -> int:
             spread=RECORDED_SPREAD if options.spread is None else options.spread,
             on_frame=lambda frame, _pose: line.show(f"Frame {frame + 1} of {n_frames}"),
         )
-        write(options.output, model, performance, Look(contact=options.contact), line.share)
+        write(options.output, model, performance, OutputOptions(contact=options.contact), line.share)
     finally:
         line.clear()
     off, unit = np.nanmean(residuals(model, trajectories, performance)), "px"

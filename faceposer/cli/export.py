@@ -2,10 +2,9 @@
 
 import argparse
 import re
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from faceposer.cli.arguments import add_contact_option, picture_size
 from faceposer.cli.progress_line import ProgressLine
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from faceposer.session.session import Session
 
 NAME = "export"
-T = TypeVar("T")
 
 _VIEWS = ("front", "three-quarter", "left", "right", "back")
 _MAX_SIDE = 8192
@@ -85,7 +83,9 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--still", action="store_true", help="write the pose alone of a session with keys")
     parser.add_argument("--frame", type=_frame, metavar="N", help="which frame of the weights in --pose (default: 1)")
     parser.add_argument(
-        "--sequence", choices=("obj", "ply"), help="write the animation into the new folder OUT, one mesh per frame"
+        "--sequence",
+        metavar="obj|ply|png",
+        help="write the animation into the new folder OUT, one file per frame",
     )
     parser.add_argument(
         "--fps",
@@ -120,10 +120,10 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write what ``options`` ask for and return the exit status."""
     _check_options(options)
-    from faceposer.interchange.exporting import Look, write
-    from faceposer.interchange.meshes import write_sequence
-    from faceposer.interchange.sampling import resampled
+    from faceposer.interchange.formats import Output, format_of, write, write_sequence_steps
     from faceposer.model.performance import Performance
+    from faceposer.model.sampling import resampled
+    from faceposer.render.options import OutputOptions
     from faceposer.session.opening import open_session
 
     session = open_session(options.what)
@@ -131,46 +131,39 @@ def run(options: argparse.Namespace) -> int:
     motion = _motion(options, session)
     path: Path = options.output
     contact = session.document.contact and options.contact
-    if options.sequence is not None:
-        if not isinstance(motion, Performance):
-            raise FacePoserError(
-                f"--sequence writes an animation, and '{options.what}' has none; give one with --animation."
-            )
-        frames = resampled(motion, options.fps) if options.fps else motion
-        written = _with_progress(
-            lambda progress: write_sequence(path, session.model, frames, options.sequence, progress, contact)
-        )
-        _say(f"{len(written)} meshes written to {path}")
-        return 0
-    pictures = path.suffix.lower() in (".gif", ".mp4")
-    if isinstance(motion, Performance) and options.fps and not pictures:
+    film = options.sequence is None and format_of(path).holds == "film"
+    if isinstance(motion, Performance) and options.fps and not film:
         motion = resampled(motion, options.fps)
-    look = Look(
-        options.size or (_GIF_SIZE if path.suffix.lower() == ".gif" else Look.size),
+    output_options = OutputOptions(
+        options.size or (_GIF_SIZE if path.suffix.lower() == ".gif" else OutputOptions.size),
         options.view,
         options.turntable or 0.0,
-        options.fps,
+        options.fps if film else None,
         "clay" if options.clay else "full",
         expression_lines=not options.no_expression_lines,
         contact=contact,
     )
-    _with_progress(lambda progress: write(path, session.model, motion, look, progress))
-    _say(f"{path} written")
-    return 0
-
-
-def _with_progress(export: Callable[[Callable[[float], None]], T]) -> T:
-    """Return what ``export`` returns, while it tells how far it is."""
     line = ProgressLine()
     try:
-        return export(line.share)
+        if options.sequence is None:
+            write(path, session.model, motion, output_options, line.share)
+        elif not isinstance(motion, Performance):
+            raise FacePoserError(
+                f"--sequence writes an animation, and '{options.what}' has none; give one with --animation."
+            )
+        else:
+            output = Output(path, session.model, motion, output_options)
+            for share in write_sequence_steps(output, f".{options.sequence}"):
+                line.share(share)
     finally:
         line.clear()
+    _say(f"{path} written" if options.sequence is None else f"{len(list(path.iterdir()))} files written to {path}")
+    return 0
 
 
 def _motion(options: argparse.Namespace, session: "Session") -> "NDArray[np.float64] | Performance":
     """Return the pose, shape (r,), or the performance that is asked for."""
-    from faceposer.interchange.exporting import ANIMATED
+    from faceposer.interchange.formats import format_of
     from faceposer.interchange.reading import read_performance, read_pose
 
     model = session.model
@@ -185,7 +178,7 @@ def _motion(options: argparse.Namespace, session: "Session") -> "NDArray[np.floa
         read = read_pose(options.pose, model, (options.frame or 1) - 1)
         _say(f"{options.pose}: {read.note}" if read.note else "")
         return read.coefficients
-    moves = options.sequence is not None or options.output.suffix.lower() in ANIMATED
+    moves = options.sequence is not None or format_of(options.output).animated
     performance = session.animation.performance if moves and not options.still else None
     if performance is not None and len(performance) > 1:
         _say(f"{options.what}: {len(performance)} frames at {performance.rate:g} a second")
@@ -204,14 +197,20 @@ def _check_options(options: argparse.Namespace) -> None:
     if options.frame is not None and options.pose is None:
         raise FacePoserError("--frame says which frame of the weights in --pose; give that, too.")
     if options.sequence is not None:
+        from faceposer.interchange.formats import suffixes
+
+        kinds = [kind[1:] for kind in suffixes(lambda form: form.sequence is not None)]
+        if options.sequence not in kinds:
+            raise FacePoserError(f"--sequence takes {', '.join(kinds)}, and not '{options.sequence}'.")
         if options.pose is not None or options.still:
             raise FacePoserError("--sequence writes an animation; leave out --pose and --still.")
         if not path.absolute().parent.is_dir():
             raise FacePoserError(f"The folder '{path.absolute().parent}' of the output does not exist; make it first.")
         return
-    suffixes = (".obj", ".ply", ".glb", ".csv", ".json", ".png", ".gif", ".mp4")
-    if suffix not in suffixes:
-        raise FacePoserError(f"The output '{path}' must end in one of {', '.join(suffixes)}.")
+    from faceposer.interchange.formats import FORMATS, suffixes
+
+    if suffix not in FORMATS:
+        raise FacePoserError(f"The output '{path}' must end in one of {', '.join(suffixes())}.")
     check_output(path, suffix)
     if options.animation is not None and suffix in (".obj", ".ply"):
         raise FacePoserError(

@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 
 NAME = "transfer"
 
-_STILL = (".obj", ".ply", ".png")
-_MOVING = (".json", ".csv", ".glb", ".gif", ".mp4")
-_OUTPUTS = _MOVING + _STILL
 # Characters of a file within which it says what it is.
 _HEAD = 4096
 _USUAL_RATE = 60.0
@@ -105,9 +102,12 @@ def _rate(text: str) -> float:
 
 def run(options: argparse.Namespace) -> int:
     """Carry over what ``options`` ask for and return the exit status."""
-    check_output(options.output, *_OUTPUTS)
+    from faceposer.interchange.formats import format_of, suffixes
+
+    check_output(options.output, *suffixes())
     check_apart(options.output, options.source, options.target, options.pairs)
     suffix = options.output.suffix.lower()
+    holds_animation = format_of(options.output).animated
     if options.pairs is not None and options.method == "weights":
         raise FacePoserError("Pairs are for the method 'distances'; leave out --pairs or --method weights.")
     from faceposer.session.opening import load_model
@@ -124,12 +124,12 @@ def run(options: argparse.Namespace) -> int:
         _write_session(options, source, transfer, target)
         return 0
     # A session's pose is the one that it shows.
-    performance = source.still if suffix in _STILL and source.document is not None else source.performance
+    performance = source.still if not holds_animation and source.document is not None else source.performance
     moving = len(performance) > 1
-    if moving and suffix in _STILL:
+    if moving and not holds_animation:
         raise FacePoserError(
             f"The source has {len(performance)} frames, and '{suffix}' holds one; choose one by --frames, or an output "
-            f"that ends in one of {', '.join(_MOVING)}."
+            f"that ends in one of {', '.join(suffixes(lambda form: form.animated))}."
         )
     began = time.perf_counter()
     line = ProgressLine()
@@ -223,14 +223,15 @@ def _write(
     path: Path, subject: str, model: "FaceModel", performance: "Performance", line: ProgressLine, contact: bool
 ) -> None:
     """Write one pose as a session or as any other file holds it, more as an animation."""
-    from faceposer.interchange.exporting import Look, write
+    from faceposer.interchange.formats import write
+    from faceposer.render.options import OutputOptions
     from faceposer.session.document import Document, subject_from, write_document
 
     pose = performance.coefficients[0]
     if len(performance) > 1:
-        write(path, model, performance, Look(contact=contact), line.share)
+        write(path, model, performance, OutputOptions(contact=contact), line.share)
     elif path.suffix.lower() == ".json":
         document = Document(subject_from(subject, path.parent), contact=contact)
         write_document(path, document.starting_from(pose).posed(pose))
     else:
-        write(path, model, pose, Look(contact=contact))
+        write(path, model, pose, OutputOptions(contact=contact))

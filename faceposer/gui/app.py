@@ -36,7 +36,7 @@ from faceposer.gui.widgets.file_dialogs import FileDialogs, FileRequest
 from faceposer.gui.window import Window
 from faceposer.model.face_model import FaceModel
 from faceposer.render.images import drawn_pixels
-from faceposer.render.renderer import Shading
+from faceposer.render.options import Shading
 from faceposer.render.scene import Scene
 from faceposer.session.opening import open_session
 from faceposer.session.session import Mode, Session

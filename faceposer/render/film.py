@@ -51,6 +51,13 @@ def write_gif(path: Path, draw: Draw, count: int, rate: float) -> Iterator[float
     write_reduced(path, pictures, (10 * np.diff(ends)).tolist())
 
 
+def missing_ffmpeg() -> str:
+    """Return why MP4 cannot be written here, or "" if it can."""
+    if shutil.which("ffmpeg") is None:
+        return "MP4 needs the program ffmpeg, which is not found; install it, or write a .gif instead."
+    return ""
+
+
 def find_ffmpeg() -> str:
     """Return the program that writes MP4.
 
@@ -59,7 +66,7 @@ def find_ffmpeg() -> str:
     """
     program = shutil.which("ffmpeg")
     if program is None:
-        raise FacePoserError("MP4 needs the program ffmpeg, which is not found; install it, or write a .gif instead.")
+        raise FacePoserError(missing_ffmpeg())
     return program
 
 

@@ -12,11 +12,14 @@ from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.model.subject import Part, Subject
 from faceposer.render.framebuffers import ColourTarget
-from faceposer.render.renderer import PhotoLayer, Renderer, Shading
+from faceposer.render.options import Shading
+from faceposer.render.renderer import PhotoLayer, Renderer
+
+Context = moderngl.Context
 
 
 @contextmanager
-def offscreen_context() -> Iterator[moderngl.Context]:
+def offscreen_context() -> Iterator[Context]:
     """Give an OpenGL context without a window.
 
     Raises:

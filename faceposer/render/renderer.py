@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -14,9 +14,9 @@ from faceposer.model.subject import Subject
 from faceposer.render.eye_painter import EyePainter
 from faceposer.render.mesh_buffers import MeshBuffers
 from faceposer.render.neck_fade import NO_FADE, neck_fade
+from faceposer.render.options import Shading
 from faceposer.resources import shader_text
 
-Shading = Literal["full", "clay"]
 #: One program, or several that get the same uniforms.
 Programs = moderngl.Program | Sequence[moderngl.Program]
 _BASE = {"clay": (0.42, 0.42, 0.43), **BASE_COLOURS}

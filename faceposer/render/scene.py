@@ -10,7 +10,8 @@ from faceposer.geometry.picking import SurfacePoint, SurfacePoints, points_on_tr
 from faceposer.model.face_model import FaceModel
 from faceposer.model.subject import Subject
 from faceposer.render.framebuffers import ColourTarget, IdTarget, Size
-from faceposer.render.renderer import PhotoLayer, Renderer, Shading
+from faceposer.render.options import Shading
+from faceposer.render.renderer import PhotoLayer, Renderer
 
 
 class Scene:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from faceposer.errors import FacePoserError
-from faceposer.interchange.export import write
+from faceposer.interchange.formats import write
 from faceposer.interchange.live_link import HEADER, rate_of_capture, timecode, write_live_link
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance

@@ -9,17 +9,18 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.obj_io import write_obj
-from faceposer.interchange.export import write
+from faceposer.interchange.formats import write
 from faceposer.interchange.glb import write_glb
 from faceposer.interchange.meshes import write_posed_obj, write_posed_ply
 from faceposer.interchange.reading import read_performance, read_pose
-from faceposer.interchange.sampling import resampled
 from faceposer.interchange.weights_json import read_weights
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
+from faceposer.model.sampling import resampled
 from faceposer.model.shape_names import weight_map
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
+from faceposer.render.options import OutputOptions
 from faceposer.training.progress import Progress
 from faceposer.training.rigs import RigOptions, subject_from_morphs
 from tests.rigs import with_wholes
@@ -35,7 +36,7 @@ def distance(model: FaceModel, one: np.ndarray, other: np.ndarray) -> float:
 def test_an_exported_mesh_is_its_pose(suffix: str, low: FaceModel, performance: Performance, tmp_path: Path) -> None:
     pose = performance.coefficients[3]
     # The contact step is no part of the pose.
-    write(tmp_path / f"a{suffix}", low, pose, contact=False)
+    write(tmp_path / f"a{suffix}", low, pose, OutputOptions(contact=False))
     read = read_pose(tmp_path / f"a{suffix}", low)
     assert distance(low, read.coefficients, pose) < 1e-4
     assert read.note == "The pose is that of the mesh."

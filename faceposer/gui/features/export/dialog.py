@@ -6,6 +6,7 @@ from imgui_bundle import imgui
 
 from faceposer.gui.widgets.basic import caption, tooltip
 from faceposer.gui.widgets.theme import ACCENT_DARK, FAINT, em
+from faceposer.interchange.formats import FORMATS
 
 if TYPE_CHECKING:
     from faceposer.gui.app import App
@@ -14,18 +15,6 @@ if TYPE_CHECKING:
 _WIDTH, _LABEL = 36.0, 7.0
 _SMALLEST, _LARGEST = 16, 4096
 _FASTEST, _LONGEST = 50, 60.0
-# Suffix, name, what for.
-_FORMATS = (
-    (".glb", "GLB", "all shapes as morph targets, without contact: Blender, Unity, web"),
-    (".obj", "OBJ", "the posed mesh, with UVs and groups"),
-    (".ply", "PLY", "the posed mesh, binary"),
-    (".csv", "CSV", "ARKit weights, as Live Link Face writes them, without contact"),
-    (".json", "JSON", "weights of the face's own shapes, without contact"),
-    (".png", "PNG", "a picture, from where you look"),
-    (".gif", "GIF", "a film for web pages"),
-    (".mp4", "MP4", "a film; needs the program ffmpeg"),
-)
-_PICTURES, _FILMS = (".png", ".gif", ".mp4"), (".gif", ".mp4")
 
 
 def draw_form(app: "App", exchange: "Exchange") -> None:
@@ -35,14 +24,17 @@ def draw_form(app: "App", exchange: "Exchange") -> None:
     fresh = imgui.is_window_appearing()
     form, marks = exchange.form, app.marks
     _title(app, "Export as")
-    for suffix, name, purpose in _FORMATS:
+    for suffix, offered in FORMATS.items():
+        missing = offered.missing()
         left = imgui.get_cursor_pos_x()
-        if imgui.radio_button(f"{name}##format", form.suffix == suffix):
+        imgui.begin_disabled(bool(missing))
+        if imgui.radio_button(f"{offered.name}##format", form.suffix == suffix):
             form.suffix = suffix
+        imgui.end_disabled()
         marks.note(f"export:{suffix[1:]}")
         imgui.same_line(left + em(_LABEL))
         imgui.align_text_to_frame_padding()
-        imgui.text_colored(FAINT, purpose)
+        imgui.text_colored(FAINT, missing or offered.purpose)
     imgui.dummy((0.0, em(0.1)))
     imgui.separator()
     imgui.dummy((0.0, em(0.1)))
@@ -65,14 +57,15 @@ def draw_form(app: "App", exchange: "Exchange") -> None:
 
 def _draw_options(app: "App", exchange: "Exchange") -> None:
     form, marks = exchange.form, app.marks
+    chosen = FORMATS[form.suffix]
     animated = exchange.performance() is not None
-    if form.suffix == ".png" or not animated:
-        moving = "turns round once" if form.suffix in _FILMS else "as it is now"
+    if not animated:
+        moving = "turns round once" if chosen.holds == "film" else "as it is now"
         _label("What")
         imgui.text_unformatted(f"The pose {moving}")
     else:
         _label("What")
-        folder = ", a folder of meshes" if form.suffix in (".obj", ".ply") else ""
+        folder = ", a folder of files" if chosen.sequence is not None else ""
         if imgui.radio_button(f"The animation{folder}", form.animated):
             form.animated = True
         marks.note("export:animation")
@@ -80,7 +73,7 @@ def _draw_options(app: "App", exchange: "Exchange") -> None:
         if imgui.radio_button("The pose", not form.animated):
             form.animated = False
         marks.note("export:pose")
-    if form.suffix not in _PICTURES:
+    if not chosen.drawn:
         return
     _label("Size")
     imgui.set_next_item_width(em(9))
@@ -90,7 +83,7 @@ def _draw_options(app: "App", exchange: "Exchange") -> None:
     form.width, form.height = (min(max(side, _SMALLEST), _LARGEST) for side in (width, height))
     imgui.same_line()
     imgui.text_disabled("pixels")
-    if form.suffix not in _FILMS:
+    if chosen.holds != "film":
         return
     plays = animated and form.animated
     _label("Turn")

@@ -1,5 +1,6 @@
 """Files of other programs in the window: what is exported, films that are drawn between frames, and poses opened."""
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -15,10 +16,11 @@ from faceposer.gui.feature import Feature
 from faceposer.gui.features.export.dialog import draw_form, draw_progress
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.file_dialogs import FileRequest
+from faceposer.interchange.formats import FORMATS, Output, write_sequence_steps, write_steps
+from faceposer.render.options import OutputOptions
 
 if TYPE_CHECKING:
     from faceposer.gui.app import App
-    from faceposer.interchange.meshes import SequenceKind
     from faceposer.model.performance import Performance
 
 # For which frames of a film are drawn before the window's next.
@@ -148,47 +150,53 @@ class Exchange(Feature):
 
     def export(self, path: Path) -> None:
         """Write the face, or begin to film it, as the form says."""
-        from faceposer.interchange import exporting
-        from faceposer.interchange.meshes import sequence_steps
-
         app, form = self.app, self.form
+        written = FORMATS[form.suffix]
         path = path if path.suffix.lower() == form.suffix else path.with_name(path.name + form.suffix)
         try:
             app.session.wait()
             motion, model = self._motion(), app.session.model
-            contact = app.session.document.contact
-            if form.suffix in _MESHES and not isinstance(motion, np.ndarray):
-                kind: SequenceKind = "ply" if form.suffix == ".ply" else "obj"
-                folder = path.with_suffix("")
-                self.filming = Filming(folder, sequence_steps(folder, model, motion, kind, contact))
-            elif form.suffix in exporting.PICTURES:
-                turn = form.seconds if form.turning or isinstance(motion, np.ndarray) else 0.0
-                size, rate = (form.width, form.height), float(form.rate)
-                lines = app.settings.expression_lines
-                look = exporting.Look(size, "front", turn, rate, app.shading, app.viewport.view, lines, contact)
-                self.filming = Filming(path, exporting.picture_steps(path, model, motion, look, app.window.ctx))
+            still = isinstance(motion, np.ndarray)
+            options = OutputOptions(
+                size=(form.width, form.height),
+                turn=form.seconds if form.turning or still else 0.0,
+                rate=float(form.rate) if written.holds == "film" else None,
+                shading=app.shading,
+                orbit=app.viewport.view,
+                expression_lines=app.settings.expression_lines,
+                contact=app.session.document.contact,
+            )
+            if written.sequence is not None and not still:
+                output = Output(path.with_suffix(""), model, motion, options, app.window.ctx)
+                self.filming = Filming(output.path, write_sequence_steps(output, form.suffix))
             else:
-                exporting.write(path, model, motion, exporting.Look(contact=contact))
-                self._written(path)
+                output = Output(path, model, motion, options, app.window.ctx)
+                self.filming = Filming(path, write_steps(output))
+                if not written.drawn:
+                    # Soon done: no progress appears.
+                    self._write_on(math.inf)
         except FacePoserError as error:
             app.dialogs.report("The face is not exported", str(error))
         app.redraw()
 
     def _motion(self) -> "NDArray[np.float64] | Performance":
         """Return the pose, or the animation where it is wanted, there is one, and the format takes it."""
-        performance = self.performance()
-        if performance is not None and self.form.animated and self.form.suffix != ".png":
+        performance, chosen = self.performance(), FORMATS[self.form.suffix]
+        if performance is not None and self.form.animated and (chosen.animated or chosen.sequence is not None):
             return performance
         return self.app.session.coefficients
 
     def follow(self) -> None:
         """Draw the next frames of the film, as many as the progress may wait for."""
+        if self.filming is not None:
+            self.app.redraw(1)
+            self._write_on(time.perf_counter() + _DRAW_SECONDS)
+
+    def _write_on(self, until: float) -> None:
+        """Go on with what is being written until it is done or the clock says ``until``."""
         filming = self.filming
-        if filming is None:
-            return
-        self.app.redraw(1)
+        assert filming is not None
         try:
-            until = time.perf_counter() + _DRAW_SECONDS
             filming.share = next(filming.steps)
             while time.perf_counter() < until:
                 filming.share = next(filming.steps)

@@ -10,10 +10,11 @@ import pytest
 from PIL import Image
 
 from faceposer.errors import FacePoserError
-from faceposer.interchange.exporting import Look, picture_steps, write
+from faceposer.interchange.formats import Output, write, write_steps
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
 from faceposer.model.subject_file import load_subject
+from faceposer.render.options import OutputOptions
 from faceposer.render.turntable import framed_all_round, turned
 
 SMALL = (96, 72)
@@ -52,10 +53,10 @@ def test_a_turn_begins_in_front_and_passes_the_left_side(low: FaceModel) -> None
 
 
 def test_png_shows_the_pose(low: FaceModel, tmp_path: Path) -> None:
-    look = Look(SMALL)
+    look = OutputOptions(SMALL)
     write(tmp_path / "a.png", low, low.neutral(), look)
     write(tmp_path / "b.png", low, low.coefficients_of({"jawOpen": 1.0}), look)
-    write(tmp_path / "c.png", low, low.neutral(), Look(SMALL, "left"))
+    write(tmp_path / "c.png", low, low.neutral(), OutputOptions(SMALL, "left"))
     pictures = [np.asarray(Image.open(tmp_path / f"{name}.png"), dtype=float) for name in "abc"]
     assert pictures[0].shape == (72, 96, 3)
     assert np.abs(pictures[0] - pictures[1]).max() > 30
@@ -75,7 +76,7 @@ def frames_of(path: Path) -> tuple[list[np.ndarray], list[int]]:
 
 def test_gif_turns_the_pose_round_in_time(low: FaceModel, tmp_path: Path) -> None:
     shares: list[float] = []
-    write(tmp_path / "a.gif", low, low.neutral(), Look(SMALL, turn=1.0, rate=12.0), shares.append)
+    write(tmp_path / "a.gif", low, low.neutral(), OutputOptions(SMALL, turn=1.0, rate=12.0), shares.append)
     frames, lengths = frames_of(tmp_path / "a.gif")
     assert len(frames) == 12
     assert frames[0].shape == (72, 96, 3)
@@ -88,7 +89,7 @@ def test_gif_turns_the_pose_round_in_time(low: FaceModel, tmp_path: Path) -> Non
 
 
 def test_gif_plays_a_performance_from_one_place(low: FaceModel, yawn: Performance, tmp_path: Path) -> None:
-    write(tmp_path / "a.gif", low, yawn, Look(SMALL))
+    write(tmp_path / "a.gif", low, yawn, OutputOptions(SMALL))
     frames, lengths = frames_of(tmp_path / "a.gif")
     assert sum(lengths) == 600, "equal frames may have become one"
     assert np.abs(frames[0] - frames[2]).max() > 30
@@ -112,14 +113,14 @@ def test_mp4_hands_every_frame_to_ffmpeg(
     (tmp_path / "bin").mkdir()
     fake_ffmpeg(tmp_path / "bin", KEEPS)
     monkeypatch.setenv("PATH", str(tmp_path / "bin"))
-    write(tmp_path / "a.mp4", low, yawn, Look((97, 73), rate=20.0))
+    write(tmp_path / "a.mp4", low, yawn, OutputOptions((97, 73), rate=20.0))
     words, _, pixels = (tmp_path / "a.mp4").read_bytes().partition(b"|")
     assert b"-s 96x72 -r 20 " in words, "MP4 wants even sides"
     assert b"-pix_fmt yuv420p" in words
     # Six frames at 10 a second are half a second, both ends shown.
     frames = np.frombuffer(pixels, np.uint8).reshape(-1, 72, 96, 3)
     assert len(frames) == 11
-    write(tmp_path / "a.png", low, yawn.coefficients[2], Look((96, 72)))
+    write(tmp_path / "a.png", low, yawn.coefficients[2], OutputOptions((96, 72)))
     assert np.ptp(frames[0].astype(int) - frames[4].astype(int)) > 30
     assert {path.name for path in tmp_path.iterdir()} == {"bin", "a.mp4", "a.png"}
 
@@ -140,7 +141,7 @@ def test_what_ffmpeg_says_is_told(
     fake_ffmpeg(tmp_path / "bin", script)
     monkeypatch.setenv("PATH", str(tmp_path / "bin"))
     with pytest.raises(FacePoserError, match=said):
-        write(tmp_path / "a.mp4", low, low.neutral(), Look(SMALL, turn=0.5))
+        write(tmp_path / "a.mp4", low, low.neutral(), OutputOptions(SMALL, turn=0.5))
     assert [path.name for path in tmp_path.iterdir()] == ["bin"]
 
 
@@ -159,7 +160,7 @@ def test_a_film_that_is_stopped_leaves_nothing(
     (tmp_path / "bin").mkdir()
     fake_ffmpeg(tmp_path / "bin", KEEPS)
     monkeypatch.setenv("PATH", str(tmp_path / "bin"))
-    steps = picture_steps(tmp_path / f"a{suffix}", low, low.neutral(), Look(SMALL, turn=1.0))
+    steps = write_steps(Output(tmp_path / f"a{suffix}", low, low.neutral(), OutputOptions(SMALL, turn=1.0)))
     assert 0 < next(steps) < 0.1
     steps.close()  # type: ignore[attr-defined]
     assert [path.name for path in tmp_path.iterdir()] == ["bin"]
@@ -167,17 +168,17 @@ def test_a_film_that_is_stopped_leaves_nothing(
 
 def test_what_cannot_be_written_gets_a_sentence(low: FaceModel, yawn: Performance, tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match="shows one pose and not 6"):
-        write(tmp_path / "a.png", low, yawn, Look(SMALL))
+        write(tmp_path / "a.png", low, yawn, OutputOptions(SMALL))
     with pytest.raises(FacePoserError, match=r"must end in one of .*\.mp4"):
-        write(tmp_path / "a.bmp", low, low.neutral(), Look(SMALL))
+        write(tmp_path / "a.bmp", low, low.neutral(), OutputOptions(SMALL))
     with pytest.raises(FacePoserError, match="cannot be written"):
-        write(tmp_path / "none" / "a.gif", low, low.neutral(), Look(SMALL, turn=0.1))
+        write(tmp_path / "none" / "a.gif", low, low.neutral(), OutputOptions(SMALL, turn=0.1))
     long = Performance(np.zeros((20_000, low.n_coefficients)), 1.0)
     with pytest.raises(FacePoserError, match="too long"):
-        write(tmp_path / "a.gif", low, long, Look(SMALL, rate=25.0))
+        write(tmp_path / "a.gif", low, long, OutputOptions(SMALL, rate=25.0))
     with pytest.raises(FacePoserError, match="A GIF shows a frame for 655 seconds at most"):
-        write(tmp_path / "a.gif", low, low.neutral(), Look(SMALL, turn=2000.0, rate=0.001))
+        write(tmp_path / "a.gif", low, low.neutral(), OutputOptions(SMALL, turn=2000.0, rate=0.001))
     with pytest.raises(FacePoserError, match=r"A GIF of 1000 frames of 2000x2000 is too large"):
-        write(tmp_path / "a.gif", low, low.neutral(), Look((2000, 2000), turn=40.0, rate=25.0))
+        write(tmp_path / "a.gif", low, low.neutral(), OutputOptions((2000, 2000), turn=40.0, rate=25.0))
     write(tmp_path / "a.ply", low, low.neutral())
     assert [path.name for path in tmp_path.iterdir()] == ["a.ply"]

@@ -14,12 +14,13 @@ from faceposer.geometry.camera import Camera
 from faceposer.gui.app import App
 from faceposer.gui.settings import Settings, load_settings, save_settings
 from faceposer.gui.testing.scripted_user import Robot
-from faceposer.interchange.exporting import Look, write
+from faceposer.interchange.formats import write
 from faceposer.model.face_model import FaceModel
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import load_subject
 from faceposer.poses.portrait import portrait_view
 from faceposer.render.offscreen import render_subject
+from faceposer.render.options import OutputOptions
 
 SIZE = (400, 400)
 BROWS = {"browInnerUp": 1.0, "browOuterUpLeft": 1.0, "browOuterUpRight": 1.0}
@@ -117,7 +118,9 @@ def test_python_interface_and_films(tmp_path: Path) -> None:
         frames = []
         for name, on in (("with", True), ("without", False)):
             path = tmp_path / f"{name}.{suffix}"
-            write(path, face.model, face.coefficients, Look((320, 320), turn=0.2, rate=10.0, expression_lines=on))
+            write(
+                path, face.model, face.coefficients, OutputOptions((320, 320), turn=0.2, rate=10.0, expression_lines=on)
+            )
             with Image.open(path) as image:
                 frames.append(np.asarray(image.convert("RGB")).astype(int))
         assert np.abs(frames[0] - frames[1]).max() > 6

@@ -13,8 +13,9 @@ from faceposer.gui.events import Drop
 from faceposer.gui.features.export.feature import Exchange
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
-from faceposer.interchange.export import write
+from faceposer.interchange.formats import write
 from faceposer.model.performance import Performance
+from faceposer.render.options import OutputOptions
 from faceposer.training.capture import read_capture
 
 
@@ -192,7 +193,7 @@ def test_what_goes_wrong_is_told_and_nothing_is_lost(
 def test_a_pose_is_opened_and_can_be_undone(robot: Robot, tmp_path: Path) -> None:
     app = robot.app
     pose = app.session.model.coefficients_of({"mouthSmileLeft": 1.0, "browInnerUp": 0.7})
-    write(tmp_path / "smile.obj", app.session.model, pose, contact=False)
+    write(tmp_path / "smile.obj", app.session.model, pose, OutputOptions(contact=False))
     robot.drag(robot.at("8.3"), (robot.at("8.3")[0] + 20, robot.at("8.3")[1] - 30))
     dragged = app.session.coefficients
     assert app.session.document.constraints

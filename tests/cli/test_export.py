@@ -11,7 +11,7 @@ from faceposer.animation.keyframes import Key, Keyframes
 from faceposer.cli import main
 from faceposer.geometry.gltf_io import read_gltf
 from faceposer.geometry.mesh_io import read_mesh
-from faceposer.interchange.export import write
+from faceposer.interchange.formats import write
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
 from faceposer.model.subject_file import load_subject
@@ -75,7 +75,7 @@ def test_an_animation_goes_out_at_another_rate(low: FaceModel, take: Path, tmp_p
     with Image.open(tmp_path / "a.gif") as film:
         assert film.n_frames == 5
     assert run("export", "low", "--animation", take, "--fps", 4, "--sequence", "obj", "-o", tmp_path / "yawn") == 0
-    assert "3 meshes written" in capsys.readouterr().out
+    assert "3 files written" in capsys.readouterr().out
     assert sorted(path.name for path in (tmp_path / "yawn").iterdir()) == [f"yawn.000{i}.obj" for i in (1, 2, 3)]
     last = read_mesh(tmp_path / "yawn" / "yawn.0003.obj").vertices
     np.testing.assert_allclose(last, low.surface(low.coefficients_of({"jawOpen": 1.0})), atol=0.1)

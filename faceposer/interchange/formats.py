@@ -1,0 +1,274 @@
+"""The table of export formats: what the dialog, the command and the Python interface know of each.
+
+A new format is a module that writes it and a row here.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.interchange.glb import write_glb
+from faceposer.interchange.live_link import write_live_link
+from faceposer.interchange.meshes import sequence_steps, write_posed_obj, write_posed_ply
+from faceposer.interchange.progress import Progress, no_progress
+from faceposer.interchange.weights_json import write_weights
+from faceposer.model.face_model import FaceModel
+from faceposer.model.performance import Performance
+from faceposer.render.options import OutputOptions
+
+if TYPE_CHECKING:
+    from faceposer.render.offscreen import Context
+
+Motion = NDArray[np.float64] | Performance
+
+
+@dataclass(frozen=True)
+class Output:
+    """One export.
+
+    Attributes:
+        path: The file, or the folder of a sequence.
+        model: The face.
+        motion: A pose, shape (r,), or a performance.
+        options: How it is written.
+        ctx: What pictures are drawn with; a context of their own if None.
+        progress: Called with the share that is done, 0 to 1, where writing is one long step.
+    """
+
+    path: Path
+    model: FaceModel
+    motion: Motion
+    options: OutputOptions
+    ctx: "Context | None" = None
+    progress: Progress = no_progress
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format of posed faces.
+
+    Attributes:
+        suffix: Of its files, with the dot, in small letters.
+        name: What it is called.
+        purpose: What a file holds and what it is for.
+        holds: What one file holds: "pose" for a single pose; "either" for a pose or a performance; "film" for what
+            moves in any case, a lone pose by turning round.
+        write: Writes atomically, and yields the share that is done; closing the iterator ends it and leaves nothing.
+        sequence: Likewise, writes a performance as a new folder with a file for each frame; None where there is no way.
+        drawn: Whether files are pictures, to which size, view and shading apply.
+        contact: Whether what is written can show the contact step.
+        missing: Returns why the format cannot be written on this machine, or "".
+    """
+
+    suffix: str
+    name: str
+    purpose: str
+    holds: Literal["pose", "either", "film"]
+    write: Callable[[Output], Iterator[float]]
+    sequence: Callable[[Output], Iterator[float]] | None = None
+    drawn: bool = False
+    contact: bool = True
+    missing: Callable[[], str] = lambda: ""
+
+    @property
+    def animated(self) -> bool:
+        """Whether one file can hold a performance."""
+        return self.holds in ("either", "film")
+
+
+#: All formats by suffix, in the order in which they are offered.
+FORMATS: dict[str, Format] = {}
+
+
+def register(form: Format) -> None:
+    """Offer ``form`` in the window, on the command line and in Python.
+
+    Raises:
+        ValueError: If its suffix is taken, or is none.
+    """
+    if form.suffix in FORMATS or not form.suffix.startswith(".") or form.suffix != form.suffix.lower():
+        raise ValueError(f"'{form.suffix}' is no new suffix of a format")
+    FORMATS[form.suffix] = form
+
+
+def suffixes(kind: Callable[[Format], bool] = lambda _: True) -> tuple[str, ...]:
+    """Return the suffixes of the formats for which ``kind`` holds."""
+    return tuple(form.suffix for form in FORMATS.values() if kind(form))
+
+
+def format_of(path: Path) -> Format:
+    """Return the format that the suffix of ``path`` names.
+
+    Raises:
+        FacePoserError: If it names none.
+    """
+    try:
+        return FORMATS[path.suffix.lower()]
+    except KeyError:
+        raise FacePoserError(f"'{path}' must end in one of {', '.join(FORMATS)}.") from None
+
+
+def write(
+    path: Path,
+    model: FaceModel,
+    motion: Motion,
+    options: OutputOptions | None = None,
+    progress: Progress = no_progress,
+) -> None:
+    """Write a face in the format that the suffix of ``path`` names, atomically.
+
+    Args:
+        path: Ends in one of ``FORMATS``.
+        model: The face.
+        motion: A pose, shape (r,), or a performance.
+        options: How it is written.
+        progress: Called with the share that is done; what it raises ends the export.
+
+    Raises:
+        FacePoserError: If the suffix is none of these or its files hold no performance, the file cannot be written, or
+            pictures are wanted where there is no OpenGL or no ffmpeg.
+    """
+    for share in write_steps(Output(path, model, motion, options or OutputOptions(), progress=progress)):
+        progress(share)
+
+
+def write_steps(output: Output) -> Iterator[float]:
+    """Write ``output`` as ``write`` does, step by step; yields the share that is done after each.
+
+    Closing the iterator before its end leaves no file.
+
+    Raises:
+        FacePoserError: As for ``write``.
+    """
+    form = format_of(output.path)
+    if form.holds == "pose" and isinstance(output.motion, Performance):
+        instead = "choose a frame, or write a .gif" if form.drawn else "write a folder of them instead"
+        verb = "shows" if form.drawn else "holds"
+        raise FacePoserError(f"'{output.path}' {verb} one pose and not {len(output.motion)}; {instead}.")
+    if reason := form.missing():
+        raise FacePoserError(reason)
+    yield from form.write(output)
+
+
+def write_sequence_steps(output: Output, suffix: str) -> Iterator[float]:
+    """Write the performance of ``output`` as a folder of files that end in ``suffix``, step by step.
+
+    Raises:
+        FacePoserError: If the format has no sequences, or the folder cannot be written.
+    """
+    form = FORMATS[suffix]
+    if form.sequence is None or not isinstance(output.motion, Performance):
+        raise FacePoserError(f"{form.name} has no sequences of files; write an animation in another format.")
+    yield from form.sequence(output)
+
+
+def _glb(output: Output) -> Iterator[float]:
+    write_glb(output.path, output.model, output.motion, output.progress)
+    yield 1.0
+
+
+def _posed_obj(output: Output) -> Iterator[float]:
+    write_posed_obj(output.path, output.model, _pose(output), output.options.contact)
+    yield 1.0
+
+
+def _posed_ply(output: Output) -> Iterator[float]:
+    write_posed_ply(output.path, output.model, _pose(output), output.options.contact)
+    yield 1.0
+
+
+def _obj_sequence(output: Output) -> Iterator[float]:
+    return sequence_steps(output.path, output.model, _performance(output), "obj", output.options.contact)
+
+
+def _ply_sequence(output: Output) -> Iterator[float]:
+    return sequence_steps(output.path, output.model, _performance(output), "ply", output.options.contact)
+
+
+def _live_link(output: Output) -> Iterator[float]:
+    motion = output.motion
+    whole = motion if isinstance(motion, Performance) else Performance(motion[None], _ONE_FRAME_RATE)
+    write_live_link(output.path, output.model, whole)
+    yield 1.0
+
+
+def _weights(output: Output) -> Iterator[float]:
+    write_weights(output.path, output.model, output.motion)
+    yield 1.0
+
+
+def _picture(output: Output) -> Iterator[float]:
+    # OpenGL is loaded by those who draw: meshes and weights are written without it.
+    from faceposer.render.shots import picture_steps
+
+    yield from picture_steps(output.path, output.model, _pose(output), output.options, output.ctx)
+
+
+def _picture_sequence(output: Output) -> Iterator[float]:
+    from faceposer.render.shots import picture_sequence_steps
+
+    yield from picture_sequence_steps(output.path, output.model, _performance(output), output.options, output.ctx)
+
+
+def _gif(output: Output) -> Iterator[float]:
+    from faceposer.render.shots import gif_steps
+
+    yield from gif_steps(output.path, output.model, output.motion, output.options, output.ctx)
+
+
+def _mp4(output: Output) -> Iterator[float]:
+    from faceposer.render.shots import mp4_steps
+
+    yield from mp4_steps(output.path, output.model, output.motion, output.options, output.ctx)
+
+
+def _no_ffmpeg() -> str:
+    from faceposer.render.film import missing_ffmpeg
+
+    return missing_ffmpeg()
+
+
+def _pose(output: Output) -> NDArray[np.float64]:
+    assert not isinstance(output.motion, Performance)
+    return output.motion
+
+
+def _performance(output: Output) -> Performance:
+    assert isinstance(output.motion, Performance)
+    return output.motion
+
+
+_ONE_FRAME_RATE = 30.0
+
+for _format in (
+    Format(
+        ".glb",
+        "GLB",
+        "the face with its shapes as morph targets, without contact: Blender, Unity, Unreal, web",
+        "either",
+        _glb,
+        contact=False,
+    ),
+    Format(".obj", "OBJ", "the posed mesh, with UVs and groups", "pose", _posed_obj, _obj_sequence),
+    Format(".ply", "PLY", "the posed mesh, binary", "pose", _posed_ply, _ply_sequence),
+    Format(
+        ".csv",
+        "CSV",
+        "ARKit weights, as Live Link Face writes them, without contact",
+        "either",
+        _live_link,
+        contact=False,
+    ),
+    Format(".json", "JSON", "weights of the face's own shapes, without contact", "either", _weights, contact=False),
+    Format(".png", "PNG", "a picture of the pose", "pose", _picture, _picture_sequence, drawn=True),
+    Format(".gif", "GIF", "the face in motion or turning round, for web pages", "film", _gif, drawn=True),
+    Format(
+        ".mp4", "MP4", "the face in motion or turning round, as a film", "film", _mp4, drawn=True, missing=_no_ffmpeg
+    ),
+):
+    register(_format)

@@ -1,0 +1,33 @@
+"""Options of everything that shows or writes a posed face."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from faceposer.geometry.picture_view import View
+
+Shading = Literal["full", "clay"]
+
+
+@dataclass(frozen=True)
+class OutputOptions:
+    """How a posed face is written.
+
+    Attributes:
+        contact: Whether meshes and pictures show the face after the contact step; weights and morph targets have none.
+        size: Width and height of pictures in pixels.
+        view: Name of the view that pictures begin with, one of geometry.camera.VIEW_ANGLES.
+        turn: Seconds of one turn of the camera about the head, 0 to stand still.
+        rate: Frames per second of films, None for what suits the format and the performance.
+        shading: "full", or "clay" without textures.
+        orbit: The view itself; in place of ``view`` where the camera stands still.
+        expression_lines: Draw the lines of the skin that a pose makes; clay has none.
+    """
+
+    size: tuple[int, int] = (640, 640)
+    view: str = "front"
+    turn: float = 0.0
+    rate: float | None = None
+    shading: Shading = "full"
+    orbit: View | None = None
+    expression_lines: bool = True
+    contact: bool = True
