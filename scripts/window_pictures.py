@@ -25,9 +25,9 @@ if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
 from faceposer.gui.app import App
-from faceposer.gui.features.export.feature import Exchange
-from faceposer.gui.features.timeline.feature import Timeline
-from faceposer.gui.features.trajectories.feature import Following
+from faceposer.gui.features.export.feature import ExportFeature
+from faceposer.gui.features.timeline.feature import TimelineFeature
+from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 
@@ -38,7 +38,7 @@ FILM_FRAMES = 6
 
 def draw_smile(robot: Robot) -> None:
     """Draw the ways of the mouth's corners and of the chin, and let the face follow."""
-    following = robot.app.features[Following]
+    following = robot.app.features[TrajectoriesFeature]
     robot.key("J")
     for feature, across, down in ((LEFT_CORNER, 20, -18), (RIGHT_CORNER, -20, -18), (CHIN, 0, 12)):
         x, y = robot.at(feature)
@@ -58,7 +58,7 @@ def save_window(robot: Robot, path: Path) -> None:
 
 def save_film(robot: Robot, folder: Path, path: Path) -> None:
     """Export the animation by the dialog and write some of the film's frames side by side as ``path``."""
-    exchange = robot.app.features[Exchange]
+    exchange = robot.app.features[ExportFeature]
     exchange.form.width = exchange.form.height = 360
     robot.click_widget("export:accept")
     robot.key("Ctrl+A")
@@ -90,7 +90,7 @@ def main() -> None:
         app = App("woman", hidden=True, threaded=False, settings=settings)
         robot = Robot(app)
         draw_smile(robot)
-        timeline = app.features[Timeline]
+        timeline = app.features[TimelineFeature]
         robot.click(timeline.track.ruler_place(timeline.keyframes.length - 1))
         save_window(robot, output / "timeline.jpg")
         robot.key("P")

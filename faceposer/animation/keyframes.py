@@ -18,6 +18,8 @@ from faceposer.solve.constraints import codec
 Array = NDArray[np.float64]
 
 LONGEST = 100_000
+#: How far any rig weight may be off between few keys.
+TOLERANCE = 0.02
 FASTEST = 1000.0
 _MOST_COEFFICIENTS = 4096
 

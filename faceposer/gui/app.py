@@ -5,34 +5,37 @@ import sys
 import threading
 import time
 import traceback
+from collections.abc import Callable
+from pathlib import Path
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.gui.feature import build_features
-from faceposer.gui.features.guide.card import GuideCard
-from faceposer.gui.features.import_character.dialog import ImportDialog
-from faceposer.gui.features.import_character.feature import Importing
-from faceposer.gui.features.palette.panel import Palette
-from faceposer.gui.features.recovery.feature import Recovery
+from faceposer.gui.context import F
+from faceposer.gui.events import Modifiers
+from faceposer.gui.features import build_features
+from faceposer.gui.features.guide.feature import GuideFeature
+from faceposer.gui.features.recovery.feature import RecoveryFeature
 from faceposer.gui.imgui_frame import Gui
 from faceposer.gui.input_router import Router
 from faceposer.gui.menus import build_actions
 from faceposer.gui.overlays.drawn_constraints import DrawnConstraints
 from faceposer.gui.panels.constraints import ConstraintsPanel
 from faceposer.gui.panels.layout import draw_window
+from faceposer.gui.panels.palette import Palette
 from faceposer.gui.panels.pose import PosePanel
 from faceposer.gui.panels.shapes import ShapesPanel
-from faceposer.gui.panels.slider_edit import SliderEdit
-from faceposer.gui.session_files import Files
+from faceposer.gui.session_files import SessionFiles
 from faceposer.gui.settings import Settings, load_settings, save_settings
 from faceposer.gui.signals import interrupted_by_signals
 from faceposer.gui.viewport import Viewport
-from faceposer.gui.widgets.basic import Marks
+from faceposer.gui.widgets.basic import WidgetRects
 from faceposer.gui.widgets.dialogs import Dialogs
 from faceposer.gui.widgets.file_dialogs import FileDialogs, FileRequest
+from faceposer.gui.widgets.slider_edit import SliderEdit
+from faceposer.gui.widgets.theme import Fonts
 from faceposer.gui.window import Window
 from faceposer.model.face_model import FaceModel
 from faceposer.render.images import drawn_pixels
@@ -99,18 +102,20 @@ class App:
         self.gui = Gui(self.window)
         self.scene = Scene(self.window.ctx)
         self.scene.expression_lines = self.settings.expression_lines
-        self.marks = Marks()
+        self.widget_rects = WidgetRects()
         self.session = session
         self.scene.set_model(session.model)
         self.viewport = Viewport(self.scene, session, self.settings.navigation)
-        self.dialogs = Dialogs(self.gui.fonts, self.marks)
-        self.file_dialogs = FileDialogs(self.gui.fonts, self.marks, use_native=False if hidden else None)
-        self.files = Files(self)
-        self.importing, self.import_dialog = Importing(self, self.wake), ImportDialog()
-        self.recovery = Recovery(self, self.remembers if journal is None else journal)
+        self.dialogs = Dialogs(self.gui.fonts, self.widget_rects)
+        self.file_dialogs = FileDialogs(self.gui.fonts, self.widget_rects, use_native=False if hidden else None)
+        self.keeps_journal = self.remembers if journal is None else journal
         self.toolbox = Toolbox(self.viewport)
-        self.palette, self.guide = Palette(), GuideCard(self.settings)
+        self.palette = Palette()
         self.features = build_features(self)
+        self.recovery = self.features[RecoveryFeature]
+        self.files = SessionFiles(
+            self, self.new_worker, self.set_session, lambda: self.features.quit_question, self.close_soon
+        )
         self.actions = build_actions(self)
         self.router = Router(self)
         self.pose_panel, self.constraints_panel, self.shapes_panel = PosePanel(), ConstraintsPanel(), ShapesPanel()
@@ -132,7 +137,7 @@ class App:
         # Where nobody watches, pictures are for keeping.
         self._may_coarsen = self.window.software and not hidden
         self._coarseness = 1
-        self.drawn_constraints = DrawnConstraints(self)
+        self.drawn_constraints = self._constraints_drawn(session)
         self._mode: Mode = "live"
         self.set_session(session)
         self.files.remember(what)
@@ -145,7 +150,7 @@ class App:
         self.step(force=True)
         self.session.worker.prepare()
         self.scene.prepare()
-        with interrupted_by_signals(self):
+        with interrupted_by_signals(self._interrupt):
             while not (self.closing or self.interrupted):
                 self.window.wait(self._patience())
                 self.step()
@@ -156,10 +161,10 @@ class App:
         if self._frames_due:
             return 0.0
         now = time.perf_counter()
-        patience = min(0.5, self.recovery.patience, self.features.patience)
+        patience = min(0.5, self.features.patience)
         if self.router.over_widget and now - self._last_event < _LINGER:
             patience = min(patience, 0.05)
-        if self.file_dialogs.polling or self.gui.io.want_text_input or self.importing.running:
+        if self.file_dialogs.polling or self.gui.io.want_text_input:
             patience = min(patience, 0.1)
         if self.notice:
             patience = min(patience, max(self._notice_until - now, 0.01))
@@ -173,10 +178,9 @@ class App:
         """
         for part in (
             self._take_events,
-            self.features.follow,
+            *(feature.update for feature in self.features),
             self._follow_session,
-            self.importing.follow,
-            self.recovery.follow,
+            *(feature.late_update for feature in self.features),
         ):
             try:
                 part()
@@ -213,8 +217,7 @@ class App:
             self.redraw()
         pose = session.model.neutral() if self.comparing else session.coefficients
         self.scene.set_pose(pose, session.document.contact)
-        self.guide.follow(self)
-        self.router.follow()
+        self.router.update()
 
     def redraw(self, frames: int = _FRAMES_AFTER_EVENT) -> None:
         """See to it that what has changed is drawn."""
@@ -298,7 +301,7 @@ class App:
         session.mode = self._mode
         self.scene.set_model(session.model)
         self.toolbox = Toolbox(self.viewport, self.toolbox.bench)
-        self.drawn_constraints = DrawnConstraints(self)
+        self.drawn_constraints = self._constraints_drawn(session)
         self.comparing = False
         camera = session.document.camera
         if camera is None:
@@ -324,9 +327,9 @@ class App:
         return self.toolbox.active or self.session.editing or self.features.busy
 
     @property
-    def covered(self) -> bool:
+    def is_modal(self) -> bool:
         """Whether a menu or a dialog keeps the pointer from the view."""
-        asking = self.dialogs.open or self.file_dialogs.browsing or self.importing.open or self.features.covers
+        asking = self.dialogs.open or self.file_dialogs.browsing or self.features.is_modal
         return asking or self.gui.popup_open or self.palette.open
 
     def point_name(self, index: int) -> str:
@@ -334,7 +337,9 @@ class App:
         return self.drawn_constraints.names.of(self.session.document.constraints[index])
 
     def hint(self) -> str:
-        """Return what the mouse will do now."""
+        """Return what the mouse will do now, by the feature or the tool that has it."""
+        if self.features.hint:
+            return self.features.hint
         if self.comparing:
             return "This is the neutral face   ·   C: back to the pose"
         if self.session.pending:
@@ -347,6 +352,72 @@ class App:
         self._notice_until = time.perf_counter() + _NOTICE_SECONDS
         self.redraw()
 
+    # What features may know and ask for (context.py)
+
+    def feature(self, kind: type[F]) -> F:
+        """Return the feature of class ``kind``.
+
+        Raises:
+            KeyError: If there is none.
+        """
+        return self.features[kind]
+
+    @property
+    def fonts(self) -> Fonts:
+        """The fonts of the window."""
+        return self.gui.fonts
+
+    @property
+    def gl(self) -> moderngl.Context:
+        """What draws."""
+        return self.window.ctx
+
+    @property
+    def pixel_ratio(self) -> float:
+        """Pixels of the framebuffer per unit of the window."""
+        return self.window.pixels[0] / max(self.window.size[0], 1)
+
+    @property
+    def modifiers(self) -> Modifiers:
+        """The modifier keys that are held now."""
+        return self.window.modifiers
+
+    @property
+    def playing(self) -> bool:
+        """Whether a feature moves the face or holds the document, as while an animation plays."""
+        return self.features.busy
+
+    @property
+    def meshes_saved(self) -> int:
+        """How many meshes were saved since the start."""
+        return self.files.meshes_saved
+
+    def clock(self) -> float:
+        """Return the time in seconds, by the clock of the window's events."""
+        return self.window.clock()
+
+    def dismiss_guide(self) -> None:
+        """Close the guided pose, if it is open."""
+        self.features[GuideFeature].dismiss()
+
+    def open_file(self, path: str | Path) -> None:
+        """Open a session or a character, after asking about unsaved changes."""
+        self.files.open(str(path))
+
+    def show_session(self, opening: Callable[[Worker], Session], failure: str, comfort: str = "") -> bool:
+        """Edit the session that ``opening`` returns; see ``SessionFiles.show``."""
+        return self.files.show(opening, failure, comfort)
+
+    def guard_changes(self, proceed: Callable[[], None]) -> None:
+        """Ask what to do with unsaved changes, then call ``proceed`` unless the user cancels."""
+        self.files.guard(proceed)
+
+    def _constraints_drawn(self, session: Session) -> DrawnConstraints:
+        return DrawnConstraints(session, self.scene, self.viewport, self.toolbox, lambda: self.busy)
+
+    def _interrupt(self, number: int) -> None:
+        self.interrupted = number
+
     # Actions
 
     def before_press(self) -> None:
@@ -357,7 +428,7 @@ class App:
             self.comparing = False
             self.scene.set_pose(self.session.coefficients, self.session.document.contact)
 
-    def dialogs_ask(self, request: FileRequest) -> None:
+    def ask_for_file(self, request: FileRequest) -> None:
         """Ask for a file."""
         self.toolbox.finish()
         self.file_dialogs.ask(request)
@@ -368,7 +439,7 @@ class App:
 
     def close(self) -> None:
         """Remember the settings and free everything; unless the user asked for the end, what is not saved is kept."""
-        self.recovery.close(keep=not self.closing)
+        self.recovery.keeps = not self.closing
         if self.remembers:
             scale = max(self.window.ui_scale, 0.1)
             width, height = self.window.size
@@ -381,7 +452,6 @@ class App:
         self.scene.release()
         self.gui.close()
         self.window.close()
-        self.importing.end()
 
 
 def run(what: str, exit_after_first_frame: bool = False) -> int:

@@ -1,15 +1,14 @@
-"""What the window has beside tools and constraints: each feature brings its own menu entries, tab and dialogs."""
+"""Feature plug-ins: parts of the window that bring their own menu entries, tab, dialogs and overlays."""
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Callable, Iterator, Sequence
 
 from imgui_bundle import imgui
 
 from faceposer.gui.actions import Action, Submenu
-
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
+from faceposer.gui.context import EditorContext, F
+from faceposer.gui.viewport import Pixel
+from faceposer.gui.widgets.dialogs import Question
 
 
 class Feature:
@@ -17,12 +16,14 @@ class Feature:
 
     Attributes:
         tab: Title of its tab in the side panel and the text of its tooltip, or None to have no tab.
+        tool_name: Name of the tool whose options it draws, or "".
     """
 
     tab: tuple[str, str] | None = None
+    tool_name: str = ""
 
-    def __init__(self, app: "App") -> None:
-        self.app = app
+    def __init__(self, context: EditorContext) -> None:
+        self.context = context
 
     @property
     def patience(self) -> float:
@@ -35,8 +36,26 @@ class Feature:
         return ""
 
     @property
-    def covers(self) -> bool:
+    def is_modal(self) -> bool:
         """Whether a dialog of its own keeps the pointer from the view."""
+        return False
+
+    @property
+    def blocks_files(self) -> bool:
+        """Whether files that are dropped onto the window are ignored now."""
+        return False
+
+    @property
+    def quit_question(self) -> Question | None:
+        """What to ask before the window closes, the choice that goes on first; None if there is nothing to lose."""
+        return None
+
+    def contains(self, position: Pixel) -> bool:
+        """Whether a window of its own over the view covers ``position``, in the window's units."""
+        return False
+
+    def cancel(self) -> bool:
+        """Close what Esc closes when no gesture is under way; return whether there was anything."""
         return False
 
     @property
@@ -67,12 +86,18 @@ class Feature:
     def session_changed(self) -> None:
         """Take note that another session is edited from now on."""
 
-    def follow(self) -> None:
-        """Do what is to be done once in every turn of the loop, before anything is drawn."""
+    def update(self) -> None:
+        """Do what is to be done once in every turn of the loop, before the face is brought up to date."""
 
-    def drop(self, paths: tuple[str, ...]) -> bool:
+    def late_update(self) -> None:
+        """Likewise, once session and face are up to date."""
+
+    def accept_files(self, paths: tuple[str, ...]) -> bool:
         """Take the files ``paths`` that were dropped onto the window; return whether they are for this feature."""
         return False
+
+    def draw_tool_options(self) -> None:
+        """Draw the options of the chosen tool, where that is the feature's."""
 
     def draw_tab(self) -> None:
         """Draw the content of its tab."""
@@ -86,14 +111,18 @@ class Feature:
     def draw_over(self, draw: imgui.ImDrawList) -> None:
         """Draw over the picture of the face and all constraints."""
 
+    def draw_window(self) -> None:
+        """Draw a window of its own above the panels and below all dialogs."""
+
     def draw_dialog(self) -> None:
         """Draw its dialog, where one is open."""
 
+    def draw_around_dialogs(self, draw_dialogs: Callable[[], None]) -> bool:
+        """Draw a dialog above which others may open, by calling ``draw_dialogs`` inside; return whether it did."""
+        return False
+
     def close(self) -> None:
         """End what runs and free what it holds; the program ends."""
-
-
-F = TypeVar("F", bound=Feature)
 
 
 class Features:
@@ -124,9 +153,30 @@ class Features:
         return next((feature.hint for feature in self._features if feature.hint), "")
 
     @property
-    def covers(self) -> bool:
+    def is_modal(self) -> bool:
         """Whether any has a dialog open."""
-        return any(feature.covers for feature in self._features)
+        return any(feature.is_modal for feature in self._features)
+
+    @property
+    def blocks_files(self) -> bool:
+        """Whether any ignores dropped files."""
+        return any(feature.blocks_files for feature in self._features)
+
+    @property
+    def quit_question(self) -> Question | None:
+        """The first question before the window closes, if any."""
+        return next((q for q in (feature.quit_question for feature in self._features) if q is not None), None)
+
+    def contains(self, position: Pixel) -> bool:
+        """Whether a window of any covers ``position``."""
+        return any(feature.contains(position) for feature in self._features)
+
+    def cancel(self) -> bool:
+        """Close what Esc closes in the first that has something to close."""
+        return any(feature.cancel() for feature in self._features)
+
+    def __iter__(self) -> Iterator[Feature]:
+        return iter(self._features)
 
     @property
     def busy(self) -> bool:
@@ -144,10 +194,9 @@ class Features:
         sized = ((feature, feature.strip_height) for feature in self._features)
         return [(feature, height) for feature, height in sized if height > 0]
 
-    def actions(self, file_menu: bool) -> list[Action | Submenu]:
-        """Return the entries for the menu "File", or all others."""
-        entries = (action for feature in self._features for action in feature.actions())
-        return [entry for entry in entries if (entry.menu == "File") == file_menu]
+    def actions(self) -> dict[str, Action | Submenu]:
+        """Return the menu entries of all, by their names, in order."""
+        return {entry.name: entry for feature in self._features for entry in feature.actions()}
 
     @property
     def selects(self) -> bool:
@@ -170,14 +219,16 @@ class Features:
         for feature in self._features:
             feature.session_changed()
 
-    def drop(self, paths: tuple[str, ...]) -> bool:
+    def accept_files(self, paths: tuple[str, ...]) -> bool:
         """Give dropped files to the first feature that takes them; return whether one did."""
-        return any(feature.drop(paths) for feature in self._features)
+        return any(feature.accept_files(paths) for feature in self._features)
 
-    def follow(self) -> None:
-        """Let all do what is due in this turn of the loop."""
-        for feature in self._features:
-            feature.follow()
+    def draw_tool_options(self, tool: str) -> bool:
+        """Draw the options of ``tool`` if it is a feature's; return whether it is."""
+        owners = [feature for feature in self._features if feature.tool_name == tool]
+        for feature in owners:
+            feature.draw_tool_options()
+        return bool(owners)
 
     def draw_behind(self, draw: imgui.ImDrawList) -> None:
         """Draw over the picture, beneath the constraints."""
@@ -189,39 +240,21 @@ class Features:
         for feature in self._features:
             feature.draw_over(draw)
 
+    def draw_windows(self) -> None:
+        """Draw the windows above the panels."""
+        for feature in self._features:
+            feature.draw_window()
+
     def draw_dialogs(self) -> None:
         """Draw the dialogs that are open."""
         for feature in self._features:
             feature.draw_dialog()
 
+    def draw_around_dialogs(self, draw_dialogs: Callable[[], None]) -> bool:
+        """Draw the dialog above which others may open, if there is one; return whether there is."""
+        return any(feature.draw_around_dialogs(draw_dialogs) for feature in self._features)
+
     def close(self) -> None:
         """End all."""
         for feature in self._features:
             feature.close()
-
-
-def build_features(app: "App") -> Features:
-    """Return the features of ``app``, in the order of their tabs."""
-    from faceposer.gui.features.animation_files.feature import AnimationFiles
-    from faceposer.gui.features.export.feature import Exchange
-    from faceposer.gui.features.photo.feature import Photos
-    from faceposer.gui.features.poses.feature import PosesFeature
-    from faceposer.gui.features.range_marks.feature import RangeMarks
-    from faceposer.gui.features.timeline.feature import Timeline
-    from faceposer.gui.features.trajectories.feature import Following
-    from faceposer.gui.features.transfer.feature import Transferring
-
-    exchange = Exchange(app)
-    exchange.performance = lambda: app.session.animation.performance
-    return Features(
-        [
-            PosesFeature(app),
-            Photos(app),
-            Timeline(app),
-            Following(app, app.wake),
-            AnimationFiles(app),
-            Transferring(app),
-            exchange,
-            RangeMarks(app),
-        ]
-    )

@@ -2,17 +2,14 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from faceposer.gui.actions import Action, Actions, Submenu
+from faceposer.gui.shell import Shell
 from faceposer.gui.widgets.dialogs import Question
 from faceposer.tools.gaze_tool import eyes_of
 from faceposer.tools.tool import Navigation
-
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
 
 # Name of the view, label, key; Ctrl gives the opposite side, as Blender's users know it.
 _VIEWS = (
@@ -36,145 +33,143 @@ _TOOLS = (
     ("trajectory", "Trajectories", "J", "Draw the ways of points over time, which the face then follows"),
 )
 
-_IMPORT = "Make a character of your own from a rig, from example meshes or from the motion of markers"
-
 
 class Commands:
     """What menus and keys do, files aside."""
 
-    def __init__(self, app: "App") -> None:
-        """Serve ``app``."""
-        self._app = app
+    def __init__(self, context: Shell) -> None:
+        """Serve ``context``."""
+        self._context = context
 
     def apply(self) -> None:
         """Finish what the tool has begun, or else let the face follow the constraints."""
-        if not self._app.toolbox.accept() and self._app.session.mode == "apply":
-            self._app.session.apply()
+        if not self._context.toolbox.accept() and self._context.session.mode == "apply":
+            self._context.session.apply()
 
     def undo(self) -> None:
         """Take back the last step, first of what the tool has begun."""
-        if not self._app.toolbox.step_back():
-            self._app.session.undo()
+        if not self._context.toolbox.step_back():
+            self._context.session.undo()
 
     def choose_tool(self, name: str) -> None:
         """Take up the tool ``name``."""
-        self._app.toolbox.choose(name)
+        self._context.toolbox.choose(name)
 
     def toggle_symmetry(self) -> None:
         """Mirror what is drawn, or not."""
-        symmetry = self._app.toolbox.bench.symmetry
+        symmetry = self._context.toolbox.bench.symmetry
         symmetry.on = not symmetry.on
 
     def accept_pose(self) -> None:
         """Start from the current face."""
-        self._app.toolbox.cancel()
-        self._app.session.accept_pose()
+        self._context.toolbox.cancel()
+        self._context.session.accept_pose()
 
     def widen_brush(self, factor: float) -> None:
         """Make the brush of the chosen tool wider or thinner."""
-        options = self._app.toolbox.bench.options
-        if self._app.toolbox.chosen is self._app.toolbox.fix_tool:
+        options = self._context.toolbox.bench.options
+        if self._context.toolbox.chosen is self._context.toolbox.fix_tool:
             options.fix_brush = min(max(options.fix_brush * factor, 4.0), 160.0)
         else:
             options.brush = min(max(options.brush * factor, 1.0), 60.0)
 
     def nudge(self, dx: float, dy: float) -> None:
         """Move the targets of what is selected by pixels."""
-        self._app.toolbox.nudge(dx, dy)
+        self._context.toolbox.nudge(dx, dy)
 
     def delete_selected(self) -> None:
         """Remove the selected pin of a photo, or the selected points and what else is selected."""
         if self.pin_selected:
-            photo_tool = self._app.toolbox.photo_tool
-            photo_tool.remove(photo_tool.selected or 0, self._app.viewport)
+            photo_tool = self._context.toolbox.photo_tool
+            photo_tool.remove(photo_tool.selected or 0, self._context.viewport)
         else:
-            self._app.toolbox.delete_selected()
-            self._app.features.delete_selected()
+            self._context.toolbox.delete_selected()
+            self._context.features.delete_selected()
 
     @property
     def pin_selected(self) -> bool:
         """Whether what would be deleted is a pin of a photo."""
-        toolbox = self._app.toolbox
+        toolbox = self._context.toolbox
         return toolbox.chosen is toolbox.photo_tool and toolbox.photo_tool.selected is not None
 
     def clear_points(self) -> None:
         """Remove all constraints that are not locked."""
-        self._app.toolbox.cancel()
-        free = {i for i, c in enumerate(self._app.session.document.constraints) if not c.locked}
-        self._app.session.remove_constraints(free, "Clear all constraints")
+        self._context.toolbox.cancel()
+        free = {i for i, c in enumerate(self._context.session.document.constraints) if not c.locked}
+        self._context.session.remove_constraints(free, "Clear all constraints")
 
     def reset(self) -> None:
         """Return to the neutral face."""
-        self._app.toolbox.cancel()
-        self._app.comparing = False
-        if self._app.session.document.constraints or np.any(self._app.session.coefficients):
-            self._app.session.reset_pose()
+        self._context.toolbox.cancel()
+        self._context.comparing = False
+        if self._context.session.document.constraints or np.any(self._context.session.coefficients):
+            self._context.session.reset_pose()
 
     def cancel(self) -> None:
         """Take back the gesture, or deselect, or put the guided pose away."""
-        if not self._app.toolbox.cancel():
-            self._app.guide.dismiss()
+        if not self._context.toolbox.cancel():
+            self._context.features.cancel()
 
     def compare(self) -> None:
         """Show the neutral face, or the pose again."""
-        if not self._app.toolbox.active:
-            self._app.comparing = not self._app.comparing
+        if not self._context.toolbox.active:
+            self._context.comparing = not self._context.comparing
 
     def look(self, name: str) -> None:
         """Turn the view."""
-        if not self._app.toolbox.active:
-            self._app.viewport.look(name)
+        if not self._context.toolbox.active:
+            self._context.viewport.look(name)
 
     def navigate(self, preset: Navigation) -> None:
         """Let the mouse buttons move the view as in another program."""
-        self._app.viewport.navigation = self._app.settings.navigation = preset
+        self._context.viewport.navigation = self._context.settings.navigation = preset
 
     def toggle_wireframe(self) -> None:
         """Draw the edges of the mesh, or not."""
-        self._app.wireframe = not self._app.wireframe
+        self._context.wireframe = not self._context.wireframe
 
     def toggle_clay(self) -> None:
         """Draw without textures, or with them."""
-        self._app.shading = "full" if self._app.shading == "clay" else "clay"
+        self._context.shading = "full" if self._context.shading == "clay" else "clay"
 
     def toggle_expression_lines(self) -> None:
         """Draw the lines of the skin that a pose makes, or not."""
-        shown = not self._app.settings.expression_lines
-        self._app.settings.expression_lines = self._app.scene.expression_lines = shown
+        shown = not self._context.settings.expression_lines
+        self._context.settings.expression_lines = self._context.scene.expression_lines = shown
 
     def toggle_contact(self) -> None:
         """Keep surfaces apart, or not."""
-        session = self._app.session
+        session = self._context.session
         if not session.editing:
             session.set_contact(not session.document.contact)
 
     def toggle_points(self) -> None:
         """Draw the pins, or not."""
-        self._app.points_shown = not self._app.points_shown
+        self._context.points_shown = not self._context.points_shown
 
     def toggle_panel(self) -> None:
         """Show the side panel, or not."""
-        self._app.panel_shown = not self._app.panel_shown
+        self._context.panel_shown = not self._context.panel_shown
 
     def toggle_keys(self) -> None:
         """Show the sheet of keys."""
-        self._app.dialogs.keys_shown = True
+        self._context.dialogs.keys_shown = True
 
     def about(self) -> None:
         """Show who made what."""
-        subject = self._app.session.model.subject
+        subject = self._context.session.model.subject
         text = f"Pose 3D faces by dragging: the whole face follows as a real face would.\n\n{subject.credits}"
-        self._app.dialogs.ask(Question("Face Poser", text))
+        self._context.dialogs.ask(Question("Face Poser", text))
 
 
-def _tool_actions(app: "App", do: Commands, free: Callable[[], bool]) -> list[Action]:
+def _tool_actions(context: Shell, do: Commands, free: Callable[[], bool]) -> list[Action]:
     """Return the actions that choose tools and change how they work."""
 
     def chosen(name: str) -> Callable[[], bool]:
-        return lambda: app.toolbox.chosen.name == name
+        return lambda: context.toolbox.chosen.name == name
 
     def usable(name: str) -> Callable[[], bool]:
-        return lambda: free() and (name != "gaze" or eyes_of(app.session.model.subject) is not None)
+        return lambda: free() and (name != "gaze" or eyes_of(context.session.model.subject) is not None)
 
     tools = [
         Action(
@@ -189,7 +184,7 @@ def _tool_actions(app: "App", do: Commands, free: Callable[[], bool]) -> list[Ac
             "Tools",
             partial(do.nudge, dx * step, dy * step),
             (f"Shift+{key}" if step > 1 else key,),
-            lambda: free() and bool(app.toolbox.selection),
+            lambda: free() and bool(context.toolbox.selection),
             repeats=True,
             help=f"Move what is selected by {step} pixel{'s' if step > 1 else ''}",
             listed=False,
@@ -204,7 +199,7 @@ def _tool_actions(app: "App", do: Commands, free: Callable[[], bool]) -> list[Ac
         do.toggle_symmetry,
         ("X",),
         free,
-        lambda: app.toolbox.bench.symmetry.on,
+        lambda: context.toolbox.bench.symmetry.on,
         separated=True,
         help="Mirror what is drawn to the other side; what is uneven already stays so",
     )
@@ -215,42 +210,54 @@ def _tool_actions(app: "App", do: Commands, free: Callable[[], bool]) -> list[Ac
     return [*tools, symmetry, *brushes, *nudges]
 
 
-def _draws_trajectories(app: "App") -> bool:
-    tool = app.toolbox.trajectory_tool
-    return app.toolbox.chosen is tool and bool(tool.drawn)
+def _draws_trajectories(context: Shell) -> bool:
+    tool = context.toolbox.trajectory_tool
+    return context.toolbox.chosen is tool and bool(tool.drawn)
 
 
-def build_actions(app: "App") -> Actions:
-    """Return the actions of ``app``, in the order of its menus."""
-    do = Commands(app)
+def build_actions(context: Shell) -> Actions:
+    """Return the actions of ``context``, in the order of its menus."""
+    do = Commands(context)
 
     def free() -> bool:
-        return not app.busy
+        return not context.busy
 
     def applies() -> bool:
-        waits = app.session.mode == "apply" and bool(app.session.document.constraints)
-        begun = bool(app.toolbox.curve_tool.points) or _draws_trajectories(app)
+        waits = context.session.mode == "apply" and bool(context.session.document.constraints)
+        begun = bool(context.toolbox.curve_tool.points) or _draws_trajectories(context)
         return free() and (waits or begun)
 
     def undoes() -> bool:
-        toolbox = app.toolbox
+        toolbox = context.toolbox
         begun = toolbox.curve_tool.points or toolbox.stroke_tool.draws_target or toolbox.distance_tool.first
-        return free() and (bool(begun) or _draws_trajectories(app) or app.session.can_undo)
+        return free() and (bool(begun) or _draws_trajectories(context) or context.session.can_undo)
 
     def redo() -> None:
-        app.session.redo()
+        context.session.redo()
 
+    of_features = context.features.actions()
+    # These two stand among the program's own entries.
+    importing, guide = of_features.pop("import"), of_features.pop("guide")
+    others = list(of_features.values())
     return Actions(
         [
-            Action("open", "Open...", "File", app.files.open_dialog, ("Ctrl+O",), help="Open a session or a subject"),
-            Submenu("open-recent", "Open recent", "File", app.files.recent.entries, lambda: bool(app.settings.recent)),
-            Action("import", "Import character...", "File", app.importing.show, (), free, help=_IMPORT),
-            Action("save", "Save", "File", app.files.save, ("Ctrl+S",), separated=True, help="Save the session"),
-            Action("save-as", "Save as...", "File", app.files.save_as, ("Ctrl+Shift+S",)),
-            Action("export", "Save OBJ", "File", app.files.export, ("Ctrl+E",), help="Save the posed face as OBJ"),
-            Action("export-as", "Save OBJ as...", "File", app.files.export_as, ("Ctrl+Shift+E",)),
-            *app.features.actions(file_menu=True),
-            Action("quit", "Quit", "File", app.files.quit, ("Ctrl+Q",), separated=True),
+            Action(
+                "open", "Open...", "File", context.files.open_dialog, ("Ctrl+O",), help="Open a session or a subject"
+            ),
+            Submenu(
+                "open-recent",
+                "Open recent",
+                "File",
+                context.files.recent.entries,
+                lambda: bool(context.settings.recent),
+            ),
+            importing,
+            Action("save", "Save", "File", context.files.save, ("Ctrl+S",), separated=True, help="Save the session"),
+            Action("save-as", "Save as...", "File", context.files.save_as, ("Ctrl+Shift+S",)),
+            Action("export", "Save OBJ", "File", context.files.export, ("Ctrl+E",), help="Save the posed face as OBJ"),
+            Action("export-as", "Save OBJ as...", "File", context.files.export_as, ("Ctrl+Shift+E",)),
+            *(entry for entry in others if entry.menu == "File"),
+            Action("quit", "Quit", "File", context.files.quit, ("Ctrl+Q",), separated=True),
             Action("undo", "Undo", "Edit", do.undo, ("Ctrl+Z",), undoes, repeats=True),
             Action(
                 "redo",
@@ -258,7 +265,7 @@ def build_actions(app: "App") -> Actions:
                 "Edit",
                 redo,
                 ("Ctrl+Shift+Z", "Ctrl+Y"),
-                lambda: free() and app.session.can_redo,
+                lambda: free() and context.session.can_redo,
                 repeats=True,
             ),
             Action(
@@ -277,7 +284,7 @@ def build_actions(app: "App") -> Actions:
                 "Edit",
                 do.delete_selected,
                 ("Delete", "Backspace"),
-                lambda: free() and (do.pin_selected or bool(app.toolbox.selection) or app.features.selects),
+                lambda: free() and (do.pin_selected or bool(context.toolbox.selection) or context.features.selects),
                 separated=True,
             ),
             Action(
@@ -286,7 +293,7 @@ def build_actions(app: "App") -> Actions:
                 "Edit",
                 do.clear_points,
                 (),
-                lambda: free() and any(not c.locked for c in app.session.document.constraints),
+                lambda: free() and any(not c.locked for c in context.session.document.constraints),
                 help="Remove all constraints that are not locked; the face goes back to where they pulled it from",
             ),
             Action(
@@ -307,22 +314,22 @@ def build_actions(app: "App") -> Actions:
                 "Edit",
                 do.accept_pose,
                 ("Ctrl+Enter",),
-                lambda: free() and bool(app.session.document.constraints),
+                lambda: free() and bool(context.session.document.constraints),
                 help="Make this face the one to start from, and clear the constraints",
             ),
-            *_tool_actions(app, do, free),
+            *_tool_actions(context, do, free),
             *(
                 Action(f"view-{name}", label, "View", lambda name=name: do.look(name), (key,))  # type: ignore[misc]
                 for name, label, key in _VIEWS
             ),
-            Action("frame", "Frame the face", "View", app.viewport.frame_face, ("F",), separated=True),
+            Action("frame", "Frame the face", "View", context.viewport.frame_face, ("F",), separated=True),
             Action(
                 "compare",
                 "Compare with neutral",
                 "View",
                 do.compare,
                 ("C",),
-                checked=lambda: app.comparing,
+                checked=lambda: context.comparing,
                 separated=True,
                 help="Show the neutral face: tap to switch, or hold",
             ),
@@ -332,7 +339,7 @@ def build_actions(app: "App") -> Actions:
                 "View",
                 do.toggle_wireframe,
                 ("W",),
-                checked=lambda: app.wireframe,
+                checked=lambda: context.wireframe,
                 help="Draw the edges of the mesh",
             ),
             Action(
@@ -341,7 +348,7 @@ def build_actions(app: "App") -> Actions:
                 "View",
                 do.toggle_clay,
                 ("T",),
-                checked=lambda: app.shading == "clay",
+                checked=lambda: context.shading == "clay",
                 help="Draw without textures",
             ),
             Action(
@@ -349,7 +356,7 @@ def build_actions(app: "App") -> Actions:
                 "Expression lines",
                 "View",
                 do.toggle_expression_lines,
-                checked=lambda: app.settings.expression_lines,
+                checked=lambda: context.settings.expression_lines,
                 help="Draw the lines that a pose makes in the skin: forehead, frown lines, crow's feet, nose, cheeks",
             ),
             Action(
@@ -357,7 +364,7 @@ def build_actions(app: "App") -> Actions:
                 "Contact",
                 "View",
                 do.toggle_contact,
-                checked=lambda: app.session.document.contact,
+                checked=lambda: context.session.document.contact,
                 help="Keep lids on the eyes and off each other, lips before the teeth, and teeth inside",
             ),
             Action(
@@ -366,7 +373,7 @@ def build_actions(app: "App") -> Actions:
                 "View",
                 do.toggle_points,
                 ("P",),
-                checked=lambda: app.points_shown,
+                checked=lambda: context.points_shown,
                 help="Draw pins, strokes and curves over the face",
             ),
             Action(
@@ -375,7 +382,7 @@ def build_actions(app: "App") -> Actions:
                 "View",
                 do.toggle_panel,
                 ("N",),
-                checked=lambda: app.panel_shown,
+                checked=lambda: context.panel_shown,
                 help="Show the panel at the right",
             ),
             Action(
@@ -383,7 +390,7 @@ def build_actions(app: "App") -> Actions:
                 "Navigate as in Blender",
                 "View",
                 lambda: do.navigate("blender"),
-                checked=lambda: app.viewport.navigation == "blender",
+                checked=lambda: context.viewport.navigation == "blender",
                 separated=True,
             ),
             Action(
@@ -391,25 +398,19 @@ def build_actions(app: "App") -> Actions:
                 "Navigate as in Maya",
                 "View",
                 lambda: do.navigate("maya"),
-                checked=lambda: app.viewport.navigation == "maya",
+                checked=lambda: context.viewport.navigation == "maya",
             ),
-            *app.features.actions(file_menu=False),
+            *(entry for entry in others if entry.menu != "File"),
             Action(
                 "palette",
                 "Find a command...",
                 "Help",
-                app.palette.show,
+                context.palette.show,
                 ("Ctrl+P",),
                 free,
                 help="The command palette: everything there is, by a few letters of its name",
             ),
-            Action(
-                "guide",
-                "Guided pose",
-                "Help",
-                app.guide.show,
-                help="A first smile in five steps, with the view showing where to press",
-            ),
+            guide,
             Action("keys", "Keys and mouse", "Help", do.toggle_keys, ("F1",)),
             Action("about", "About Face Poser", "Help", do.about),
         ]

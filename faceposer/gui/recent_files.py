@@ -1,13 +1,10 @@
 """The files that were opened or saved last, for the File menu."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from faceposer.gui.actions import Action
+from faceposer.gui.context import EditorContext
 from faceposer.gui.settings import MAX_RECENT, save_settings
-
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
 
 # Longer paths are shown without their middle.
 _MOST_LETTERS = 64
@@ -16,18 +13,18 @@ _MOST_LETTERS = 64
 class RecentFiles:
     """Sessions and subjects' files, newest first."""
 
-    def __init__(self, app: "App") -> None:
-        """Serve ``app``."""
-        self._app = app
+    def __init__(self, context: EditorContext) -> None:
+        """Serve ``context``."""
+        self._context = context
 
     def add(self, path: Path) -> None:
         """Put ``path`` first."""
         text = str(path.resolve())
-        self._keep([text, *(other for other in self._app.settings.recent if other != text)])
+        self._keep([text, *(other for other in self._context.settings.recent if other != text)])
 
     def remove(self, path: str) -> None:
         """Forget ``path``."""
-        self._keep([other for other in self._app.settings.recent if other != path])
+        self._keep([other for other in self._context.settings.recent if other != path])
 
     def clear(self) -> None:
         """Forget all."""
@@ -36,14 +33,14 @@ class RecentFiles:
     def open(self, path: str) -> None:
         """Open ``path``, after asking about changes that are not saved, or tell that it is gone and forget it."""
         if Path(path).is_file():
-            self._app.files.open(path)
+            self._context.open_file(path)
             return
         self.remove(path)
-        self._app.dialogs.report("This file is gone", f"'{path}' has been moved or deleted since it was used last.")
+        self._context.dialogs.report("This file is gone", f"'{path}' has been moved or deleted since it was used last.")
 
     def entries(self) -> list[Action]:
         """Return what the menu shows now: the files that are there, and the end of them all."""
-        there = [path for path in self._app.settings.recent if Path(path).is_file()]
+        there = [path for path in self._context.settings.recent if Path(path).is_file()]
         return [
             *(
                 Action(f"recent:{i}", shown_path(path), "File", lambda path=path: self.open(path))  # type: ignore[misc]
@@ -54,10 +51,10 @@ class RecentFiles:
 
     def _keep(self, paths: list[str]) -> None:
         """Remember ``paths`` at once: the next start may come without a proper end."""
-        if paths[:MAX_RECENT] != self._app.settings.recent:
-            self._app.settings.recent = paths[:MAX_RECENT]
-            if self._app.remembers:
-                save_settings(self._app.settings)
+        if paths[:MAX_RECENT] != self._context.settings.recent:
+            self._context.settings.recent = paths[:MAX_RECENT]
+            if self._context.remembers:
+                save_settings(self._context.settings)
 
 
 def shown_path(path: str) -> str:

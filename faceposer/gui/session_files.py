@@ -2,9 +2,9 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from faceposer.errors import FacePoserError
+from faceposer.gui.context import EditorContext
 from faceposer.gui.recent_files import RecentFiles
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.dialogs import Choice, Question
@@ -14,27 +14,41 @@ from faceposer.session.opening import open_session
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
 
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
-
 # Of what can be opened by its path: sessions and subjects.
 SUFFIXES = (".json", ".npz")
 
 
-class Files:
+class SessionFiles:
     """What the File menu does."""
 
-    def __init__(self, app: "App") -> None:
-        """Serve ``app``."""
-        self._app = app
+    def __init__(
+        self,
+        context: EditorContext,
+        new_worker: Callable[[], Worker],
+        set_session: Callable[[Session], None],
+        quit_question: Callable[[], Question | None],
+        end: Callable[[], None],
+    ) -> None:
+        """Serve ``context``.
+
+        Args:
+            context: The editor.
+            new_worker: Returns what solves for a session.
+            set_session: Edits another session from then on.
+            quit_question: Returns what features ask before the window closes.
+            end: Closes the window.
+        """
+        self._context = context
+        self._new_worker, self._set_session = new_worker, set_session
+        self._quit_question, self._end = quit_question, end
         self.export_path: Path | None = None
         self.meshes_saved = 0
-        self.recent = RecentFiles(app)
+        self.recent = RecentFiles(context)
 
     @property
     def title(self) -> str:
         """Name of the document, with an asterisk if a save would keep something that its file does not have."""
-        session = self._app.session
+        session = self._context.session
         name = session.path.name if session.path else f"{session.model.subject.title} (not saved)"
         return f"{name}{'*' if session.dirty else ''} - Face Poser"
 
@@ -42,13 +56,13 @@ class Files:
 
     def open_dialog(self) -> None:
         """Ask for a session or a subject and open it."""
-        self._app.dialogs_ask(
+        self._context.ask_for_file(
             FileRequest(
                 "open",
                 "Open a session or a subject",
                 "Sessions and subjects",
                 SUFFIXES,
-                last_folder(self._app.settings),
+                last_folder(self._context.settings),
                 lambda path: self.open(str(path)),
             )
         )
@@ -77,28 +91,28 @@ class Files:
         Returns:
             Whether there was one.
         """
-        app = self._app
-        worker = app.new_worker()
+        context = self._context
+        worker = self._new_worker()
         try:
             session = opening(worker)
         except FacePoserError as error:
             worker.close()
-            app.dialogs.report(failure, f"{error}{comfort}")
+            context.dialogs.report(failure, f"{error}{comfort}")
             return False
         except Exception:
             worker.close()
             raise
         if session.path is not None:
-            app.settings.folder = str(session.path.parent.resolve())
+            context.settings.folder = str(session.path.parent.resolve())
         self.export_path = None
-        app.set_session(session)
+        self._set_session(session)
         return True
 
     # Saving
 
     def save(self, then: Callable[[], None] | None = None) -> None:
         """Save the session, asking where the first time; go on with ``then`` once it is saved."""
-        path = self._app.session.path
+        path = self._context.session.path
         if path is None:
             self.save_as(then)
         else:
@@ -106,24 +120,26 @@ class Files:
 
     def save_as(self, then: Callable[[], None] | None = None) -> None:
         """Ask where and save the session there."""
-        app = self._app
-        start = app.session.path or last_folder(app.settings) / f"{_stem(app.session.document.subject)}.json"
+        context = self._context
+        start = (
+            context.session.path or last_folder(context.settings) / f"{_stem(context.session.document.subject)}.json"
+        )
         request = FileRequest(
             "save", "Save the session", "Sessions", (".json",), start, lambda path: self._save(path, then)
         )
-        app.dialogs_ask(request)
+        context.ask_for_file(request)
 
     def _save(self, path: Path, then: Callable[[], None] | None = None) -> None:
-        app = self._app
+        context = self._context
         try:
-            app.session.wait()
-            app.session.save(path, app.viewport.camera)
+            context.session.wait()
+            context.session.save(path, context.viewport.camera)
         except FacePoserError as error:
-            app.dialogs.report("The session is not saved", str(error))
+            context.dialogs.report("The session is not saved", str(error))
             return
-        app.settings.folder = str(path.parent.resolve())
+        context.settings.folder = str(path.parent.resolve())
         self.recent.add(path)
-        app.notify(f"Saved {path.name}")
+        context.notify(f"Saved {path.name}")
         if then is not None:
             then()
 
@@ -138,53 +154,51 @@ class Files:
 
     def export_as(self) -> None:
         """Ask where and write the posed face as OBJ there."""
-        app = self._app
-        session = app.session
-        last = Path(app.settings.export_path)
-        folder = last.parent if app.settings.export_path and last.parent.is_dir() else last_folder(app.settings)
+        context = self._context
+        session = context.session
+        last = Path(context.settings.export_path)
+        folder = last.parent if context.settings.export_path and last.parent.is_dir() else last_folder(context.settings)
         stem = session.path.stem if session.path else _stem(session.document.subject)
         start = self.export_path or folder / f"{stem}.obj"
-        app.dialogs_ask(FileRequest("save", "Save the posed face as OBJ", "Meshes", (".obj",), start, self._export))
+        context.ask_for_file(
+            FileRequest("save", "Save the posed face as OBJ", "Meshes", (".obj",), start, self._export)
+        )
 
     def _export(self, path: Path) -> None:
-        app = self._app
+        context = self._context
         try:
-            app.session.wait()
-            write_posed_obj(path, app.session.model, app.session.coefficients, app.session.document.contact)
+            context.session.wait()
+            write_posed_obj(path, context.session.model, context.session.coefficients, context.session.document.contact)
         except FacePoserError as error:
-            app.dialogs.report("The mesh is not saved", str(error))
+            context.dialogs.report("The mesh is not saved", str(error))
             return
         self.meshes_saved += 1
         self.export_path = path.resolve()
-        app.settings.export_path = str(self.export_path)
-        app.notify(f"Saved {path.name}")
+        context.settings.export_path = str(self.export_path)
+        context.notify(f"Saved {path.name}")
 
     # Leaving
 
     def quit(self) -> None:
-        """Close the window, after asking about a character that is being learned and changes that are not saved."""
-        app = self._app
-        if not app.importing.running:
-            self.guard(app.close_soon)
+        """Close the window, after asking about work that is under way and unsaved changes."""
+        question = self._quit_question()
+        if question is None:
+            self.guard(self._end)
             return
-        app.dialogs.ask(
-            Question(
-                "Stop learning and quit?",
-                "A character is being learned. What has been learned of it so far would be lost.",
-                (Choice("Stop and quit", lambda: self.guard(app.close_soon)), Choice("Go on learning")),
-            )
-        )
+        go_on, *others = question.choices
+        choices = (Choice(go_on.label, lambda: self.guard(self._end)), *others)
+        self._context.dialogs.ask(Question(question.title, question.text, choices))
 
     def guard(self, go_on: Callable[[], None]) -> None:
         """Ask what to do with changes that are not saved, then go on; without any, go on at once."""
-        app = self._app
-        app.toolbox.finish()
-        app.slider_edit.let_go()
-        if not app.session.dirty:
+        context = self._context
+        context.toolbox.finish()
+        context.slider_edit.let_go()
+        if not context.session.dirty:
             go_on()
             return
-        name = app.session.path.name if app.session.path else "this pose"
-        app.dialogs.ask(
+        name = context.session.path.name if context.session.path else "this pose"
+        context.dialogs.ask(
             Question(
                 f"Save {name}?",
                 "It has changes that are not saved. Without saving they are lost.",

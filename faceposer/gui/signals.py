@@ -1,28 +1,25 @@
 """What happens when the system, not the user, wants the program to end: the loop is left, and unsaved work is kept."""
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
+from typing import Any
 
 # Not every system has all of them.
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 
 
 @contextmanager
-def interrupted_by_signals(app: "App") -> Iterator[None]:
-    """Let signals to end set ``app.interrupted``; a second one does what it does by itself.
+def interrupted_by_signals(interrupt: Callable[[int], None]) -> Iterator[None]:
+    """Let signals to end call ``interrupt`` with their number; a second one does what it does by itself.
 
     An exception instead could arise anywhere, also inside a callback of the window system, where it would be lost.
     """
     before: dict[int, Any] = {}
 
     def note(number: int, _frame: FrameType | None) -> None:
-        app.interrupted = number
+        interrupt(number)
         signal.signal(number, before[number])
 
     for number in (getattr(signal, name) for name in _NAMES if hasattr(signal, name)):

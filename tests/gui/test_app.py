@@ -33,7 +33,7 @@ def smile(robot: Robot) -> None:
 
 
 def beside(robot: Robot) -> tuple[float, float]:
-    left, top, _, bottom = robot.app.marks["view"]
+    left, top, _, bottom = robot.app.widget_rects["view"]
     return (left + 30.0, 0.5 * (top + bottom))
 
 
@@ -177,7 +177,7 @@ def test_prior_weight_by_its_slider(robot: Robot) -> None:
     x, y = robot.at(LEFT_CORNER)
     robot.drag((x, y), (x + 14, y - 12))
     residual = app.session.residuals_px[0]
-    left, top, right, bottom = app.marks["weight"]
+    left, top, right, bottom = app.widget_rects["weight"]
     middle = 0.5 * (top + bottom)
     robot.move((right - 12, middle))
     robot.drag((right - 12, middle), (left - 5, middle), steps=6)

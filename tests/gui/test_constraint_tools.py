@@ -49,7 +49,7 @@ def shown(robot: Robot, index: int) -> list[Position]:
 
 def slide(robot: Robot, name: str, begin: float, end: float, let_go: bool = True) -> None:
     """Drag a slider from one share of its width to another."""
-    left, top, right, bottom = robot.app.marks[name]
+    left, top, right, bottom = robot.app.widget_rects[name]
     middle, width = 0.5 * (top + bottom), right - left
     robot.move((left + begin * width, middle))
     robot.press()
@@ -265,7 +265,7 @@ def test_list_and_view_point_at_each_other(robot: Robot) -> None:
     app = robot.app
     place_pin(robot)
     robot.key("Esc")
-    left, top, right, bottom = app.marks["point:0"]
+    left, top, right, bottom = app.widget_rects["point:0"]
     robot.move((left + 0.4 * (right - left), 0.5 * (top + bottom)))
     robot.frames(2)
     assert app.highlighted == 0

@@ -156,7 +156,7 @@ def test_the_window_switches_them(robot: Robot) -> None:
 
     def shown() -> np.ndarray:
         robot.frames(3)
-        left, top, right, bottom = (int(edge) for edge in app.marks["view"])
+        left, top, right, bottom = (int(edge) for edge in app.widget_rects["view"])
         return app.screenshot()[top:bottom, left : right - 20].astype(int)
 
     with_lines = shown()

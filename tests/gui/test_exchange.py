@@ -10,7 +10,8 @@ from PIL import Image
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.gui.app import App
 from faceposer.gui.events import Drop
-from faceposer.gui.features.export.feature import Exchange
+from faceposer.gui.features.export.feature import ExportFeature
+from faceposer.gui.features.import_character.feature import ImportCharacterFeature
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.interchange.formats import write
@@ -26,8 +27,8 @@ def robot(tmp_path: Path) -> Iterator[Robot]:
     app.close()
 
 
-def exchange_of(app: App) -> Exchange:
-    return next(feature for feature in app.features._features if isinstance(feature, Exchange))
+def exchange_of(app: App) -> ExportFeature:
+    return next(feature for feature in app.features._features if isinstance(feature, ExportFeature))
 
 
 def choose(robot: Robot, name: str) -> None:
@@ -119,7 +120,7 @@ def test_a_film_is_drawn_between_frames(robot: Robot, tmp_path: Path, monkeypatc
     assert 0.1 < exchange.filming.share < 0.9
     assert app.covered
     assert exchange.patience == 0.0
-    assert "export:progress" in app.marks
+    assert "export:progress" in app.widget_rects
     robot.frames(10)
     assert exchange.filming is None
     assert app.notice == "Saved a.gif"
@@ -158,7 +159,7 @@ def test_the_animation_of_the_window_is_what_moves(robot: Robot, tmp_path: Path)
     exchange.form.suffix = ".gif"
     app.actions["export-other"].run()
     robot.frames(2)
-    assert "export:seconds" in app.marks
+    assert "export:seconds" in app.widget_rects
     robot.click_widget("export:animation")
     robot.click_widget("export:obj")
     robot.click_widget("export:accept")
@@ -221,7 +222,7 @@ def test_a_mesh_that_is_dropped_is_a_pose(robot: Robot, tmp_path: Path) -> None:
     app.router.route([Drop((str(tmp_path / "a.ply"),))])
     np.testing.assert_allclose(app.session.coefficients, pose, atol=1e-3)
     app.session.undo()
-    app.importing.show()
+    app.features[ImportCharacterFeature].show()
     app.router.route([Drop((str(tmp_path / "a.ply"),))])
     assert not app.session.coefficients.any(), "the import dialog is above"
 

@@ -14,6 +14,7 @@ import glfw
 
 from faceposer.gui.app import App
 from faceposer.gui.cursors import shape_of
+from faceposer.gui.features.guide.feature import GuideFeature
 from faceposer.gui.features.guide.steps import STEPS, Guide, Seen
 from faceposer.gui.settings import Settings, load_settings, save_settings
 from faceposer.gui.testing.scripted_user import Robot
@@ -101,7 +102,7 @@ def robot(tmp_path: Path) -> Iterator[Robot]:
 
 
 def current(robot: Robot) -> str:
-    step = robot.app.guide.step
+    step = robot.app.features[GuideFeature].step
     return step.name if step is not None else ""
 
 
@@ -111,19 +112,19 @@ def pull(robot: Robot, place: str, across: float, down: float) -> None:
 
 
 def orbit(robot: Robot) -> None:
-    _, top, right, bottom = robot.app.marks["view"]
+    _, top, right, bottom = robot.app.widget_rects["view"]
     begin = (right - 30.0, 0.5 * (top + bottom))
     robot.drag(begin, (begin[0] - 90.0, begin[1]))
 
 
 def test_a_user_goes_through_all_steps(robot: Robot, tmp_path: Path) -> None:
     app = robot.app
-    assert app.guide.shown
+    assert app.features[GuideFeature].shown
     assert current(robot) == "smile"
     pull(robot, "8.3", 2.0, 16.0)
     assert current(robot) == "smile"
     robot.key("Ctrl+Z")
-    assert "undo" in app.guide._guide.done  # type: ignore[union-attr]
+    assert "undo" in app.features[GuideFeature]._guide.done  # type: ignore[union-attr]
     pull(robot, "8.3", 12.0, -14.0)
     assert current(robot) == "brow"
     pull(robot, "4.3", 0.0, -14.0)
@@ -140,12 +141,12 @@ def test_a_user_goes_through_all_steps(robot: Robot, tmp_path: Path) -> None:
     robot.click_widget("files:accept")
     robot.frames(2)
     assert (tmp_path / "smile.obj").is_file()
-    assert app.guide.shown
+    assert app.features[GuideFeature].shown
     assert current(robot) == ""
     # Turned, the head may lie where the card is; from the front it does not.
     robot.key("1")
     robot.click_widget("guide:skip")
-    assert not app.guide.shown
+    assert not app.features[GuideFeature].shown
 
 
 def test_a_drag_that_is_taken_back_does_not_count(robot: Robot) -> None:
@@ -157,45 +158,45 @@ def test_a_drag_that_is_taken_back_does_not_count(robot: Robot) -> None:
     robot.key("Esc")
     robot.release()
     assert current(robot) == "smile"
-    assert robot.app.guide.shown
+    assert robot.app.features[GuideFeature].shown
 
 
 def test_it_can_be_put_away_and_brought_back(robot: Robot) -> None:
     app = robot.app
     for widget in ("guide:close", "guide:skip"):
-        assert app.guide.shown
+        assert app.features[GuideFeature].shown
         robot.click_widget(widget)
-        assert not app.guide.shown
+        assert not app.features[GuideFeature].shown
         assert not app.session.can_undo
         robot.click_widget("menu:Help")
         robot.click_widget("menu:guide")
     pull(robot, "8.3", 12.0, -14.0)
     assert app.toolbox.selection
     robot.key("Esc")
-    assert app.guide.shown
+    assert app.features[GuideFeature].shown
     robot.key("Esc")
-    assert not app.guide.shown
+    assert not app.features[GuideFeature].shown
 
 
 def test_the_card_takes_presses_and_covers_no_face(robot: Robot) -> None:
     app = robot.app
     view = app.viewport.view
-    left, top, _, _ = app.marks["view"]
+    left, top, _, _ = app.widget_rects["view"]
     robot.drag((left + 60.0, top + 60.0), (left + 160.0, top + 90.0))
     assert app.viewport.view == view
     for place in app.session.model.subject.feature_points:
-        assert not app.guide.contains(robot.at(place))
+        assert not app.features[GuideFeature].contains(robot.at(place))
     robot.wheel(0.0)
     robot.move(robot.at("9.3"))
     for _ in range(6):
         robot.wheel(1.0)
-    assert "guide:skip" not in app.marks
-    assert "guide:close" in app.marks
+    assert "guide:skip" not in app.widget_rects
+    assert "guide:close" in app.widget_rects
 
 
 def test_the_ring_goes_while_the_user_presses(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     rings = []
-    guide = type(robot.app.guide)
+    guide = type(robot.app.features[GuideFeature])
     original = guide._draw_ring
     monkeypatch.setattr(guide, "_draw_ring", lambda card, app, head: (rings.append(1), original(card, app, head)))
     robot.frames(2)
@@ -215,13 +216,13 @@ def test_a_small_window_shows_the_step_as_a_line(tmp_path: Path, size: tuple[int
     robot = opened(tmp_path, size=size)
     app = robot.app
     try:
-        assert "guide:skip" not in app.marks
-        left, top, right, bottom = app.marks["guide:close"]
+        assert "guide:skip" not in app.widget_rects
+        left, top, right, bottom = app.widget_rects["guide:close"]
         assert app.viewport.contains((left, top))
         assert app.viewport.contains((right, bottom))
-        assert not app.guide.contains(robot.at("8.3"))
+        assert not app.features[GuideFeature].contains(robot.at("8.3"))
         robot.click_widget("guide:close")
-        assert not app.guide.shown
+        assert not app.features[GuideFeature].shown
     finally:
         app.close()
 
@@ -235,7 +236,7 @@ def test_only_the_first_start_shows_it(tmp_path: Path, monkeypatch: pytest.Monke
     app = App("man", hidden=True, threaded=False, settings=first)
     try:
         Robot(app)
-        assert app.guide.shown
+        assert app.features[GuideFeature].shown
     finally:
         app.close()
     assert first.welcome_done
@@ -246,12 +247,12 @@ def test_only_the_first_start_shows_it(tmp_path: Path, monkeypatch: pytest.Monke
 def test_who_has_seen_it_is_left_alone(tmp_path: Path) -> None:
     robot = opened(tmp_path, done=True)
     try:
-        assert not robot.app.guide.shown
-        assert "guide:skip" not in robot.app.marks
+        assert not robot.app.features[GuideFeature].shown
+        assert "guide:skip" not in robot.app.widget_rects
         robot.key("Esc")
         robot.app.actions["guide"].run()
         robot.frames(2)
-        assert "guide:skip" in robot.app.marks
+        assert "guide:skip" in robot.app.widget_rects
     finally:
         robot.app.close()
 
@@ -266,7 +267,7 @@ def test_the_pointer_tells_the_tool(robot: Robot) -> None:
     assert shown.shown == "grab"
     robot.release()
     assert shown.shown == "grab"
-    _, top, right, bottom = app.marks["view"]
+    _, top, right, bottom = app.widget_rects["view"]
     beside = (right - 30.0, 0.5 * (top + bottom))
     robot.move(beside)
     assert shown.shown == "arrow"
@@ -277,7 +278,7 @@ def test_the_pointer_tells_the_tool(robot: Robot) -> None:
     robot.move((right + 40.0, top + 5.0))
     assert shown.shown == "arrow"
     robot.key("Ctrl+P")
-    robot.move(app.marks.center("palette:query"))
+    robot.move(app.widget_rects.center("palette:query"))
     robot.frames(1)
     assert shown.shown == "text_input"
 
@@ -299,14 +300,14 @@ def test_widgets_of_the_panel_have_tooltips(robot: Robot, monkeypatch: pytest.Mo
     told: list[int] = []
     begin = imgui.begin_tooltip
     monkeypatch.setattr(imgui, "begin_tooltip", lambda: (told.append(1), begin())[1])
-    left = app.marks["view"][2]
+    left = app.widget_rects["view"][2]
     seen: set[str] = set()
     for tab in ("Pose", "View"):
         robot.click_widget(f"tab:{tab}")
-        widgets = [name for name in list_of_marks(app) if app.marks[name][0] >= left and name != "point:0"]
+        widgets = [name for name in list_of_marks(app) if app.widget_rects[name][0] >= left and name != "point:0"]
         seen |= set(widgets)
         for name in widgets:
-            robot.move(app.marks.center(name))
+            robot.move(app.widget_rects.center(name))
             told.clear()
             robot.frames(3)
             assert told, name
@@ -314,4 +315,4 @@ def test_widgets_of_the_panel_have_tooltips(robot: Robot, monkeypatch: pytest.Mo
 
 
 def list_of_marks(app: App) -> list[str]:
-    return [name for name in app.marks._rectangles if not name.startswith("menu:")]
+    return [name for name in app.widget_rects._rectangles if not name.startswith("menu:")]

@@ -16,7 +16,7 @@ from imgui_bundle import imgui
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.gui.app import App
 from faceposer.gui.events import CloseRequest, Drop
-from faceposer.gui.features.import_character.feature import ImportForm
+from faceposer.gui.features.import_character.feature import ImportCharacterFeature, ImportForm
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.file_dialogs import FileRequest, PathBrowser
@@ -33,6 +33,10 @@ SHAPES = (
     "mouthPucker",
 )
 PATIENCE = 60.0
+
+
+def importer(app: App) -> ImportCharacterFeature:
+    return app.features[ImportCharacterFeature]
 
 
 @pytest.fixture
@@ -133,7 +137,7 @@ def press(robot: Robot, button: str) -> None:
 def finish(robot: Robot) -> None:
     """Let frames pass until nothing is being learned."""
     deadline = time.monotonic() + PATIENCE
-    while robot.app.importing.running:
+    while importer(robot.app).running:
         assert time.monotonic() < deadline
         robot.frames(1)
         time.sleep(0.01)
@@ -165,20 +169,20 @@ class Slow:
 def test_from_the_menu_to_a_posed_face(robot: Robot, glb: Path, tmp_path: Path) -> None:
     app = robot.app
     open_by_menu(robot)
-    assert app.importing.open
+    assert importer(app).open
     enter(robot, "source", str(glb))
-    assert app.importing.form.title == "My head"
-    assert app.importing.form.output == str(tmp_path / "my-head.npz")
+    assert importer(app).form.title == "My head"
+    assert importer(app).form.output == str(tmp_path / "my-head.npz")
     enter(robot, "title", "Somebody")
     press(robot, "start")
     finish(robot)
-    assert app.importing.page == "summary"
-    assert app.importing.about["path"] == str(tmp_path / "my-head.npz")
-    assert app.importing.about["summary"]["shapes"] == len(SHAPES)
+    assert importer(app).page == "summary"
+    assert importer(app).about["path"] == str(tmp_path / "my-head.npz")
+    assert importer(app).about["summary"]["shapes"] == len(SHAPES)
     assert left_over(tmp_path) == ["my-head.npz"]
     press(robot, "open")
     robot.frames(2)
-    assert not app.importing.open
+    assert not importer(app).open
     subject = app.session.model.subject
     assert (subject.name, subject.title) == ("my-head", "Somebody")
     assert app.settings.recent[0] == str(tmp_path / "my-head.npz")
@@ -193,26 +197,29 @@ def test_a_dropped_rig_a_dropped_folder_and_a_performance(robot: Robot, glb: Pat
     app = robot.app
     app.window.play_event(Drop((str(glb),)))
     robot.frames(4)
-    assert app.importing.open
-    assert (app.importing.form.source, app.importing.form.kind) == (str(glb), "rig")
+    assert importer(app).open
+    assert (importer(app).form.source, importer(app).form.kind) == (
+        str(glb),
+        "rig",
+    )
     app.window.play_event(Drop(("/somewhere/take.csv",)))
     robot.frames(4)
-    assert app.importing.form.captures == ["/somewhere/take.csv"]
+    assert importer(app).form.captures == ["/somewhere/take.csv"]
     press(robot, "capture:0:remove")
-    assert app.importing.form.captures == []
+    assert importer(app).form.captures == []
     app.window.play_event(Drop((str(meshes),)))
     robot.frames(4)
-    assert app.importing.form.kind == "examples"
-    assert app.importing.form.title == "Takes"
+    assert importer(app).form.kind == "examples"
+    assert importer(app).form.title == "Takes"
     robot.key("Esc")
-    assert not app.importing.open
+    assert not importer(app).open
 
 
 def test_other_drops_are_opened_as_ever(robot: Robot, tmp_path: Path) -> None:
     app = robot.app
     app.window.play_event(Drop((str(tmp_path / "none.npz"),)))
     robot.frames(4)
-    assert not app.importing.open
+    assert not importer(app).open
     assert "none.npz" in app.dialogs.waiting[0].text
 
 
@@ -221,19 +228,22 @@ def test_progress_is_shown_and_the_window_stays_alive(
 ) -> None:
     slow = Slow(monkeypatch)
     app = robot.app
-    app.importing.show(str(glb))
+    importer(app).show(str(glb))
     press(robot, "start")
     assert slow.begun.wait(PATIENCE)
     robot.frames(2)
-    assert app.importing.page == "running"
-    assert (app.importing.training.stage, app.importing.training.share) == ("Reading", 0.5)
-    assert "import:progress" in app.marks
+    assert importer(app).page == "running"
+    assert (
+        importer(app).training.stage,
+        importer(app).training.share,
+    ) == ("Reading", 0.5)
+    assert "import:progress" in app.widget_rects
     robot.key("Esc")
     robot.key("R")
-    assert app.importing.running, "a stray key stops nothing"
+    assert importer(app).running, "a stray key stops nothing"
     app.window.play_event(Drop((str(tmp_path),)))
     robot.frames(2)
-    assert app.importing.running
+    assert importer(app).running
     app.window.play_event(CloseRequest())
     robot.frames(4)
     assert app.dialogs.waiting[0].title == "Stop learning and quit?"
@@ -241,7 +251,7 @@ def test_progress_is_shown_and_the_window_stays_alive(
     assert not app.closing
     slow.go_on.set()
     finish(robot)
-    assert app.importing.page == "summary"
+    assert importer(app).page == "summary"
 
 
 def test_cancel_leaves_nothing_and_keeps_the_form(
@@ -249,26 +259,26 @@ def test_cancel_leaves_nothing_and_keeps_the_form(
 ) -> None:
     slow = Slow(monkeypatch)
     app = robot.app
-    app.importing.show(str(glb))
+    importer(app).show(str(glb))
     press(robot, "start")
     assert slow.begun.wait(PATIENCE)
     robot.frames(4)
     robot.click_widget("import:stop")
     finish(robot)
-    assert app.importing.page == "form"
-    assert (app.importing.error, app.dialogs.waiting) == ("", [])
-    assert app.importing.form.source == str(glb)
+    assert importer(app).page == "form"
+    assert (importer(app).error, app.dialogs.waiting) == ("", [])
+    assert importer(app).form.source == str(glb)
     assert left_over(tmp_path) == []
 
 
 def test_closing_the_window_stops_it(robot: Robot, glb: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     slow = Slow(monkeypatch)
     app = robot.app
-    app.importing.show(str(glb))
+    importer(app).show(str(glb))
     press(robot, "start")
     assert slow.begun.wait(PATIENCE)
     app.close()
-    assert app.importing.training.done
+    assert importer(app).training.done
     assert left_over(tmp_path) == []
 
 
@@ -278,22 +288,22 @@ def test_errors_are_one_sentence_and_can_be_mended(robot: Robot, glb: Path, tmp_
     broken.write_bytes(b"glTF but not really")
     open_by_menu(robot)
     press(robot, "start")
-    assert app.importing.error == "Choose what to learn the character from."
+    assert importer(app).error == "Choose what to learn the character from."
     enter(robot, "source", str(broken))
     press(robot, "start")
     finish(robot)
-    assert app.importing.page == "form"
-    assert "broken.glb" in app.importing.error
-    assert app.importing.error.count("\n") == 0
-    assert app.importing.form.output == str(tmp_path / "broken.npz")
+    assert importer(app).page == "form"
+    assert "broken.glb" in importer(app).error
+    assert importer(app).error.count("\n") == 0
+    assert importer(app).form.output == str(tmp_path / "broken.npz")
     enter(robot, "output", str(tmp_path / "nowhere" / "a.npz"))
     press(robot, "start")
-    assert "nowhere" in app.importing.error
+    assert "nowhere" in importer(app).error
     enter(robot, "output", str(tmp_path / "a"))
     enter(robot, "source", str(glb))
     press(robot, "start")
     finish(robot)
-    assert app.importing.page == "summary"
+    assert importer(app).page == "summary"
     assert left_over(tmp_path) == ["a.npz"]
 
 
@@ -302,26 +312,26 @@ def test_what_goes_wrong_inside_is_told(
 ) -> None:
     app = robot.app
     monkeypatch.setattr("faceposer.training.request.train", lambda request, progress: 1 / 0)
-    app.importing.show(str(glb))
+    importer(app).show(str(glb))
     press(robot, "start")
     finish(robot)
     assert "ZeroDivisionError" in app.dialogs.waiting[0].text
     assert "ZeroDivisionError" in capsys.readouterr().err
     robot.click_widget("choice:0")
     robot.frames(4)
-    assert app.importing.page == "form"
+    assert importer(app).page == "form"
 
 
 def test_a_file_that_is_there_is_replaced_only_if_wanted(robot: Robot, glb: Path, tmp_path: Path) -> None:
     app = robot.app
     there = tmp_path / "my-head.npz"
     there.write_bytes(b"precious")
-    app.importing.show(str(glb))
+    importer(app).show(str(glb))
     press(robot, "start")
     robot.frames(4)
     assert app.dialogs.waiting[0].title == "Replace my-head.npz?"
     robot.key("Esc")
-    assert app.importing.open, "Esc was meant for the question"
+    assert importer(app).open, "Esc was meant for the question"
     assert there.read_bytes() == b"precious"
     press(robot, "start")
     robot.frames(4)
@@ -330,7 +340,7 @@ def test_a_file_that_is_there_is_replaced_only_if_wanted(robot: Robot, glb: Path
     press(robot, "open")
     assert app.session.model.subject.name == "my-head"
     first = app.session.model
-    app.importing.show(str(glb))
+    importer(app).show(str(glb))
     enter(robot, "title", "Anew")
     press(robot, "start")
     robot.frames(4)
@@ -345,7 +355,7 @@ def test_unsaved_work_is_asked_about_before_the_new_face_opens(robot: Robot, glb
     app = robot.app
     x, y = robot.at("8.3")
     robot.drag((x, y), (x + 12, y - 14))
-    app.importing.show(str(glb))
+    importer(app).show(str(glb))
     press(robot, "start")
     finish(robot)
     press(robot, "open")
@@ -360,27 +370,27 @@ def test_sources_and_outputs_are_chosen_in_the_browser(robot: Robot, glb: Path, 
     open_by_menu(robot)
     robot.click_widget("import:source:file")
     robot.frames(4)
-    assert "files:takes" in app.marks
+    assert "files:takes" in app.widget_rects
     robot.click_widget("files:My Head.glb")
     robot.click_widget("files:accept")
-    assert app.importing.form.source == str(glb)
+    assert importer(app).form.source == str(glb)
     robot.frames(4)
     robot.click_widget("import:source:folder")
     robot.frames(4)
     robot.click_widget("files:takes")
     robot.click_widget("files:accept")
     robot.frames(4)
-    assert app.importing.form.source == str(meshes)
-    assert app.importing.form.kind == "examples"
+    assert importer(app).form.source == str(meshes)
+    assert importer(app).form.kind == "examples"
     robot.click_widget("import:kind:2")
     robot.frames(4)
     robot.click_widget("import:start")
-    assert "map" in app.importing.error
+    assert "map" in importer(app).error
     robot.click_widget("import:marker_map:file")
     robot.frames(4)
     robot.key("Esc")
     robot.frames(4)
-    assert app.importing.open, "Esc was meant for the browser"
+    assert importer(app).open, "Esc was meant for the browser"
 
 
 def test_browsing_for_a_folder(meshes: Path) -> None:
@@ -398,22 +408,22 @@ def test_browsing_for_a_folder(meshes: Path) -> None:
 @pytest.mark.parametrize("regions", [0, 2])
 def test_a_character_from_examples_is_posed(robot: Robot, meshes: Path, tmp_path: Path, regions: int) -> None:
     app = robot.app
-    app.importing.show(str(meshes))
+    importer(app).show(str(meshes))
     press(robot, f"regions:{regions}")
     press(robot, "start")
     finish(robot)
-    assert app.importing.error == ""
-    assert app.importing.about["summary"]["warnings"], "eight are few"
+    assert importer(app).error == ""
+    assert importer(app).about["summary"]["warnings"], "eight are few"
     press(robot, "open")
     session = app.session
-    assert "tool-gaze" not in app.marks
+    assert "tool-gaze" not in app.widget_rects
     assert not app.actions["tool-gaze"].enabled()
     robot.key("D")
     robot.frames(2)
-    assert not any(mark.startswith("measure:") for mark in app.marks)
+    assert not any(mark.startswith("measure:") for mark in app.widget_rects)
     robot.key("H")
     robot.frames(2)
-    buttons = [mark for mark in app.marks if mark.startswith("hold:")]
+    buttons = [mark for mark in app.widget_rects if mark.startswith("hold:")]
     assert buttons
     robot.click_widget(buttons[0])
     assert len(session.document.constraints) == 1
@@ -433,7 +443,7 @@ def test_a_character_from_examples_is_posed(robot: Robot, meshes: Path, tmp_path
     robot.click_widget("tab:Shapes")
     robot.frames(4)
     name = session.model.subject.shape_names[0]
-    x0, y0, _, y1 = app.marks[f"shape:{name}"]
+    x0, y0, _, y1 = app.widget_rects[f"shape:{name}"]
     middle = 0.5 * (y0 + y1)
     robot.drag((x0 + 40, middle), (x0 + 70, middle))
     lower, upper = session.model.subject.shape_limits[0]
@@ -454,17 +464,20 @@ def test_a_character_from_examples_is_posed(robot: Robot, meshes: Path, tmp_path
 def test_it_fits_the_window(robot: Robot, glb: Path, size: tuple[int, int]) -> None:
     app = robot.app
     app.window.set_size(size)
-    app.importing.show(str(glb))
-    app.importing.error = "Something is wrong with one of the many files, which is called so that it takes two lines."
+    importer(app).show(str(glb))
+    app.features[
+        ImportCharacterFeature
+    ].error = "Something is wrong with one of the many files, which is called so that it takes two lines."
     robot.frames(6)
 
     def fits() -> bool:
         window = next(w for w in imgui.get_current_context().windows if w.name == "##import" and w.active)
         low, high = window.pos, window.pos + window.size
-        names = [n for n in app.marks if n in ("import:start", "import:cancel", "import:open", "import:close")]
+        names = [n for n in app.widget_rects if n in ("import:start", "import:cancel", "import:open", "import:close")]
         assert len(names) == 2
         return all(
-            low.x >= 0 <= low.y and high.x <= size[0] and high.y <= size[1] and app.marks[n][3] < high.y for n in names
+            low.x >= 0 <= low.y and high.x <= size[0] and high.y <= size[1] and app.widget_rects[n][3] < high.y
+            for n in names
         )
 
     assert fits()

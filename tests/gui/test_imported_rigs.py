@@ -9,6 +9,7 @@ import pytest
 
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.gui.app import App
+from faceposer.gui.features.guide.feature import GuideFeature
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.model.expression_lines import expression_lines
@@ -73,8 +74,8 @@ def test_tools_know_the_face(subject: Subject, robot: Robot, tmp_path: Path) -> 
     # The guided pose finds its places.
     x, y = robot.at("8.3")
     robot.drag((x, y), (x + 12, y - 14))
-    assert app.guide.step is not None
-    assert app.guide.step.name == "brow"
+    assert app.features[GuideFeature].step is not None
+    assert app.features[GuideFeature].step.name == "brow"
     assert app.point_name(0) == "left mouth corner"
     weights = dict(zip(subject.shape_names, app.session.model.weights_of(app.session.coefficients), strict=True))
     assert weights["mouthSmileLeft"] > 0.2
@@ -91,13 +92,13 @@ def test_tools_know_the_face(subject: Subject, robot: Robot, tmp_path: Path) -> 
     robot.key("R")
 
     eyes = sum(part.material == "eye" for part in subject.parts)
-    assert ("tool-gaze" in app.marks) == (eyes == 2)
+    assert ("tool-gaze" in app.widget_rects) == (eyes == 2)
     robot.key("D")
     robot.frames(3)
-    assert sum(mark.startswith("measure:") for mark in app.marks) == 6
+    assert sum(mark.startswith("measure:") for mark in app.widget_rects) == 6
     robot.key("H")
     robot.frames(3)
-    assert {"hold:Mouth", "hold:Brows", "hold:Cheeks", "hold:Jaw"} <= set(app.marks)
+    assert {"hold:Mouth", "hold:Brows", "hold:Cheeks", "hold:Jaw"} <= set(app.widget_rects)
 
 
 def test_posed_saved_and_recovered(
@@ -107,7 +108,7 @@ def test_posed_saved_and_recovered(
     neutral = app.scene.vertices.copy()
     robot.click_widget("tab:Shapes")
     robot.frames(4)
-    left_edge, top, _, bottom = app.marks["shape:browInnerUp"]
+    left_edge, top, _, bottom = app.widget_rects["shape:browInnerUp"]
     robot.drag((left_edge + 12, 0.5 * (top + bottom)), (left_edge + 70, 0.5 * (top + bottom)))
     assert np.abs(app.scene.vertices - neutral).max() > 0.1
     pose = app.session.coefficients.copy()

@@ -12,7 +12,7 @@ import glfw
 
 from faceposer.gui.actions import Action, Actions
 from faceposer.gui.app import App
-from faceposer.gui.features.palette.ranking import ranked
+from faceposer.gui.panels.action_search import ranked
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 
@@ -160,7 +160,7 @@ def test_keys_move_the_choice(robot: Robot) -> None:
     assert chosen(robot) == order[1]
     tap(robot, "End")
     assert chosen(robot) == order[-1]
-    assert f"palette:{order[-1]}" in robot.app.marks
+    assert f"palette:{order[-1]}" in robot.app.widget_rects
     tap(robot, "Down")
     assert chosen(robot) == order[0]
     tap(robot, "Up")
@@ -217,7 +217,7 @@ def test_the_mouse_chooses_and_a_click_outside_closes(robot: Robot) -> None:
     assert not app.panel_shown
     assert not app.palette.open
     robot.key("Ctrl+P")
-    _, _, _, bottom = app.marks["view"]
+    _, _, _, bottom = app.widget_rects["view"]
     robot.click((450.0, bottom - 5.0))
     assert not app.palette.open
     assert not app.session.can_undo
@@ -251,7 +251,7 @@ def test_it_fits_the_window(robot: Robot, size: tuple[int, int]) -> None:
     assert window.pos.x + window.size.x <= size[0]
     assert window.pos.y + window.size.y <= size[1]
     tap(robot, "End")
-    left, top, right, bottom = app.marks[f"palette:{names(robot)[-1]}"]
+    left, top, right, bottom = app.widget_rects[f"palette:{names(robot)[-1]}"]
     assert 0 <= left < right <= size[0]
     assert window.pos.y < top < bottom < window.pos.y + window.size.y
 

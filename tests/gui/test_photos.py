@@ -79,7 +79,7 @@ def pin(robot: Robot, count: int) -> None:
 
 def beside(robot: Robot) -> tuple[tuple[float, float], tuple[float, float]]:
     """Two places beside the face."""
-    left, top, _, bottom = robot.app.marks["view"]
+    left, top, _, bottom = robot.app.widget_rects["view"]
     return (left + 20.0, 0.7 * bottom + 0.3 * top), (left + 80.0, 0.5 * bottom + 0.5 * top)
 
 
@@ -234,7 +234,7 @@ def test_the_photo_lies_behind_or_before_the_face(robot: Robot, photo: Path) -> 
     np.testing.assert_allclose(colour(robot, beside), (200, 30, 30), atol=4)
     behind = colour(robot, middle)
     assert behind[1] < 215, "the face lies over the green square"
-    left, top, right, bottom = app.marks["photo-opacity"]
+    left, top, right, bottom = app.widget_rects["photo-opacity"]
     robot.click((left + 0.98 * (right - left) * 0.6, (top + bottom) / 2))
     robot.drag(((left + right) / 2, (top + bottom) / 2), (left + 1, (top + bottom) / 2), steps=3)
     assert app.session.document.photos[0].opacity == 0.0

@@ -47,13 +47,13 @@ def weights(robot: Robot) -> dict[str, float]:
 
 
 def slide(robot: Robot, percent: float) -> None:
-    left, top, right, bottom = robot.app.marks["poses:strength"]
+    left, top, right, bottom = robot.app.widget_rects["poses:strength"]
     y = 0.5 * (top + bottom)
     robot.drag((left + 0.5 * (right - left), y), (left + (percent + 100.0) / 300.0 * (right - left), y))
 
 
 def choose_from_menu(robot: Robot, pose: str, item: str) -> None:
-    robot.click(robot.app.marks.center(f"pose:{pose}"), "right")
+    robot.click(robot.app.widget_rects.center(f"pose:{pose}"), "right")
     robot.frames(2)
     robot.click_widget(f"pose-menu:{item}")
 
@@ -98,7 +98,7 @@ def test_escape_takes_a_drag_of_the_strength_back(robot: Robot) -> None:
     session = robot.app.session
     robot.click_widget("pose:Anger")
     full = session.coefficients
-    left, top, right, bottom = robot.app.marks["poses:strength"]
+    left, top, right, bottom = robot.app.widget_rects["poses:strength"]
     robot.move((0.5 * (left + right), 0.5 * (top + bottom)))
     robot.press()
     robot.move((left + 5.0, 0.5 * (top + bottom)), 4)
@@ -203,7 +203,7 @@ def test_a_taken_name_asks_and_escape_leaves_everything(robot: Robot, tmp_path: 
     type_name(robot, "Mine")
     assert read_pose(folder / "mine.json").weights["jawOpen"] == 0.5, "nothing is replaced without asking"
     robot.key("Esc")
-    assert "pose-name:accept" not in robot.app.marks
+    assert "pose-name:accept" not in robot.app.widget_rects
     robot.click_widget("pose-save")
     type_name(robot, "Mine")
     robot.click_widget("pose-name:accept")
@@ -230,10 +230,10 @@ def test_poses_are_renamed_replaced_and_deleted_by_their_menu(robot: Robot, tmp_
 
 
 def test_what_comes_with_the_program_stays(robot: Robot) -> None:
-    robot.click(robot.app.marks.center("pose:Happiness"), "right")
+    robot.click(robot.app.widget_rects.center("pose:Happiness"), "right")
     robot.frames(2)
-    assert "pose-menu:flip" in robot.app.marks
-    assert "pose-menu:delete" not in robot.app.marks
+    assert "pose-menu:flip" in robot.app.widget_rects
+    assert "pose-menu:delete" not in robot.app.widget_rects
 
 
 def test_the_filter_and_the_categories_choose_what_is_shown(robot: Robot) -> None:

@@ -75,19 +75,19 @@ class Monkey:
         """Return a place to go to: mostly on the face, sometimes anywhere in the view, or on a widget."""
         app, rng = self.app, self.rng
         share = rng.random()
-        left, top, right, bottom = app.marks["view"]
+        left, top, right, bottom = app.widget_rects["view"]
         if share < 0.6:
             return (float(rng.normal((left + right) / 2, 45)), float(rng.normal((top + bottom) / 2 + 15, 50)))
         if share < 0.7:
             return (float(rng.uniform(left, right)), float(rng.uniform(top, bottom)))
-        names = sorted(name for name in app.marks if name.startswith(_WIDGETS))
+        names = sorted(name for name in app.widget_rects if name.startswith(_WIDGETS))
         if not names:
             return ((left + right) / 2, (top + bottom) / 2)
         name = names[int(rng.integers(len(names)))]
-        left, top, right, bottom = app.marks[name]
+        left, top, right, bottom = app.widget_rects[name]
         # What is scrolled away lies under other things, which may be left alone for good reasons.
-        in_panel = "save" in app.marks and right > app.marks["save"][0]
-        if in_panel and bottom > app.marks["save"][1] - 4:
+        in_panel = "save" in app.widget_rects and right > app.widget_rects["save"][0]
+        if in_panel and bottom > app.widget_rects["save"][1] - 4:
             return self.place()
         return (float(rng.uniform(left, right)), float(rng.uniform(top, bottom)))
 
@@ -128,7 +128,7 @@ class Monkey:
 
     def draw_curve(self) -> None:
         """Click the points of a curve over the face and accept it, which chance seldom brings together."""
-        left, top, right, bottom = self.app.marks["view"]
+        left, top, right, bottom = self.app.widget_rects["view"]
         for across in (-30.0, 0.0, 30.0):
             self.app.window.play_move(
                 (left + right) / 2 + across, (top + bottom) / 2 + float(self.rng.uniform(-20, 60))

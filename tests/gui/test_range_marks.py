@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from faceposer.gui.app import App
-from faceposer.gui.features.range_marks.feature import BEYOND_TEXT, HARDLY_MOVES_TEXT, RangeMarks
+from faceposer.gui.features.range_marks.feature import BEYOND_TEXT, HARDLY_MOVES_TEXT, RangeMarksFeature
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.session.document import read_document
@@ -24,8 +24,8 @@ def robot(tmp_path: Path) -> Iterator[Robot]:
     app.close()
 
 
-def marks(robot: Robot) -> RangeMarks:
-    return robot.app.features[RangeMarks]
+def marks(robot: Robot) -> RangeMarksFeature:
+    return robot.app.features[RangeMarksFeature]
 
 
 def said(robot: Robot) -> str:
@@ -126,7 +126,7 @@ def test_spread_by_its_slider_is_one_step_and_live(robot: Robot) -> None:
     app = robot.app
     x, y = robot.at(CORNER)
     robot.drag((x - 2.0, y), (x + 10.0, y - 12.0))
-    left, top, right, bottom = app.marks["spread"]
+    left, top, right, bottom = app.widget_rects["spread"]
     middle = 0.5 * (top + bottom)
     usual = app.scene.vertices.copy()
     robot.move((0.5 * (left + right), middle))
@@ -149,7 +149,7 @@ def test_spread_by_its_slider_is_one_step_and_live(robot: Robot) -> None:
 
 def test_esc_takes_the_drag_of_the_spread_back(robot: Robot) -> None:
     app = robot.app
-    left, top, right, bottom = app.marks["spread"]
+    left, top, right, bottom = app.widget_rects["spread"]
     robot.move((0.5 * (left + right), 0.5 * (top + bottom)))
     robot.press()
     robot.move((right - 10.0, 0.5 * (top + bottom)), 3)
@@ -177,14 +177,14 @@ def test_a_session_keeps_its_spread(robot: Robot, tmp_path: Path) -> None:
 
 def test_other_priors_are_under_advanced(robot: Robot) -> None:
     app = robot.app
-    assert "prior:1" not in app.marks
+    assert "prior:1" not in app.widget_rects
     robot.click_widget("advanced")
     robot.click_widget("prior:1")
     assert app.session.document.prior == "whole"
-    spread = app.marks.center("spread")
+    spread = app.widget_rects.center("spread")
     robot.drag(spread, (spread[0] + 30.0, spread[1]))
     assert app.session.document.spread == SPREAD, "the whole face knows no spread"
     robot.key("Ctrl+Z")
     assert app.session.document.prior == "regions"
     robot.click_widget("advanced")
-    assert "prior:1" not in app.marks
+    assert "prior:1" not in app.widget_rects

@@ -12,9 +12,9 @@ import pytest
 from faceposer.animation.keyframes import Keyframes
 from faceposer.animation.smoothing import FollowingStopped
 from faceposer.gui.app import App
-from faceposer.gui.features.animation_files.feature import AnimationFiles
-from faceposer.gui.features.timeline.feature import Timeline
-from faceposer.gui.features.trajectories.feature import Following
+from faceposer.gui.features.animation_files.feature import AnimationFilesFeature
+from faceposer.gui.features.timeline.feature import TimelineFeature
+from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Position, Robot
 from faceposer.interchange.weights_json import write_weights
@@ -36,8 +36,8 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
     app.close()
 
 
-def timeline(robot: Robot) -> Timeline:
-    return robot.app.features[Timeline]
+def timeline(robot: Robot) -> TimelineFeature:
+    return robot.app.features[TimelineFeature]
 
 
 def frames(robot: Robot) -> tuple[int, ...]:
@@ -210,7 +210,7 @@ def test_playing_keeps_time_loops_and_stops_on_a_press(robot: Robot) -> None:
     robot.frames(65)
     assert timeline(robot).playing
     assert here(robot) < 10
-    left, top, _, bottom = app.marks["view"]
+    left, top, _, bottom = app.widget_rects["view"]
     view = app.viewport.view
     robot.drag((left + 30.0, (top + bottom) / 2), (left + 60.0, (top + bottom) / 2), button="middle")
     assert app.viewport.view != view
@@ -230,7 +230,7 @@ def test_length_and_rate_are_set_in_the_strip(robot: Robot) -> None:
     robot.click_widget("rate")
     robot.click_widget("rate:24")
     assert timeline(robot).keyframes.rate == 24.0
-    left, top, _, bottom = app.marks["length"]
+    left, top, _, bottom = app.widget_rects["length"]
     robot.drag((left + 20.0, (top + bottom) / 2), (left + 120.0, (top + bottom) / 2))
     assert timeline(robot).keyframes.length > 60
     robot.key("Ctrl+Z")
@@ -260,7 +260,7 @@ def draw(robot: Robot, feature: str, dx: float, dy: float, steps: int) -> None:
 
 
 def settle(robot: Robot) -> None:
-    following = robot.app.features[Following]
+    following = robot.app.features[TrajectoriesFeature]
     while following.job is not None:
         following.job.join()
         robot.frames()
@@ -268,7 +268,7 @@ def settle(robot: Robot) -> None:
 
 def test_the_face_follows_drawn_trajectories(robot: Robot) -> None:
     app = robot.app
-    following = app.features[Following]
+    following = app.features[TrajectoriesFeature]
     robot.key("J")
     draw(robot, CORNER, 14, -16, 30)
     draw(robot, BROW, 0, -12, 12)
@@ -305,10 +305,10 @@ def test_an_even_pace_every_frame_and_other_keys_stay(robot: Robot) -> None:
     robot.key("J")
     robot.click_widget("timing:1")
     robot.click_widget("few-keys:1")
-    app.features[Following].options.frames = 12
+    app.features[TrajectoriesFeature].options.frames = 12
     draw(robot, CORNER, 10, -10, 10)
     robot.frames()
-    robot.move(app.marks.center("smoothness"))
+    robot.move(app.widget_rects.center("smoothness"))
     robot.wheel(-5.0)
     robot.frames(3)
     robot.click_widget("follow")
@@ -316,12 +316,12 @@ def test_an_even_pace_every_frame_and_other_keys_stay(robot: Robot) -> None:
     assert frames(robot) == (0, 14, *range(20, 32))
     assert here(robot) == 20
     robot.click_widget("clear-trajectories")
-    assert app.features[Following].tool.drawn == ()
+    assert app.features[TrajectoriesFeature].tool.drawn == ()
 
 
 def test_following_can_be_stopped_and_tells_what_went_wrong(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     app = robot.app
-    following = app.features[Following]
+    following = app.features[TrajectoriesFeature]
     robot.key("J")
     draw(robot, CORNER, 10, -10, 20)
     following.solve_drawn()
@@ -343,7 +343,7 @@ def test_an_animation_is_opened_with_as_many_keys_as_one_wants(robot: Robot, tmp
     few = Keyframes(length=40).with_key(0, model.neutral()).with_key(39, model.coefficients_of({"jawOpen": 0.6}))
     path = tmp_path / "take.json"
     write_weights(path, model, few.performance(model))
-    app.features[AnimationFiles].open_animation(path)
+    app.features[AnimationFilesFeature].open_animation(path)
     robot.frames(2)
     assert app.dialogs.open
     assert frames(robot) == (), "nothing happens before one has chosen"
@@ -354,19 +354,19 @@ def test_an_animation_is_opened_with_as_many_keys_as_one_wants(robot: Robot, tmp
     scrub(robot, 39)
     names = model.subject.shape_names
     assert model.weights_of(app.session.coefficients)[names.index("jawOpen")] == pytest.approx(0.6, abs=0.02)
-    app.features[AnimationFiles].reduce(0.02)
+    app.features[AnimationFilesFeature].reduce(0.02)
     assert len(frames(robot)) < 8
     assert app.session.undo_label == "Reduce keys"
     robot.key("Ctrl+Z")
     robot.key("Ctrl+Z")
     assert frames(robot) == ()
-    app.features[AnimationFiles].open_animation(path)
+    app.features[AnimationFilesFeature].open_animation(path)
     robot.frames(2)
     robot.click_widget("choice:0")
     robot.frames(2)
     assert len(frames(robot)) < 8
     path.write_text("{}")
-    app.features[AnimationFiles].open_animation(path)
+    app.features[AnimationFilesFeature].open_animation(path)
     assert app.dialogs.open
     assert len(frames(robot)) < 8
 
@@ -380,7 +380,7 @@ def test_trajectories_of_a_file_become_the_animation(robot: Robot, tmp_path: Pat
     x, y, z = model.subject.vertices[vertex].tolist()
     points = [{"name": CORNER, "positions": [[x + 0.05 * t, y + 0.05 * t, z] for t in range(10)]}]
     path.write_text(json.dumps({"format": "faceposer.trajectories", "version": 1, "rate": 25, "points": points}))
-    app.features[AnimationFiles].open_trajectories(path)
+    app.features[AnimationFilesFeature].open_trajectories(path)
     settle(robot)
     assert timeline(robot).keyframes.length == 10
     assert timeline(robot).keyframes.rate == 25.0
@@ -391,14 +391,14 @@ def test_trajectories_of_a_file_become_the_animation(robot: Robot, tmp_path: Pat
     robot.key("Ctrl+Z")
     assert frames(robot) == (0, 14, 29)
     path.write_text("{}")
-    app.features[AnimationFiles].open_trajectories(path)
+    app.features[AnimationFilesFeature].open_trajectories(path)
     assert app.dialogs.open
-    assert app.features[Following].job is None
+    assert app.features[TrajectoriesFeature].job is None
 
 
 def test_a_long_solve_shows_how_far_it_is_and_can_be_cancelled(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     app = robot.app
-    following = app.features[Following]
+    following = app.features[TrajectoriesFeature]
     animate(robot)
     robot.key("J")
     draw(robot, CORNER, 10, -10, 20)
@@ -418,7 +418,7 @@ def test_a_long_solve_shows_how_far_it_is_and_can_be_cancelled(robot: Robot, mon
 
     monkeypatch.setattr("faceposer.animation.following.follow", slow)
     robot.click_widget("follow")
-    while "following:cancel" not in app.marks:
+    while "following:cancel" not in app.widget_rects:
         robot.frames()
     assert app.covered
     assert following.progress.startswith("Frame 6 of")

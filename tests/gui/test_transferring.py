@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from faceposer.gui.app import App
-from faceposer.gui.features.transfer.feature import Transferring
+from faceposer.gui.features.transfer.feature import TransferFeature
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.transfer.pairs import DEFAULT_PAIRS, PAPER_PAIRS, pairs_to_json
@@ -24,8 +24,8 @@ def robot(tmp_path: Path) -> Iterator[Robot]:
     app.close()
 
 
-def state_of(robot: Robot) -> Transferring:
-    return next(f for f in robot.app.features._features if isinstance(f, Transferring))
+def state_of(robot: Robot) -> TransferFeature:
+    return next(f for f in robot.app.features._features if isinstance(f, TransferFeature))
 
 
 def weight(app: App, name: str) -> float:
@@ -33,7 +33,7 @@ def weight(app: App, name: str) -> float:
     return float(model.weights_of(app.session.coefficients)[model.subject.shape_names.index(name)])
 
 
-def begin(robot: Robot, to: str) -> Transferring:
+def begin(robot: Robot, to: str) -> TransferFeature:
     robot.click_widget("menu:Edit")
     robot.click_widget("menu:transfer")
     robot.click_widget("transfer:to")
@@ -107,15 +107,15 @@ def test_lists_are_read_and_written(robot: Robot, tmp_path: Path) -> None:
     robot.key("Enter")
     robot.frames(2)
     assert state.open
-    assert "transfer:open" in robot.app.marks
+    assert "transfer:open" in robot.app.widget_rects
 
 
 def test_a_file_is_chosen_over_the_dialog_which_comes_back(robot: Robot) -> None:
     state = begin(robot, "woman")
     robot.click_widget("transfer:to:file")
     assert robot.app.file_dialogs.open
-    assert "transfer:open" not in robot.app.marks
+    assert "transfer:open" not in robot.app.widget_rects
     robot.key("Esc")
     robot.frames(2)
-    assert "transfer:open" in robot.app.marks
+    assert "transfer:open" in robot.app.widget_rects
     assert state.to == "woman"

@@ -1,1 +1,34 @@
-"""The features of the window, one folder each."""
+"""The features of the window, one folder each; a new one is its folder and its line here."""
+
+from faceposer.gui.context import EditorContext
+from faceposer.gui.feature import Feature, Features
+
+
+def build_features(context: EditorContext) -> Features:
+    """Return the features of the editor, in the order of their tabs and of their turns at dropped files."""
+    from faceposer.gui.features.animation_files.feature import AnimationFilesFeature
+    from faceposer.gui.features.export.feature import ExportFeature
+    from faceposer.gui.features.guide.feature import GuideFeature
+    from faceposer.gui.features.import_character.feature import ImportCharacterFeature
+    from faceposer.gui.features.photo.feature import PhotoFeature
+    from faceposer.gui.features.poses.feature import PosesFeature
+    from faceposer.gui.features.range_marks.feature import RangeMarksFeature
+    from faceposer.gui.features.recovery.feature import RecoveryFeature
+    from faceposer.gui.features.timeline.feature import TimelineFeature
+    from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
+    from faceposer.gui.features.transfer.feature import TransferFeature
+
+    kinds: tuple[type[Feature], ...] = (
+        PosesFeature,
+        PhotoFeature,
+        TimelineFeature,
+        TrajectoriesFeature,
+        AnimationFilesFeature,
+        TransferFeature,
+        ImportCharacterFeature,
+        ExportFeature,
+        RangeMarksFeature,
+        GuideFeature,
+        RecoveryFeature,
+    )
+    return Features([kind(context) for kind in kinds])

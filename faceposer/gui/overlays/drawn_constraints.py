@@ -1,62 +1,67 @@
 """What panels and the view show of a session's constraints, worked out anew only when it has changed."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from faceposer.gui.overlays.constraint_marks import ShapeMarks, shape_marks
 from faceposer.gui.overlays.pins import PinMark, pin_marks
+from faceposer.gui.viewport import Viewport
+from faceposer.render.scene import Scene
 from faceposer.session.place_names import PointNames
+from faceposer.session.session import Session
 from faceposer.solve.conflicts import find_conflicts
 from faceposer.solve.problem import PoseProblem
 from faceposer.solve.reach import HARDLY_MOVES
-
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
+from faceposer.tools.toolbox import Toolbox
 
 
 class DrawnConstraints:
-    """The constraints of the session of an application as they appear now.
+    """The constraints of a session as they appear now.
 
     Attributes:
         names: What people call places of the face.
     """
 
-    def __init__(self, app: "App") -> None:
-        """Follow the session that ``app`` has now."""
-        self._app = app
-        self.names = PointNames(app.session.model.subject)
+    def __init__(
+        self, session: Session, scene: Scene, viewport: Viewport, toolbox: Toolbox, busy: Callable[[], bool]
+    ) -> None:
+        """Show ``session``; ``busy`` says whether its document is being changed."""
+        self._session, self._scene, self._viewport, self._toolbox = session, scene, viewport, toolbox
+        self._busy = busy
+        self.names = PointNames(session.model.subject)
         self._pins: tuple[object, list[PinMark]] = (None, [])
         self._shapes: tuple[object, ShapeMarks] = (None, ShapeMarks())
         self._conflicts: tuple[object, dict[int, str]] = (None, {})
 
     def _key(self) -> tuple[object, ...]:
-        app = self._app
-        return (app.session.revision, app.viewport.view, app.viewport.size, app.toolbox.active)
+        return (self._session.revision, self._viewport.view, self._viewport.size, self._toolbox.active)
 
     @property
     def pins(self) -> list[PinMark]:
         """How the pins appear in the view."""
         key = self._key()
         if key != self._pins[0]:
-            self._pins = (key, pin_marks(self._app.viewport, self._app.scene, self._app.toolbox.active))
+            self._pins = (key, pin_marks(self._viewport, self._scene, self._toolbox.active))
         return self._pins[1]
 
     @property
     def shapes(self) -> ShapeMarks:
         """How all other constraints appear in the view."""
-        app = self._app
-        offers_gaze = app.toolbox.chosen is app.toolbox.gaze_tool
+        toolbox = self._toolbox
+        offers_gaze = toolbox.chosen is toolbox.gaze_tool
         key = (*self._key(), offers_gaze)
         if key != self._shapes[0]:
-            moving = app.toolbox.active
-            self._shapes = (key, shape_marks(app.viewport, app.scene, app.toolbox.gaze_tool, offers_gaze, moving))
+            moving = toolbox.active
+            self._shapes = (
+                key,
+                shape_marks(self._viewport, self._scene, toolbox.gaze_tool, offers_gaze, moving),
+            )
         return self._shapes[1]
 
     @property
     def conflicts(self) -> dict[int, str]:
         """What holds constraints back that are not met, by their index; nothing while the face is being pulled."""
-        app = self._app
-        session, document = app.session, app.session.document
-        if app.busy or not document.solved:
+        session, document = self._session, self._session.document
+        if self._busy() or not document.solved:
             return {}
         if session.revision != self._conflicts[0]:
             problem = PoseProblem(

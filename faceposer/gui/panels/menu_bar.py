@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from imgui_bundle import imgui
 
 from faceposer.gui.actions import Action, Actions, Submenu
-from faceposer.gui.widgets.basic import Marks
+from faceposer.gui.widgets.basic import WidgetRects
 from faceposer.gui.widgets.theme import em
 
 
-def draw_menu_bar(actions: Actions, marks: Marks) -> float:
+def draw_menu_bar(actions: Actions, rects: WidgetRects) -> float:
     """Draw the bar along the top of the window and return its height."""
     imgui.push_style_var(imgui.StyleVar_.frame_padding, (em(0.55), em(0.38)))
     shown = imgui.begin_main_menu_bar()
@@ -20,15 +20,15 @@ def draw_menu_bar(actions: Actions, marks: Marks) -> float:
     for menu in actions.menus:
         opened = imgui.begin_menu(menu)
         if not opened:
-            marks.note(f"menu:{menu}")
+            rects.record(f"menu:{menu}")
             continue
-        _draw_items(actions.items(menu), marks)
+        _draw_items(actions.items(menu), rects)
         imgui.end_menu()
     imgui.end_main_menu_bar()
     return float(height)
 
 
-def _draw_items(items: Sequence[Action | Submenu], marks: Marks) -> None:
+def _draw_items(items: Sequence[Action | Submenu], rects: WidgetRects) -> None:
     for item in items:
         if item.separated:
             imgui.separator()
@@ -37,12 +37,12 @@ def _draw_items(items: Sequence[Action | Submenu], marks: Marks) -> None:
         if isinstance(item, Action):
             on = item.checked is not None and item.checked()
             pressed, _ = imgui.menu_item(item.label, item.shortcut, on, item.enabled())
-            marks.note(f"menu:{item.name}")
+            rects.record(f"menu:{item.name}")
             if pressed:
                 item.run()
         elif imgui.begin_menu(item.label, item.enabled()):
-            _draw_items(item.entries(), marks)
+            _draw_items(item.entries(), rects)
             imgui.end_menu()
         else:
-            marks.note(f"menu:{item.name}")
+            rects.record(f"menu:{item.name}")
         imgui.pop_id()

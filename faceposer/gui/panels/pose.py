@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
+from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.constraint_details import LARGEST_HOLD
 from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, tooltip
 from faceposer.gui.widgets.theme import FIELD, RAISED, Icon, em
@@ -13,9 +13,6 @@ from faceposer.model.subject_file import available_subjects
 from faceposer.solve.constraints.fixed import FixedConstraint
 from faceposer.solve.priors import PRIORS, Prior
 from faceposer.solve.problem import SPREAD
-
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
 
 _MODES = ("live", "apply")
 _LARGEST_WEIGHT = 10.0
@@ -35,52 +32,52 @@ class PosePanel:
     def __init__(self) -> None:
         self._subjects: list[tuple[str, str]] | None = None
 
-    def draw(self, app: "App") -> None:
+    def draw(self, context: EditorContext) -> None:
         """Draw the part."""
         tips = (
             "The face follows while you drag.",
-            f"The points wait until you press Apply  ({app.actions['apply'].shortcut})",
+            f"The points wait until you press Apply  ({context.actions['apply'].shortcut})",
         )
-        session = app.session
+        session = context.session
         mode = _MODES.index(session.mode)
-        chosen = choice(app.marks, "mode", ("Live", "On apply"), mode, tips)
+        chosen = choice(context.widget_rects, "mode", ("Live", "On apply"), mode, tips)
         if chosen != mode:
-            app.set_mode("live" if chosen == 0 else "apply")
+            context.set_mode("live" if chosen == 0 else "apply")
         if session.mode == "apply":
-            action_button(app.marks, app.actions["apply"], -1.0, strong=session.pending)
+            action_button(context.widget_rects, context.actions["apply"], -1.0, strong=session.pending)
         imgui.spacing()
-        self._draw_spread(app)
-        self._draw_weight(app)
-        self._draw_hold(app)
-        self._draw_advanced(app)
+        self._draw_spread(context)
+        self._draw_weight(context)
+        self._draw_hold(context)
+        self._draw_advanced(context)
         imgui.spacing()
         width = button_width(3)
-        action_button(app.marks, app.actions["reset"], width, "Reset")
+        action_button(context.widget_rects, context.actions["reset"], width, "Reset")
         imgui.same_line()
-        action_button(app.marks, app.actions["compare"], width, "Compare")
+        action_button(context.widget_rects, context.actions["compare"], width, "Compare")
         imgui.same_line()
-        action_button(app.marks, app.actions["accept-pose"], width, "Accept")
+        action_button(context.widget_rects, context.actions["accept-pose"], width, "Accept")
 
-    def draw_subjects(self, app: "App") -> None:
+    def draw_subjects(self, context: EditorContext) -> None:
         """Draw the list of faces to choose from."""
-        subject = app.session.model.subject
+        subject = context.session.model.subject
         imgui.set_next_item_width(-1.0)
         opened = imgui.begin_combo("##subject", subject.title)
-        app.marks.note("subject")
+        context.widget_rects.record("subject")
         if not opened:
-            tooltip(f"Whose face to pose; {app.actions['open'].shortcut} opens others from files")
+            tooltip(f"Whose face to pose; {context.actions['open'].shortcut} opens others from files")
             return
         if self._subjects is None:
             self._subjects = available_subjects()
         for name, title in self._subjects:
-            pressed, _ = imgui.selectable(f"{title}##{name}", name == app.session.document.subject)
-            app.marks.note(f"subject:{name}")
-            if pressed and name != app.session.document.subject:
-                app.files.open(name)
+            pressed, _ = imgui.selectable(f"{title}##{name}", name == context.session.document.subject)
+            context.widget_rects.record(f"subject:{name}")
+            if pressed and name != context.session.document.subject:
+                context.open_file(name)
         imgui.end_combo()
 
-    def _draw_spread(self, app: "App") -> None:
-        session = app.session
+    def _draw_spread(self, context: EditorContext) -> None:
+        session = context.session
 
         tip = (
             "How much of the face follows what you pull. Local: only the muscles that it takes. Whole face: all that "
@@ -89,7 +86,7 @@ class PosePanel:
         # The other priors know no spread.
         imgui.begin_disabled(session.document.prior != "regions")
         self._draw_slider(
-            app,
+            context,
             "spread",
             "Spread",
             session.document.spread,
@@ -101,14 +98,14 @@ class PosePanel:
         )
         imgui.end_disabled()
 
-    def _draw_weight(self, app: "App") -> None:
-        session = app.session
+    def _draw_weight(self, context: EditorContext) -> None:
+        session = context.session
         tip = (
             "How strongly the face keeps to natural expressions. At 0 only the points count. "
             "Ctrl+click to type a value, Esc to take a drag back."
         )
         self._draw_slider(
-            app,
+            context,
             "weight",
             "Prior weight",
             session.document.prior_weight,
@@ -121,7 +118,7 @@ class PosePanel:
 
     def _draw_slider(
         self,
-        app: "App",
+        context: EditorContext,
         name: str,
         title: str,
         value: float,
@@ -135,7 +132,7 @@ class PosePanel:
         """Draw a slider from 0, with a button that brings the default back.
 
         Args:
-            app: The window.
+            context: The window.
             name: Of the widget.
             title: Beside it.
             value: Now.
@@ -146,30 +143,30 @@ class PosePanel:
             logarithmic: Whether small values get more room.
             ends: What its left and its right end are called, in place of their values.
         """
-        session = app.session
+        session = context.session
         usual, largest, form = measures
         # At an end its name, which no value follows.
         form = {0.0: ends[0], largest: ends[1]}.get(value) or form
         imgui.align_text_to_frame_padding()
         imgui.text(title)
         imgui.same_line(em(6.6))
-        reset = value != usual and not app.slider_edit.active
+        reset = value != usual and not context.slider_edit.active
         imgui.set_next_item_width(-em(2.3) if reset else -1.0)
         flags = imgui.SliderFlags_.clamp_on_input | (imgui.SliderFlags_.logarithmic if logarithmic else 0)
         changed, new = imgui.slider_float(f"##pose:{name}", value, 0.0, largest, form, flags)
-        app.marks.note(name)
-        app.slider_edit.follow(session, name, step, changed, lambda: change(new))
+        context.widget_rects.record(name)
+        context.slider_edit.follow(session, name, step, changed, lambda: change(new))
         tooltip(tip)
         if reset:
             imgui.same_line()
             if imgui.button(f"{Icon.UNDO}##pose:{name}", (em(1.8), 0.0)) and not session.editing:
                 change(usual)
-            app.marks.note(f"{name}:reset")
+            context.widget_rects.record(f"{name}:reset")
             tooltip(f"Back to {usual:g}")
 
-    def _draw_advanced(self, app: "App") -> None:
+    def _draw_advanced(self, context: EditorContext) -> None:
         """Draw which prior judges, under a header that is closed at first."""
-        session = app.session
+        session = context.session
         prior = session.document.prior
         # A session that has another prior shows it.
         if prior != "regions":
@@ -178,18 +175,20 @@ class PosePanel:
         imgui.push_style_color(imgui.Col_.header_hovered, imgui.ImVec4(*RAISED))
         opened = imgui.collapsing_header("Advanced")
         imgui.pop_style_color(2)
-        app.marks.note("advanced")
+        context.widget_rects.record("advanced")
         tooltip("Other ways to judge what is natural")
         if not opened:
             return
-        chosen = choice(app.marks, "prior", tuple(_PRIOR_LABELS[p] for p in PRIORS), PRIORS.index(prior), _PRIOR_TEXTS)
+        chosen = choice(
+            context.widget_rects, "prior", tuple(_PRIOR_LABELS[p] for p in PRIORS), PRIORS.index(prior), _PRIOR_TEXTS
+        )
         caption(_PRIOR_TEXTS[chosen])
         if PRIORS[chosen] != prior and not session.editing:
             session.set_prior(PRIORS[chosen])
 
-    def _draw_hold(self, app: "App") -> None:
+    def _draw_hold(self, context: EditorContext) -> None:
         """Draw a slider for the weight of all fixed vertices together."""
-        session = app.session
+        session = context.session
         fixed = [i for i, c in enumerate(session.document.constraints) if isinstance(c, FixedConstraint)]
         if not fixed:
             return
@@ -200,7 +199,7 @@ class PosePanel:
         imgui.set_next_item_width(-1.0)
         flags = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.clamp_on_input
         changed, value = imgui.slider_float("##hold", weight, 0.0, LARGEST_HOLD, "%.2f", flags)
-        app.marks.note("hold-weight")
+        context.widget_rects.record("hold-weight")
 
         def apply() -> None:
             document = session.document
@@ -210,5 +209,5 @@ class PosePanel:
                     document = document.with_constraint(i, replace(constraint, weight=value))
             session.replace(document)
 
-        app.slider_edit.follow(session, "hold", "Change the hold weight", changed, apply)
+        context.slider_edit.follow(session, "hold", "Change the hold weight", changed, apply)
         tooltip("How strongly fixed vertices stay where they were: from free, at 0, to immovable.")

@@ -1,17 +1,13 @@
 """The tab of the character's shapes: sliders that follow the pose, and that can be dragged."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from imgui_bundle import imgui
 from numpy.typing import NDArray
 
+from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.basic import caption, tooltip
 from faceposer.gui.widgets.theme import em
 from faceposer.solve.constraints.gaze import GazeConstraint
-
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
 
 
 class ShapesPanel:
@@ -26,32 +22,32 @@ class ShapesPanel:
         self._begun: tuple[NDArray[np.float64], float] = (np.zeros(0), 0.0)
         self._value = 0.0
 
-    def draw(self, app: "App") -> None:
+    def draw(self, context: EditorContext) -> None:
         """Draw the tab."""
         caption("Follow the pose, and can be dragged; constraints keep what they hold.")
         imgui.set_next_item_width(-1.0)
         _, self._filter = imgui.input_text_with_hint("##filter", "Find a shape", self._filter)
-        app.marks.note("shapes:filter")
-        names = app.session.model.subject.shape_names
-        weights = app.session.model.weights_of(app.session.coefficients)
-        held = any(isinstance(c, GazeConstraint) and c.enabled for c in app.session.document.constraints)
+        context.widget_rects.record("shapes:filter")
+        names = context.session.model.subject.shape_names
+        weights = context.session.model.weights_of(context.session.coefficients)
+        held = any(isinstance(c, GazeConstraint) and c.enabled for c in context.session.document.constraints)
         imgui.begin_child("##shapes")
         for j, name in enumerate(names):
-            if self._filter.strip().lower() in name.lower() and np.any(app.session.model.gram[j, j] > 0):
-                self._draw_slider(app, j, name, float(weights[j]), held and name.startswith("eyeLook"))
+            if self._filter.strip().lower() in name.lower() and np.any(context.session.model.gram[j, j] > 0):
+                self._draw_slider(context, j, name, float(weights[j]), held and name.startswith("eyeLook"))
         imgui.end_child()
 
-    def _draw_slider(self, app: "App", j: int, name: str, weight: float, held: bool) -> None:
+    def _draw_slider(self, context: EditorContext, j: int, name: str, weight: float, held: bool) -> None:
         key = f"shape:{name}"
-        session = app.session
+        session = context.session
         lower, upper = session.model.subject.shape_limits[j].tolist()
-        shown = self._value if app.slider_edit.dragging(key) else min(max(weight, lower), upper)
-        imgui.begin_disabled(held or app.toolbox.active)
+        shown = self._value if context.slider_edit.dragging(key) else min(max(weight, lower), upper)
+        imgui.begin_disabled(held or context.toolbox.active)
         imgui.set_next_item_width(em(7.2))
         changed, value = imgui.slider_float(
             f"{name}##{key}", shown, lower, upper, "%.2f", imgui.SliderFlags_.clamp_on_input
         )
-        app.marks.note(key)
+        context.widget_rects.record(key)
         imgui.end_disabled()
         tooltip(
             "The handle of the eyes holds it."
@@ -69,4 +65,4 @@ class ShapesPanel:
             start, before = self._begun
             session.set_start(start + session.model.subspace.projection[:, j] * (value - before))
 
-        app.slider_edit.follow(session, key, f"Set {name}", changed, apply, begin)
+        context.slider_edit.follow(session, key, f"Set {name}", changed, apply, begin)

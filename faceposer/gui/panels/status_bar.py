@@ -1,13 +1,9 @@
 """The line at the bottom: what the mouse will do now, and how the last solve went."""
 
-from typing import TYPE_CHECKING
-
 from imgui_bundle import imgui
 
+from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.theme import FAINT, em
-
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
 
 
 def status_height() -> float:
@@ -15,24 +11,24 @@ def status_height() -> float:
     return round(imgui.get_font_size() + 2.0 * em(0.42))
 
 
-def draw_status_bar(app: "App") -> None:
+def draw_status_bar(context: EditorContext) -> None:
     """Draw the bar's text into the current window."""
-    right = _figures(app)
+    right = _figures(context)
     edge = imgui.get_window_width() - imgui.get_style().window_padding.x
     width = imgui.calc_text_size(right).x
     imgui.set_cursor_pos_y((imgui.get_window_height() - imgui.get_font_size()) / 2.0)
     left = imgui.get_cursor_screen_pos()
     end = imgui.get_window_pos().x + edge - width - em(1.5)
     imgui.push_clip_rect((left.x, left.y - em(1)), (max(end, left.x), left.y + em(2)), True)
-    imgui.text_unformatted(app.features.hint or app.hint())
+    imgui.text_unformatted(context.hint())
     imgui.pop_clip_rect()
     if edge - width > em(8):
         imgui.same_line(edge - width)
         imgui.text_colored(FAINT, right)
 
 
-def _figures(app: "App") -> str:
-    session = app.session
+def _figures(context: EditorContext) -> str:
+    session = context.session
     parts = [session.model.subject.title]
     if session.document.constraints:
         worst = max(
@@ -42,6 +38,6 @@ def _figures(app: "App") -> str:
         parts.append(f"residual {worst:.1f} px")
     if session.solution is not None:
         parts.append(f"solved in {session.solution.seconds * 1e3:.1f} ms")
-    if app.debug:
-        parts.append(f"frame {app.frame_seconds * 1e3:.1f} ms")
+    if context.debug:
+        parts.append(f"frame {context.frame_seconds * 1e3:.1f} ms")
     return "   ·   ".join(reversed(parts))

@@ -1,11 +1,9 @@
 """The strip of tools at the left of the view, and the options of the chosen one in the panel."""
 
-from typing import TYPE_CHECKING
-
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.geometry.strokes import STROKE_SHAPES
-from faceposer.gui.features.trajectories.panel import draw_trajectory_options
+from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.basic import button_width, caption, choice, heading, tooltip
 from faceposer.gui.widgets.theme import ACCENT_DARK, HELD, Icon, em
 from faceposer.model.subject import Subject
@@ -14,9 +12,6 @@ from faceposer.solve.constraints.stroke import STROKE_ENERGIES
 from faceposer.tools.distance_tool import add_distance
 from faceposer.tools.fix_tool import region_held, toggle_region
 from faceposer.tools.gaze_tool import eyes_of
-
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
 
 STRIP_WIDTH = 3.2
 TOOL_ICONS = {
@@ -48,49 +43,48 @@ _TITLES = {
 }
 
 
-def draw_tool_strip(app: "App") -> None:
+def draw_tool_strip(context: EditorContext) -> None:
     """Draw the buttons of the tools, one below the other, and that of symmetry."""
     side = em(2.3)
-    for name in app.toolbox.tools:
-        if name == "gaze" and eyes_of(app.session.model.subject) is None:
+    for name in context.toolbox.tools:
+        if name == "gaze" and eyes_of(context.session.model.subject) is None:
             continue
-        _strip_button(app, f"tool-{name}", TOOL_ICONS[name], side, app.toolbox.chosen.name == name)
+        _strip_button(context, f"tool-{name}", TOOL_ICONS[name], side, context.toolbox.chosen.name == name)
     imgui.dummy((0.0, em(0.4)))
-    _strip_button(app, "symmetry", Icon.SYMMETRY, side, app.toolbox.bench.symmetry.on)
+    _strip_button(context, "symmetry", Icon.SYMMETRY, side, context.toolbox.bench.symmetry.on)
 
 
-def _strip_button(app: "App", action: str, icon: str, side: float, on: bool) -> None:
+def _strip_button(context: EditorContext, action: str, icon: str, side: float, on: bool) -> None:
     colour = ImVec4(*ACCENT_DARK) if on else ImVec4(0.0, 0.0, 0.0, 0.0)
     imgui.push_style_color(imgui.Col_.button, colour)
     imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0.0, 0.0))
-    imgui.begin_disabled(not app.actions[action].enabled())
+    imgui.begin_disabled(not context.actions[action].enabled())
     if imgui.button(f"{icon}##{action}", ImVec2(side, side)):
-        app.actions[action].run()
+        context.actions[action].run()
     imgui.end_disabled()
     imgui.pop_style_var()
     imgui.pop_style_color()
-    app.marks.note(action)
-    tooltip(app.actions[action].tooltip)
+    context.widget_rects.record(action)
+    tooltip(context.actions[action].tooltip)
 
 
-def draw_tool_options(app: "App") -> None:
+def draw_tool_options(context: EditorContext) -> None:
     """Draw the options of the chosen tool; points and gaze have none."""
-    name = app.toolbox.chosen.name
+    name = context.toolbox.chosen.name
     draw = {
         "distance": _distance,
         "stroke": _stroke,
         "curve": _curve,
         "fix": _fix,
-        "trajectory": draw_trajectory_options,
     }.get(name)
     if draw is not None:
-        heading(app.gui.fonts, _TITLES[name])
-        draw(app)
+        heading(context.fonts, _TITLES[name])
+        draw(context)
 
 
-def _distance(app: "App") -> None:
+def _distance(context: EditorContext) -> None:
     """One click each for what one usually wants to set."""
-    features = app.session.model.subject.feature_points
+    features = context.session.model.subject.feature_points
     known = [(title, pair) for title, pair in MEASURES.items() if set(pair) <= features.keys()]
     if not known:
         caption("Drag from one point of the face to another.")
@@ -98,60 +92,64 @@ def _distance(app: "App") -> None:
         if i % 2:
             imgui.same_line()
         width = button_width(2) if not i % 2 else imgui.get_content_region_avail().x
-        if imgui.button(title.capitalize(), (width, 0.0)) and not app.busy:
-            add_distance((features[first], features[second]), app.viewport, app.toolbox.bench)
-        app.marks.note(f"measure:{title}")
+        if imgui.button(title.capitalize(), (width, 0.0)) and not context.busy:
+            add_distance((features[first], features[second]), context.viewport, context.toolbox.bench)
+        context.widget_rects.record(f"measure:{title}")
         tooltip(f"Add the {title} as a distance, to be set by a slider")
 
 
-def _stroke(app: "App") -> None:
-    options, tool = app.toolbox.bench.options, app.toolbox.stroke_tool
+def _stroke(context: EditorContext) -> None:
+    options, tool = context.toolbox.bench.options, context.toolbox.stroke_tool
     tips = ("An open line.", "A line that closes itself.", "A region and all that is in it.")
     labels = [shape.capitalize() for shape in STROKE_SHAPES]
-    options.shape = STROKE_SHAPES[choice(app.marks, "shape", labels, STROKE_SHAPES.index(options.shape), tips)]
-    options.brush = _brush(app, "brush", options.brush, 60.0)
+    options.shape = STROKE_SHAPES[
+        choice(context.widget_rects, "shape", labels, STROKE_SHAPES.index(options.shape), tips)
+    ]
+    options.brush = _brush(context, "brush", options.brush, 60.0)
     explained = (
         "Distances both ways between the strokes: pulls from afar, follows closely.",
         "The difference of two images, as in the paper of 2009.",
     )
-    chosen = choice(app.marks, "energy", ("Distance", "Image"), STROKE_ENERGIES.index(options.energy), explained)
+    chosen = choice(
+        context.widget_rects, "energy", ("Distance", "Image"), STROKE_ENERGIES.index(options.energy), explained
+    )
     options.energy = STROKE_ENERGIES[chosen]
     caption("Now draw where it should be." if tool.draws_target else "Draw on the face what should move.")
 
 
-def _curve(app: "App") -> None:
-    count = len(app.toolbox.curve_tool.points)
+def _curve(context: EditorContext) -> None:
+    count = len(context.toolbox.curve_tool.points)
     if not count:
         caption("Click points of a curve on the face, then accept it: a copy can be dragged.")
         return
     imgui.begin_disabled(count < 2)
     if imgui.button(f"Accept {count} points", (-1.0, 0.0)):
-        app.toolbox.accept()
+        context.toolbox.accept()
     imgui.end_disabled()
-    app.marks.note("curve:accept")
+    context.widget_rects.record("curve:accept")
     tooltip("Let a copy of the curve be dragged while the face follows  (Enter)")
 
 
-def _fix(app: "App") -> None:
-    options = app.toolbox.bench.options
+def _fix(context: EditorContext) -> None:
+    options = context.toolbox.bench.options
     tips = ("Paint over what should stay.", "Draw a line around what should stay.")
-    chosen = choice(app.marks, "fix", ("Brush", "Lasso"), int(options.fix_mode == "lasso"), tips)
+    chosen = choice(context.widget_rects, "fix", ("Brush", "Lasso"), int(options.fix_mode == "lasso"), tips)
     options.fix_mode = "lasso" if chosen else "brush"
     if options.fix_mode == "brush":
-        options.fix_brush = _brush(app, "fix-brush", options.fix_brush, 160.0)
-    known = regions_to_hold(app.session.model.subject)
+        options.fix_brush = _brush(context, "fix-brush", options.fix_brush, 160.0)
+    known = regions_to_hold(context.session.model.subject)
     for i, (title, names) in enumerate(known):
         if i % 3:
             imgui.same_line()
         width = button_width(3 - i % 3)
-        held = region_held(names, app.viewport) is not None
+        held = region_held(names, context.viewport) is not None
         if held:
             imgui.push_style_color(imgui.Col_.button, ImVec4(*HELD[:3], 0.55))
-        if imgui.button(title, (width, 0.0)) and not app.busy:
-            toggle_region(names, app.viewport, app.toolbox.bench)
+        if imgui.button(title, (width, 0.0)) and not context.busy:
+            toggle_region(names, context.viewport, context.toolbox.bench)
         if held:
             imgui.pop_style_color()
-        app.marks.note(f"hold:{title}")
+        context.widget_rects.record(f"hold:{title}")
         tooltip(
             f"{'Let go' if held else 'Hold'} the {title.lower()} where {'they are' if title.endswith('s') else 'it is'}"
         )
@@ -164,12 +162,12 @@ def regions_to_hold(subject: Subject) -> list[tuple[str, tuple[str, ...]]]:
     return known or [(name.replace("_", " ").capitalize(), (name,)) for name in sorted(regions)]
 
 
-def _brush(app: "App", name: str, value: float, most: float) -> float:
+def _brush(context: EditorContext, name: str, value: float, most: float) -> float:
     imgui.align_text_to_frame_padding()
     imgui.text("Brush")
     imgui.same_line(em(6.6))
     imgui.set_next_item_width(-1.0)
     _, value = imgui.slider_float(f"##{name}", value, 1.0, most, "%.0f px", imgui.SliderFlags_.clamp_on_input)
-    app.marks.note(name)
+    context.widget_rects.record(name)
     tooltip("Width of the brush  ([ and ])")
     return value

@@ -89,7 +89,7 @@ class _Script:
         self._rest(3)
 
     def _orbit(self, across: float, down: float) -> None:
-        left, top, right, bottom = self.app.marks["view"]
+        left, top, right, bottom = self.app.widget_rects["view"]
         begin = (left + 0.12 * (right - left), top + 0.75 * (bottom - top))
         self.robot.move(begin, 4, ease=True)
         self.robot.press()

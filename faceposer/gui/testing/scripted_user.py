@@ -113,7 +113,7 @@ class Robot:
         Raises:
             KeyError: If it is not to be seen.
         """
-        self.click(self.app.marks.center(name))
+        self.click(self.app.widget_rects.center(name))
         self.frames(2)
 
     # Places on the face

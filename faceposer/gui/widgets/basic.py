@@ -10,7 +10,7 @@ from faceposer.gui.widgets.theme import ACCENT_DARK, ACCENT_MID, FAINT, Fonts, e
 Rectangle = tuple[float, float, float, float]
 
 
-class Marks:
+class WidgetRects:
     """Where each named widget of the last frame was drawn, in window units: left, top, right, bottom.
 
     Tests and the demo find by it what to click on.
@@ -23,7 +23,7 @@ class Marks:
         """Forget all, at the begin of a frame."""
         self._rectangles.clear()
 
-    def note(self, name: str) -> None:
+    def record(self, name: str) -> None:
         """Remember the widget that was drawn last as ``name``."""
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self._rectangles[name] = (low.x, low.y, high.x, high.y)
@@ -81,7 +81,7 @@ def button_width(count: int) -> float:
     return max((imgui.get_content_region_avail().x - spacing * (count - 1)) / count, 1.0)
 
 
-def action_button(marks: Marks, action: Action, width: float, label: str = "", strong: bool = False) -> None:
+def action_button(rects: WidgetRects, action: Action, width: float, label: str = "", strong: bool = False) -> None:
     """Draw a button for ``action``; ``strong`` calls attention to it."""
     on = action.checked is not None and action.checked()
     if on or strong:
@@ -90,7 +90,7 @@ def action_button(marks: Marks, action: Action, width: float, label: str = "", s
     if imgui.button(f"{label or action.label}##{action.name}", (width, 0.0)):
         action.run()
     imgui.end_disabled()
-    marks.note(action.name)
+    rects.record(action.name)
     tooltip(action.tooltip)
     if on or strong:
         imgui.pop_style_color(3)
@@ -107,7 +107,7 @@ def lit_button(label: str, on: bool, colour: tuple[float, float, float, float], 
 
 
 def choice(
-    marks: Marks, name: str, labels: Sequence[str], chosen: int, tips: Sequence[str], by_text: bool = False
+    rects: WidgetRects, name: str, labels: Sequence[str], chosen: int, tips: Sequence[str], by_text: bool = False
 ) -> int:
     """Draw buttons of which one is down, and return which is chosen now.
 
@@ -124,7 +124,7 @@ def choice(
         if i:
             imgui.same_line(0.0, gap)
         pressed = lit_button(f"{label}##{name}", i == chosen, ACCENT_DARK, texts[i] + spare)
-        marks.note(f"{name}:{i}")
+        rects.record(f"{name}:{i}")
         tooltip(tips[i])
         if pressed:
             chosen = i

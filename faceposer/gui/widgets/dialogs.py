@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from imgui_bundle import imgui
 
 from faceposer.gui.actions import Actions
-from faceposer.gui.widgets.basic import Marks, caption
+from faceposer.gui.widgets.basic import WidgetRects, caption
 from faceposer.gui.widgets.theme import ACCENT_DARK, BAD, FAINT, Fonts, Icon, em, u32
 
 _MOUSE = (
@@ -68,7 +68,7 @@ class Dialogs:
     """The dialogs that are shown or wait."""
 
     fonts: Fonts
-    marks: Marks
+    rects: WidgetRects
     waiting: list[Question] = field(default_factory=list)
     keys_shown: bool = False
 
@@ -162,7 +162,7 @@ class Dialogs:
                 taken = choice
             if not i:
                 imgui.pop_style_color()
-            self.marks.note(f"choice:{i}")
+            self.rects.record(f"choice:{i}")
         if not fresh:
             if _pressed(imgui.Key.enter, imgui.Key.keypad_enter):
                 taken = question.choices[0]

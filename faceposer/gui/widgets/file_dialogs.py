@@ -11,7 +11,7 @@ from typing import Any, Literal
 from imgui_bundle import imgui
 from imgui_bundle import portable_file_dialogs as native
 
-from faceposer.gui.widgets.basic import Marks
+from faceposer.gui.widgets.basic import WidgetRects
 from faceposer.gui.widgets.theme import ACCENT_DARK, FAINT, WARNING, Fonts, Icon, em
 
 Purpose = Literal["open", "save", "folder"]
@@ -57,10 +57,10 @@ def native_available() -> bool:
 class FileDialogs:
     """The file dialog that is open, if any."""
 
-    def __init__(self, fonts: Fonts, marks: Marks, use_native: bool | None = None) -> None:
+    def __init__(self, fonts: Fonts, rects: WidgetRects, use_native: bool | None = None) -> None:
         """Use the system's dialog if ``use_native``, or if None where there is one."""
         self._fonts = fonts
-        self._marks = marks
+        self._rects = rects
         self._use_native = native_available() if use_native is None else use_native
         self._native: tuple[FileRequest, Any] | None = None
         self._browser: PathBrowser | None = None
@@ -114,7 +114,7 @@ class FileDialogs:
         if self._browser is None:
             return
         browser = self._browser
-        path = browser.draw(self._fonts, self._marks)
+        path = browser.draw(self._fonts, self._rects)
         if browser.closed:
             self._browser = None
         if path is not None:
@@ -193,7 +193,7 @@ class PathBrowser:
         self.message = f"There is no folder '{path}'."
         return None
 
-    def draw(self, fonts: Fonts, marks: Marks) -> Path | None:
+    def draw(self, fonts: Fonts, rects: WidgetRects) -> Path | None:
         """Draw the browser and return the path once one is chosen."""
         name = "##files"
         if not imgui.is_popup_open(name):
@@ -209,9 +209,9 @@ class PathBrowser:
         imgui.push_font(fonts.bold, 0.0)
         imgui.text_unformatted(self.request.title)
         imgui.pop_font()
-        self._draw_places(marks)
-        chosen = self._draw_list(marks)
-        chosen = self._draw_foot(marks, fresh) or chosen
+        self._draw_places(rects)
+        chosen = self._draw_list(rects)
+        chosen = self._draw_foot(rects, fresh) or chosen
         if chosen is not None or (imgui.is_key_pressed(imgui.Key.escape, False) and not fresh):
             self.closed = True
         if self.closed:
@@ -219,11 +219,11 @@ class PathBrowser:
         imgui.end_popup()
         return chosen
 
-    def _draw_places(self, marks: Marks) -> None:
+    def _draw_places(self, rects: WidgetRects) -> None:
         if imgui.button(f"{Icon.UP}##up"):
             self._enter(self.folder.parent)
         imgui.set_item_tooltip("One folder up")
-        marks.note("files:up")
+        rects.record("files:up")
         imgui.same_line()
         if imgui.button(f"{Icon.HOME}##home"):
             self._enter(Path.home())
@@ -232,7 +232,7 @@ class PathBrowser:
         imgui.align_text_to_frame_padding()
         imgui.text_unformatted(str(self.folder))
 
-    def _draw_list(self, marks: Marks) -> Path | None:
+    def _draw_list(self, rects: WidgetRects) -> Path | None:
         """Draw folders and files; return the one that was clicked twice."""
         chosen = None
         foot = 2.0 * imgui.get_frame_height_with_spacing() + imgui.get_text_line_height_with_spacing() + em(0.6)
@@ -248,7 +248,7 @@ class PathBrowser:
             imgui.begin_disabled(folders_only and not is_folder)
             imgui.selectable(f"{name}##entry", name == self.name, imgui.SelectableFlags_.allow_double_click.value)
             imgui.end_disabled()
-            marks.note(f"files:{name}")
+            rects.record(f"files:{name}")
             if imgui.is_item_hovered() and imgui.is_mouse_clicked(0):
                 twice = imgui.is_mouse_double_clicked(0)
                 if is_folder:
@@ -262,7 +262,7 @@ class PathBrowser:
         imgui.pop_style_color()
         return chosen
 
-    def _draw_foot(self, marks: Marks, fresh: bool) -> Path | None:
+    def _draw_foot(self, rects: WidgetRects, fresh: bool) -> Path | None:
         chosen = None
         if self._focus:
             imgui.set_keyboard_focus_here()
@@ -270,7 +270,7 @@ class PathBrowser:
         imgui.set_next_item_width(-1.0)
         flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
         entered, name = imgui.input_text("##name", self.name, flags)
-        marks.note("files:name")
+        rects.record("files:name")
         if name != self.name:
             self.name, self._replacing, self.message = name, None, ""
         if entered and not fresh:
@@ -289,9 +289,9 @@ class PathBrowser:
         if imgui.button(f"{verb}##accept", (width, 0.0)):
             chosen = self.accept()
         imgui.pop_style_color()
-        marks.note("files:accept")
+        rects.record("files:accept")
         imgui.same_line()
         if imgui.button("Cancel", (width, 0.0)):
             self.closed = True
-        marks.note("files:cancel")
+        rects.record("files:cancel")
         return chosen

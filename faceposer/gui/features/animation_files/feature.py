@@ -4,12 +4,12 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from faceposer.animation.keyframes import Keyframes
+from faceposer.animation.keyframes import TOLERANCE, Keyframes
 from faceposer.errors import FacePoserError
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.feature import Feature
-from faceposer.gui.features.timeline.feature import Timeline, counted
-from faceposer.gui.features.trajectories.feature import TOLERANCE, Following
+from faceposer.gui.features.timeline.feature import TimelineFeature, counted
+from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.gui.widgets.file_dialogs import FileRequest
@@ -21,13 +21,13 @@ _WEIGHTS = (".csv", ".txt", ".json")
 _TOLERANCES = ((0.01, "Hardly any difference"), (0.02, "Small differences"), (0.05, "Visible differences"))
 
 
-class AnimationFiles(Feature):
+class AnimationFilesFeature(Feature):
     """What the menu "Animate" reads."""
 
     @property
-    def timeline(self) -> Timeline:
+    def timeline(self) -> TimelineFeature:
         """Where the keys go."""
-        return self.app.features[Timeline]
+        return self.context.feature(TimelineFeature)
 
     def actions(self) -> Sequence[Action | Submenu]:
         """Return the entries of the menu "Animate"."""
@@ -36,7 +36,7 @@ class AnimationFiles(Feature):
             return self.timeline.free
 
         def idle() -> bool:
-            return free() and self.app.features[Following].job is None
+            return free() and self.context.feature(TrajectoriesFeature).job is None
 
         return [
             Submenu(
@@ -75,41 +75,41 @@ class AnimationFiles(Feature):
 
     def _ask(self, title: str, kind: str, suffixes: tuple[str, ...], done: Callable[[Path], None]) -> None:
         self.timeline.stop()
-        start = last_folder(self.app.settings)
-        self.app.dialogs_ask(FileRequest("open", title, kind, suffixes, start, done))
+        start = last_folder(self.context.settings)
+        self.context.ask_for_file(FileRequest("open", title, kind, suffixes, start, done))
 
     def reduce(self, tolerance: float) -> None:
         """Leave out the keys that the others tell of, but for ``tolerance`` in any rig weight."""
         before = self.timeline.keyframes
-        after = before.reduced(self.app.session.model, tolerance)
+        after = before.reduced(self.context.session.model, tolerance)
         if len(after.keys) == len(before.keys):
-            self.app.notify("Every key is needed for that")
+            self.context.notify("Every key is needed for that")
             return
         self.timeline.change(after, "Reduce keys")
-        self.app.notify(f"{counted(after.keys)} of {len(before.keys)} are left")
+        self.context.notify(f"{counted(after.keys)} of {len(before.keys)} are left")
 
     def open_animation(self, path: Path) -> None:
         """Make the weights in ``path`` the animation, with as many keys as the user wants."""
         from faceposer.interchange.reading import read_performance
 
-        app = self.app
+        context = self.context
         try:
-            read = read_performance(path, app.session.model)
+            read = read_performance(path, context.session.model)
             dense = Keyframes.of_performance(read.performance)
         except FacePoserError as error:
-            app.dialogs.report("The animation is not opened", str(error))
+            context.dialogs.report("The animation is not opened", str(error))
             return
-        app.settings.folder = str(path.parent.resolve())
-        few = dense.reduced(app.session.model, TOLERANCE)
+        context.settings.folder = str(path.parent.resolve())
+        few = dense.reduced(context.session.model, TOLERANCE)
 
         def load(keyframes: Keyframes) -> None:
             self.load(keyframes, "Open an animation")
-            app.notify(f"Opened {path.name}. {read.note}".strip())
+            context.notify(f"Opened {path.name}. {read.note}".strip())
 
         if len(few.keys) == len(dense.keys):
             load(dense)
             return
-        app.dialogs.ask(
+        context.dialogs.ask(
             Question(
                 f"How many keys for {path.name}?",
                 f"It has {len(dense.keys)} frames. With {len(few.keys)} keys it can be edited by hand, and no shape is "
@@ -125,20 +125,20 @@ class AnimationFiles(Feature):
     def load(self, keyframes: Keyframes, label: str) -> None:
         """Make ``keyframes`` the animation, as the step ``label``."""
         self.timeline.stop()
-        self.app.toolbox.cancel()
-        self.app.session.animation.load(keyframes, label)
+        self.context.toolbox.cancel()
+        self.context.session.animation.load(keyframes, label)
         self.timeline.present()
 
     def open_trajectories(self, path: Path) -> None:
         """Let the face follow the trajectories in ``path``; what comes of it is the animation."""
         from faceposer.animation.trajectory_io import read_trajectories
 
-        app = self.app
-        camera = app.viewport.camera if path.suffix.lower() == ".csv" else None
+        context = self.context
+        camera = context.viewport.camera if path.suffix.lower() == ".csv" else None
         try:
-            trajectories = read_trajectories(path, app.session.model.subject, camera=camera)
+            trajectories = read_trajectories(path, context.session.model.subject, camera=camera)
         except FacePoserError as error:
-            app.dialogs.report("The trajectories are not opened", str(error))
+            context.dialogs.report("The trajectories are not opened", str(error))
             return
-        app.settings.folder = str(path.parent.resolve())
-        app.features[Following].begin(trajectories, f"Follow {path.name}", None)
+        context.settings.folder = str(path.parent.resolve())
+        context.feature(TrajectoriesFeature).begin(trajectories, f"Follow {path.name}", None)

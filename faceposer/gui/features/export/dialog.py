@@ -4,26 +4,26 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
+from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.basic import caption, tooltip
 from faceposer.gui.widgets.theme import ACCENT_DARK, FAINT, em
 from faceposer.interchange.formats import FORMATS
 
 if TYPE_CHECKING:
-    from faceposer.gui.app import App
-    from faceposer.gui.features.export.feature import Exchange
+    from faceposer.gui.features.export.feature import ExportFeature
 
 _WIDTH, _LABEL = 36.0, 7.0
 _SMALLEST, _LARGEST = 16, 4096
 _FASTEST, _LONGEST = 50, 60.0
 
 
-def draw_form(app: "App", exchange: "Exchange") -> None:
+def draw_form(context: EditorContext, exchange: "ExportFeature") -> None:
     """Draw what can be exported and how."""
     if not _begin():
         return
     fresh = imgui.is_window_appearing()
-    form, marks = exchange.form, app.marks
-    _title(app, "Export as")
+    form, rects = exchange.form, context.widget_rects
+    _title(context, "Export as")
     for suffix, offered in FORMATS.items():
         missing = offered.missing()
         left = imgui.get_cursor_pos_x()
@@ -31,15 +31,15 @@ def draw_form(app: "App", exchange: "Exchange") -> None:
         if imgui.radio_button(f"{offered.name}##format", form.suffix == suffix):
             form.suffix = suffix
         imgui.end_disabled()
-        marks.note(f"export:{suffix[1:]}")
+        rects.record(f"export:{suffix[1:]}")
         imgui.same_line(left + em(_LABEL))
         imgui.align_text_to_frame_padding()
         imgui.text_colored(FAINT, missing or offered.purpose)
     imgui.dummy((0.0, em(0.1)))
     imgui.separator()
     imgui.dummy((0.0, em(0.1)))
-    _draw_options(app, exchange)
-    pressed = _foot(app, (("accept", "Export..."), ("cancel", "Cancel")))
+    _draw_options(context, exchange)
+    pressed = _foot(context, (("accept", "Export..."), ("cancel", "Cancel")))
     typing = imgui.get_io().want_text_input
     if not fresh and not typing:
         if imgui.is_key_pressed(imgui.Key.escape, False):
@@ -52,11 +52,11 @@ def draw_form(app: "App", exchange: "Exchange") -> None:
     if pressed == "accept":
         exchange.choose_file()
     elif pressed == "cancel":
-        exchange.cancel()
+        exchange.end()
 
 
-def _draw_options(app: "App", exchange: "Exchange") -> None:
-    form, marks = exchange.form, app.marks
+def _draw_options(context: EditorContext, exchange: "ExportFeature") -> None:
+    form, rects = exchange.form, context.widget_rects
     chosen = FORMATS[form.suffix]
     animated = exchange.performance() is not None
     if not animated:
@@ -68,17 +68,17 @@ def _draw_options(app: "App", exchange: "Exchange") -> None:
         folder = ", a folder of files" if chosen.sequence is not None else ""
         if imgui.radio_button(f"The animation{folder}", form.animated):
             form.animated = True
-        marks.note("export:animation")
+        rects.record("export:animation")
         imgui.same_line()
         if imgui.radio_button("The pose", not form.animated):
             form.animated = False
-        marks.note("export:pose")
+        rects.record("export:pose")
     if not chosen.drawn:
         return
     _label("Size")
     imgui.set_next_item_width(em(9))
     _, (width, height) = imgui.input_int2("##size", [form.width, form.height])
-    marks.note("export:size")
+    rects.record("export:size")
     tooltip("Width and height of the picture in pixels")
     form.width, form.height = (min(max(side, _SMALLEST), _LARGEST) for side in (width, height))
     imgui.same_line()
@@ -94,7 +94,7 @@ def _draw_options(app: "App", exchange: "Exchange") -> None:
     imgui.begin_disabled(plays and not form.turning)
     imgui.set_next_item_width(em(9))
     _, form.seconds = imgui.input_float("##seconds", form.seconds, 0.5, 1.0, "%.1f")
-    marks.note("export:seconds")
+    rects.record("export:seconds")
     imgui.end_disabled()
     tooltip("How long the camera takes to go round the head once")
     form.seconds = min(max(form.seconds, 0.5), _LONGEST)
@@ -103,31 +103,31 @@ def _draw_options(app: "App", exchange: "Exchange") -> None:
     _label("Rate")
     imgui.set_next_item_width(em(9))
     _, form.rate = imgui.input_int("##rate", form.rate)
-    marks.note("export:rate")
+    rects.record("export:rate")
     form.rate = min(max(form.rate, 1), _FASTEST)
     imgui.same_line()
     imgui.text_disabled("frames a second")
 
 
-def draw_progress(app: "App", exchange: "Exchange") -> None:
+def draw_progress(context: EditorContext, exchange: "ExportFeature") -> None:
     """Draw how far the film is, with a button that ends it."""
     filming = exchange.filming
     if filming is None or not _begin():
         return
-    _title(app, f"Writing {filming.path.name}")
+    _title(context, f"Writing {filming.path.name}")
     imgui.push_style_color(imgui.Col_.plot_histogram, ACCENT_DARK)
     imgui.progress_bar(filming.share, (-1.0, em(1.5)), f"{100.0 * filming.share:.0f} %")
     imgui.pop_style_color()
-    app.marks.note("export:progress")
+    context.widget_rects.record("export:progress")
     caption("Nothing is written before it is done.")
-    pressed = _foot(app, (("cancel", "Cancel"),), lit=False)
+    pressed = _foot(context, (("cancel", "Cancel"),), lit=False)
     if imgui.is_key_pressed(imgui.Key.escape, False):
         pressed = "cancel"
     if pressed:
         imgui.close_current_popup()
     imgui.end_popup()
     if pressed:
-        exchange.cancel()
+        exchange.end()
 
 
 def _begin() -> bool:
@@ -151,8 +151,8 @@ def _begin() -> bool:
     return shown
 
 
-def _title(app: "App", text: str) -> None:
-    imgui.push_font(app.gui.fonts.bold, 0.0)
+def _title(context: EditorContext, text: str) -> None:
+    imgui.push_font(context.fonts.bold, 0.0)
     imgui.text_unformatted(text)
     imgui.pop_font()
     imgui.dummy((0.0, em(0.2)))
@@ -166,7 +166,7 @@ def _label(text: str) -> None:
     imgui.align_text_to_frame_padding()
 
 
-def _foot(app: "App", buttons: tuple[tuple[str, str], ...], lit: bool = True) -> str:
+def _foot(context: EditorContext, buttons: tuple[tuple[str, str], ...], lit: bool = True) -> str:
     """Draw buttons at the right, the first one lit, and return the name of the one that was pressed, or ""."""
     width, gap = em(6), imgui.get_style().item_spacing.x
     imgui.dummy((0.0, em(0.3)))
@@ -182,5 +182,5 @@ def _foot(app: "App", buttons: tuple[tuple[str, str], ...], lit: bool = True) ->
             pressed = name
         if lit and not i:
             imgui.pop_style_color()
-        app.marks.note(f"export:{name}")
+        context.widget_rects.record(f"export:{name}")
     return pressed

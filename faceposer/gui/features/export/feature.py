@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.gui.actions import Action, Submenu
+from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.export.dialog import draw_form, draw_progress
 from faceposer.gui.settings import last_folder
@@ -20,7 +21,6 @@ from faceposer.interchange.formats import FORMATS, Output, write_sequence_steps,
 from faceposer.render.options import OutputOptions
 
 if TYPE_CHECKING:
-    from faceposer.gui.app import App
     from faceposer.model.performance import Performance
 
 # For which frames of a film are drawn before the window's next.
@@ -67,7 +67,7 @@ class Filming:
     share: float = 0.0
 
 
-class Exchange(Feature):
+class ExportFeature(Feature):
     """The File menu's entries for other programs' files.
 
     Attributes:
@@ -77,8 +77,8 @@ class Exchange(Feature):
         performance: Gives the animation of the window, if there is one.
     """
 
-    def __init__(self, app: "App") -> None:
-        super().__init__(app)
+    def __init__(self, context: EditorContext) -> None:
+        super().__init__(context)
         self.form = ExportForm()
         self.open = False
         self.filming: Filming | None = None
@@ -90,7 +90,7 @@ class Exchange(Feature):
         return 0.0 if self.filming is not None else super().patience
 
     @property
-    def covers(self) -> bool:
+    def is_modal(self) -> bool:
         """Whether the dialog is shown, or a film is drawn."""
         return self.open or self.filming is not None
 
@@ -98,7 +98,7 @@ class Exchange(Feature):
         """Return the entries of the File menu."""
 
         def free() -> bool:
-            return not self.app.busy and not self.covers
+            return not self.context.busy and not self.is_modal
 
         return (
             Action(
@@ -126,70 +126,70 @@ class Exchange(Feature):
 
     def show(self) -> None:
         """Open the dialog."""
-        self.app.toolbox.finish()
-        self.app.slider_edit.let_go()
+        self.context.toolbox.finish()
+        self.context.slider_edit.let_go()
         self.open = True
-        self.app.redraw()
+        self.context.redraw()
 
-    def cancel(self) -> None:
+    def end(self) -> None:
         """Put the dialog away, or end the film, of which nothing is kept."""
         self.open = False
         self._stop_filming()
-        self.app.redraw()
+        self.context.redraw()
 
     def choose_file(self) -> None:
         """Put the dialog away and ask where to write."""
-        app, suffix = self.app, self.form.suffix
+        context, suffix = self.context, self.form.suffix
         self.open = False
-        session = app.session
-        last = Path(app.settings.export_path)
-        folder = last.parent if app.settings.export_path and last.parent.is_dir() else last_folder(app.settings)
+        session = context.session
+        last = Path(context.settings.export_path)
+        folder = last.parent if context.settings.export_path and last.parent.is_dir() else last_folder(context.settings)
         stem = session.path.stem if session.path else Path(session.document.subject).stem
         title = f"Export as {suffix[1:].upper()}"
-        app.dialogs_ask(FileRequest("save", title, title[10:], (suffix,), folder / f"{stem}{suffix}", self.export))
+        context.ask_for_file(FileRequest("save", title, title[10:], (suffix,), folder / f"{stem}{suffix}", self.export))
 
     def export(self, path: Path) -> None:
         """Write the face, or begin to film it, as the form says."""
-        app, form = self.app, self.form
+        context, form = self.context, self.form
         written = FORMATS[form.suffix]
         path = path if path.suffix.lower() == form.suffix else path.with_name(path.name + form.suffix)
         try:
-            app.session.wait()
-            motion, model = self._motion(), app.session.model
+            context.session.wait()
+            motion, model = self._motion(), context.session.model
             still = isinstance(motion, np.ndarray)
             options = OutputOptions(
                 size=(form.width, form.height),
                 turn=form.seconds if form.turning or still else 0.0,
                 rate=float(form.rate) if written.holds == "film" else None,
-                shading=app.shading,
-                orbit=app.viewport.view,
-                expression_lines=app.settings.expression_lines,
-                contact=app.session.document.contact,
+                shading=context.shading,
+                orbit=context.viewport.view,
+                expression_lines=context.settings.expression_lines,
+                contact=context.session.document.contact,
             )
             if written.sequence is not None and not still:
-                output = Output(path.with_suffix(""), model, motion, options, app.window.ctx)
+                output = Output(path.with_suffix(""), model, motion, options, context.gl)
                 self.filming = Filming(output.path, write_sequence_steps(output, form.suffix))
             else:
-                output = Output(path, model, motion, options, app.window.ctx)
+                output = Output(path, model, motion, options, context.gl)
                 self.filming = Filming(path, write_steps(output))
                 if not written.drawn:
                     # Soon done: no progress appears.
                     self._write_on(math.inf)
         except FacePoserError as error:
-            app.dialogs.report("The face is not exported", str(error))
-        app.redraw()
+            context.dialogs.report("The face is not exported", str(error))
+        context.redraw()
 
     def _motion(self) -> "NDArray[np.float64] | Performance":
         """Return the pose, or the animation where it is wanted, there is one, and the format takes it."""
         performance, chosen = self.performance(), FORMATS[self.form.suffix]
         if performance is not None and self.form.animated and (chosen.animated or chosen.sequence is not None):
             return performance
-        return self.app.session.coefficients
+        return self.context.session.coefficients
 
-    def follow(self) -> None:
+    def update(self) -> None:
         """Draw the next frames of the film, as many as the progress may wait for."""
         if self.filming is not None:
-            self.app.redraw(1)
+            self.context.redraw(1)
             self._write_on(time.perf_counter() + _DRAW_SECONDS)
 
     def _write_on(self, until: float) -> None:
@@ -205,14 +205,14 @@ class Exchange(Feature):
             self._written(filming.path)
         except FacePoserError as error:
             self.filming = None
-            self.app.dialogs.report("The face is not exported", str(error))
+            self.context.dialogs.report("The face is not exported", str(error))
         except BaseException:
             self.filming = None
             raise
 
     def _written(self, path: Path) -> None:
-        self.app.settings.export_path = str(path.resolve())
-        self.app.notify(f"Saved {path.name}")
+        self.context.settings.export_path = str(path.resolve())
+        self.context.notify(f"Saved {path.name}")
 
     def _stop_filming(self) -> None:
         if self.filming is not None:
@@ -224,34 +224,34 @@ class Exchange(Feature):
 
     def open_pose_dialog(self) -> None:
         """Ask for a mesh or weights and take the pose from there."""
-        app = self.app
-        last = Path(app.settings.export_path)
-        folder = last.parent if app.settings.export_path and last.parent.is_dir() else last_folder(app.settings)
-        app.dialogs_ask(FileRequest("open", "Open a pose", "Poses", POSES, folder, self.open_pose))
+        context = self.context
+        last = Path(context.settings.export_path)
+        folder = last.parent if context.settings.export_path and last.parent.is_dir() else last_folder(context.settings)
+        context.ask_for_file(FileRequest("open", "Open a pose", "Poses", POSES, folder, self.open_pose))
 
     def open_pose(self, path: Path) -> None:
         """Make the pose in ``path`` the one that editing starts from, without constraints, as one step."""
         from faceposer.interchange.reading import read_pose
 
-        app = self.app
+        context = self.context
         try:
-            read = read_pose(path, app.session.model)
+            read = read_pose(path, context.session.model)
         except FacePoserError as error:
-            app.dialogs.report("The pose is not opened", str(error))
+            context.dialogs.report("The pose is not opened", str(error))
             return
-        app.toolbox.cancel()
-        session = app.session
+        context.toolbox.cancel()
+        session = context.session
         with session.edit("Open a pose"):
             session.replace(replace(session.document, constraints=()))
             session.set_start(read.coefficients)
-        app.notify(f"Opened {path.name}. {read.note}".strip())
+        context.notify(f"Opened {path.name}. {read.note}".strip())
 
-    def drop(self, paths: tuple[str, ...]) -> bool:
+    def accept_files(self, paths: tuple[str, ...]) -> bool:
         """Open a mesh that was dropped as a pose, unless the import dialog waits for one."""
         path = Path(paths[0])
-        if self.covers or self.app.importing.open or path.suffix.lower() not in _MESHES or path.is_dir():
+        if self.is_modal or path.suffix.lower() not in _MESHES or path.is_dir():
             return False
-        self.app.toolbox.finish()
+        self.context.toolbox.finish()
         self.open_pose(path)
         return True
 
@@ -259,12 +259,12 @@ class Exchange(Feature):
 
     def draw_dialog(self) -> None:
         """Draw the form or how far the film is, unless another dialog is above."""
-        if self.app.dialogs.open or self.app.file_dialogs.browsing:
+        if self.context.dialogs.open or self.context.file_dialogs.browsing:
             return
         if self.filming is not None:
-            draw_progress(self.app, self)
+            draw_progress(self.context, self)
         elif self.open:
-            draw_form(self.app, self)
+            draw_form(self.context, self)
 
     def close(self) -> None:
         """End the film that is being written."""

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 from imgui_bundle import imgui
 
 from faceposer.geometry.mesh_io import MESH_SUFFIXES
-from faceposer.gui.features.import_character.feature import ImportForm
+from faceposer.gui.features.import_character.form import ImportForm
 from faceposer.gui.features.import_character.summary import draw_summary
 from faceposer.gui.settings import last_folder
-from faceposer.gui.widgets.basic import Marks, caption, choice, tooltip
+from faceposer.gui.widgets.basic import WidgetRects, caption, choice, tooltip
 from faceposer.gui.widgets.file_dialogs import FileRequest, Purpose
 from faceposer.gui.widgets.theme import ACCENT_DARK, BAD, Fonts, Icon, em
 
 if TYPE_CHECKING:
-    from faceposer.gui.app import App
+    from faceposer.gui.features.import_character.feature import ImportCharacterFeature
     from faceposer.training.kinds import Kind
 
 _WIDTH, _LABEL = 44.0, 8.4
@@ -55,9 +55,13 @@ _SOURCES = {
 class ImportDialog:
     """Draws the pages of the dialog."""
 
-    def draw(self, app: "App", draw_above: Callable[[], None]) -> None:
+    def __init__(self, importing: "ImportCharacterFeature") -> None:
+        """Show ``importing``."""
+        self._importing = importing
+
+    def draw(self, draw_above: Callable[[], None]) -> None:
         """Draw the page that is shown; ``draw_above`` draws the dialogs that lie over it."""
-        importing = app.importing
+        importing = self._importing
         name = "##import"
         if not imgui.is_popup_open(name):
             imgui.open_popup(name)
@@ -80,8 +84,10 @@ class ImportDialog:
             draw_above()
             return
         # Keys are those of the dialog above, if there is one.
-        alone = not (app.dialogs.open or app.file_dialogs.open or imgui.is_window_appearing())
-        {"form": self._form, "running": self._running, "summary": self._summary}[importing.page](app, alone)
+        alone = not (
+            importing.context.dialogs.open or importing.context.file_dialogs.open or imgui.is_window_appearing()
+        )
+        {"form": self._form, "running": self._running, "summary": self._summary}[importing.page](importing, alone)
         if not importing.open:
             imgui.close_current_popup()
         draw_above()
@@ -89,9 +95,9 @@ class ImportDialog:
 
     # What to learn from
 
-    def _form(self, app: "App", alone: bool) -> None:
-        importing, form, marks = app.importing, app.importing.form, app.marks
-        _title(app.gui.fonts, "Import a character")
+    def _form(self, importing: "ImportCharacterFeature", alone: bool) -> None:
+        form, rects = importing.form, importing.context.widget_rects
+        _title(importing.context.fonts, "Import a character")
         error_height = 0.0
         if importing.error:
             # As much narrower than the dialog as the icon before it is wide, and a little more.
@@ -99,55 +105,56 @@ class ImportDialog:
             text_height = imgui.calc_text_size(importing.error, wrap_width=wrap).y
             error_height = text_height + em(0.1) + 2.0 * imgui.get_style().item_spacing.y
         _begin_body(error_height)
-        self._draw_source(app)
+        self._draw_source(importing)
         kind = _KINDS.index(form.kind)
         _label("Kind")
-        form.kind = _KINDS[choice(marks, "import:kind", _KIND_LABELS, kind, _KIND_TIPS)]
+        form.kind = _KINDS[choice(rects, "import:kind", _KIND_LABELS, kind, _KIND_TIPS)]
         imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + em(_LABEL))
         caption(_KIND_WORDS[_KINDS.index(form.kind)])
         if form.kind == "rig":
-            self._draw_captures(app)
+            self._draw_captures(importing)
         if form.kind == "markers":
             tip = "JSON file that says where on the scan each marker is (docs/training.md)"
-            form.marker_map = _path_row(app, "marker_map", "Map", form.marker_map, tip, ("Maps", (".json",)))
+            form.marker_map = _path_row(importing, "marker_map", "Map", form.marker_map, tip, ("Maps", (".json",)))
             tip = "What the markers move: a mesh, a subject file, or the name of a subject"
-            form.scan = _path_row(app, "scan", "Scan", form.scan, tip, ("Scans", (*MESH_SUFFIXES, ".npz")))
+            form.scan = _path_row(importing, "scan", "Scan", form.scan, tip, ("Scans", (*MESH_SUFFIXES, ".npz")))
         if form.takes_neutral:
             tip = "The relaxed face, if no file is called neutral, rest or base"
-            form.neutral = _path_row(app, "neutral", "Neutral", form.neutral, tip, _MESHES, "found by its name")
+            form.neutral = _path_row(importing, "neutral", "Neutral", form.neutral, tip, _MESHES, "found by its name")
         if form.kind != "rig":
-            self._draw_regions(marks, form)
+            self._draw_regions(rects, form)
         imgui.dummy((0.0, em(0.1)))
-        form.title = _text_row(marks, "title", "Title", form.title, "How the character is called in the window")
+        form.title = _text_row(rects, "title", "Title", form.title, "How the character is called in the window")
         tip = "The subject file that is written; open it like a session"
-        form.output = _path_row(app, "output", "Save as", form.output, tip, ("Subjects", (".npz",)), purpose="save")
+        form.output = _path_row(
+            importing, "output", "Save as", form.output, tip, ("Subjects", (".npz",)), purpose="save"
+        )
         opened = imgui.tree_node("Advanced")
-        marks.note("import:advanced")
+        rects.record("import:advanced")
         if opened:
-            self._draw_advanced(marks, form)
+            self._draw_advanced(rects, form)
             imgui.tree_pop()
         imgui.end_child()
         if importing.error:
             _sentence(BAD, importing.error)
-        pressed = _foot(marks, (("start", "Import"), ("cancel", "Cancel")))
+        pressed = _foot(rects, (("start", "Import"), ("cancel", "Cancel")))
         typing = imgui.get_io().want_text_input
         if alone and imgui.is_key_pressed(imgui.Key.escape, False) and not typing:
             pressed = "cancel"
         if alone and (_enter() and bool(form.source.strip())):
             pressed = "start"
         if pressed == "cancel":
-            importing.close()
+            importing.close_dialog()
         elif pressed == "start":
             importing.start()
 
-    def _draw_source(self, app: "App") -> None:
-        importing = app.importing
+    def _draw_source(self, importing: "ImportCharacterFeature") -> None:
         tip = "What to learn from; it can also be dropped here, or pasted as a path"
         every = tuple(suffix for _, suffixes in _SOURCES.values() for suffix in suffixes)
         if imgui.is_window_appearing() and not importing.form.source:
             imgui.set_keyboard_focus_here()
         source = _path_row(
-            app,
+            importing,
             "source",
             "Learn from",
             importing.form.source,
@@ -159,9 +166,9 @@ class ImportDialog:
         )
         importing.set_source(source)
 
-    def _draw_captures(self, app: "App") -> None:
+    def _draw_captures(self, importing: "ImportCharacterFeature") -> None:
         """Draw the performances, each with a button that takes it out, and one that adds another."""
-        form, marks = app.importing.form, app.marks
+        form, rects = importing.form, importing.context.widget_rects
 
         def add(path: Path) -> None:
             if str(path) not in form.captures:
@@ -173,7 +180,7 @@ class ImportDialog:
                 _label("")
             if imgui.button(f"{Icon.CLOSE}##capture{i}", (em(1.9), 0.0)):
                 form.captures.remove(path)
-            marks.note(f"import:capture:{i}:remove")
+            rects.record(f"import:capture:{i}:remove")
             tooltip("Do not learn from it")
             imgui.same_line()
             imgui.text_unformatted(Path(path).name)
@@ -181,18 +188,20 @@ class ImportDialog:
         if form.captures:
             _label("")
         if imgui.button("Add..."):
-            app.dialogs_ask(
-                FileRequest("open", "A performance", "Performances", (".csv", ".txt"), _start(app, form.source), add)
+            importing.context.ask_for_file(
+                FileRequest(
+                    "open", "A performance", "Performances", (".csv", ".txt"), _start(importing, form.source), add
+                )
             )
-        marks.note("import:capture:add")
+        rects.record("import:capture:add")
         tooltip("Recordings of ARKit's weights by Live Link Face or Face Cap, from which the prior is learned")
         if not form.captures:
             imgui.same_line()
             caption("none: natural expressions as the program knows them")
 
-    def _draw_regions(self, marks: Marks, form: ImportForm) -> None:
+    def _draw_regions(self, rects: WidgetRects, form: ImportForm) -> None:
         _label("Regions")
-        chosen = choice(marks, "import:regions", _REGION_LABELS, _REGIONS.index(form.regions), _REGION_TIPS)
+        chosen = choice(rects, "import:regions", _REGION_LABELS, _REGIONS.index(form.regions), _REGION_TIPS)
         form.regions = _REGIONS[chosen]  # type: ignore[assignment]
         if form.regions == "parts":
             _label("")
@@ -200,9 +209,9 @@ class ImportDialog:
             _, form.n_parts = imgui.slider_int(
                 "##parts", form.n_parts, 2, 12, "%d regions", imgui.SliderFlags_.always_clamp.value
             )
-            marks.note("import:parts")
+            rects.record("import:parts")
 
-    def _draw_advanced(self, marks: Marks, form: ImportForm) -> None:
+    def _draw_advanced(self, rects: WidgetRects, form: ImportForm) -> None:
         for key, label, most, tip in _NUMBERS:
             if key == "dimensions" and form.kind == "rig":
                 continue
@@ -210,7 +219,7 @@ class ImportDialog:
             _label(label, em(_LABEL) - imgui.get_style().indent_spacing)
             imgui.set_next_item_width(em(8))
             _, value = imgui.input_int(f"##{key}", value)
-            marks.note(f"import:{key}")
+            rects.record(f"import:{key}")
             tooltip(tip)
             setattr(form, key, min(max(value, 0), most))
             if not value:
@@ -219,14 +228,14 @@ class ImportDialog:
         _label("Credits", em(_LABEL) - imgui.get_style().indent_spacing)
         imgui.set_next_item_width(-1.0)
         _, form.credits = imgui.input_text_with_hint("##credits", "where it comes from, and its licence", form.credits)
-        marks.note("import:credits")
+        rects.record("import:credits")
 
     # How far it is
 
-    def _running(self, app: "App", _alone: bool) -> None:
-        training = app.importing.training
+    def _running(self, importing: "ImportCharacterFeature", _alone: bool) -> None:
+        training = importing.training
         assert training is not None
-        _title(app.gui.fonts, f"Learning {training.output.stem}")
+        _title(importing.context.fonts, f"Learning {training.output.stem}")
         imgui.text_unformatted("Stopping..." if training.stopping else f"{training.stage}...")
         moving = -0.35 * imgui.get_time()
         share = min(training.share, 1.0) if training.share > 0.0 else moving
@@ -234,23 +243,22 @@ class ImportDialog:
         imgui.push_style_color(imgui.Col_.plot_histogram, ACCENT_DARK)
         imgui.progress_bar(share, (-1.0, em(1.5)), text)
         imgui.pop_style_color()
-        app.marks.note("import:progress")
+        importing.context.widget_rects.record("import:progress")
         caption("With many meshes this takes minutes. Nothing is written before it is done.")
         imgui.dummy((0.0, em(0.4)))
         imgui.begin_disabled(training.stopping)
-        if _foot(app.marks, (("stop", "Cancel"),), lit=False) == "stop":
-            app.importing.stop()
+        if _foot(importing.context.widget_rects, (("stop", "Cancel"),), lit=False) == "stop":
+            importing.stop()
         imgui.end_disabled()
 
     # What was learned
 
-    def _summary(self, app: "App", alone: bool) -> None:
-        importing = app.importing
+    def _summary(self, importing: "ImportCharacterFeature", alone: bool) -> None:
         assert importing.about is not None
         _begin_body()
-        draw_summary(app.gui.fonts, importing.about)
+        draw_summary(importing.context.fonts, importing.about)
         imgui.end_child()
-        pressed = _foot(app.marks, (("open", "Open"), ("close", "Close")))
+        pressed = _foot(importing.context.widget_rects, (("open", "Open"), ("close", "Close")))
         if alone and _enter():
             pressed = "open"
         if alone and imgui.is_key_pressed(imgui.Key.escape, False):
@@ -258,7 +266,7 @@ class ImportDialog:
         if pressed == "open":
             importing.open_learned()
         elif pressed == "close":
-            importing.close()
+            importing.close_dialog()
 
 
 def _title(fonts: Fonts, text: str) -> None:
@@ -286,17 +294,17 @@ def _label(text: str, width: float | None = None) -> None:
     imgui.same_line(left + (em(_LABEL) if width is None else width))
 
 
-def _text_row(marks: Marks, key: str, label: str, value: str, tip: str) -> str:
+def _text_row(rects: WidgetRects, key: str, label: str, value: str, tip: str) -> str:
     _label(label)
     imgui.set_next_item_width(-1.0)
     _, value = imgui.input_text(f"##{key}", value, imgui.InputTextFlags_.auto_select_all.value)
-    marks.note(f"import:{key}")
+    rects.record(f"import:{key}")
     tooltip(tip)
     return value
 
 
 def _path_row(
-    app: "App",
+    importing: "ImportCharacterFeature",
     key: str,
     label: str,
     value: str,
@@ -311,7 +319,7 @@ def _path_row(
 
     What is chosen goes to ``done``, or else into the form's field of this name.
     """
-    form = app.importing.form
+    form = importing.form
 
     def take(path: Path) -> None:
         if done is None:
@@ -324,28 +332,30 @@ def _path_row(
     count = 1 + folder
     imgui.set_next_item_width(-(count * (side + gap)))
     _, value = imgui.input_text_with_hint(f"##{key}", hint, value, imgui.InputTextFlags_.auto_select_all.value)
-    app.marks.note(f"import:{key}")
+    importing.context.widget_rects.record(f"import:{key}")
     tooltip(f"{tip}\n{value}" if value else tip)
     imgui.same_line(0.0, gap)
     if imgui.button(f"{Icon.FILE}##{key}", (side, 0.0)):
-        app.dialogs_ask(FileRequest(purpose, label, *files, _start(app, value or form.source, purpose), take))
-    app.marks.note(f"import:{key}:file")
+        importing.context.ask_for_file(
+            FileRequest(purpose, label, *files, _start(importing, value or form.source, purpose), take)
+        )
+    importing.context.widget_rects.record(f"import:{key}:file")
     tooltip("Choose a file" if purpose == "open" else "Choose where")
     if folder:
         imgui.same_line(0.0, gap)
         if imgui.button(f"{Icon.FOLDER}##{key}", (side, 0.0)):
-            app.dialogs_ask(FileRequest("folder", label, *files, _start(app, value), take))
-        app.marks.note(f"import:{key}:folder")
+            importing.context.ask_for_file(FileRequest("folder", label, *files, _start(importing, value), take))
+        importing.context.widget_rects.record(f"import:{key}:folder")
         tooltip("Choose a folder")
     return value
 
 
-def _start(app: "App", near: str, purpose: Purpose = "open") -> Path:
+def _start(importing: "ImportCharacterFeature", near: str, purpose: Purpose = "open") -> Path:
     """Return where a file dialog begins: at what is in the field, or where the last one was."""
     path = Path(near.strip()).expanduser() if near.strip() else None
     if path is not None and path.parent.is_dir():
         return path if purpose == "save" else path.parent
-    return last_folder(app.settings)
+    return last_folder(importing.context.settings)
 
 
 def _sentence(colour: tuple[float, float, float, float], text: str) -> None:
@@ -359,7 +369,7 @@ def _sentence(colour: tuple[float, float, float, float], text: str) -> None:
     imgui.pop_text_wrap_pos()
 
 
-def _foot(marks: Marks, buttons: tuple[tuple[str, str], ...], lit: bool = True) -> str:
+def _foot(rects: WidgetRects, buttons: tuple[tuple[str, str], ...], lit: bool = True) -> str:
     """Draw buttons at the right, the first one lit, and return the name of the one that was pressed, or ""."""
     width, gap = em(6), imgui.get_style().item_spacing.x
     imgui.dummy((0.0, em(0.3)))
@@ -375,7 +385,7 @@ def _foot(marks: Marks, buttons: tuple[tuple[str, str], ...], lit: bool = True) 
             pressed = name
         if lit and not i:
             imgui.pop_style_color()
-        marks.note(f"import:{name}")
+        rects.record(f"import:{name}")
     return pressed
 
 

@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING
 from faceposer.gui.actions import Action
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.photo.feature import Photos
+    from faceposer.gui.features.photo.feature import PhotoFeature
 
 
-def photo_actions(photos: "Photos") -> tuple[Action, ...]:
+def photo_actions(photos: "PhotoFeature") -> tuple[Action, ...]:
     """Return the menu entries of ``photos``."""
 
     def free() -> bool:
-        return not photos.app.busy
+        return not photos.context.busy
 
     def shown() -> bool:
         return free() and photos.photo is not None
@@ -26,7 +26,7 @@ def photo_actions(photos: "Photos") -> tuple[Action, ...]:
             photos.pin,
             ("O",),
             shown,
-            lambda: photos.app.toolbox.chosen is photos.tool,
+            lambda: photos.context.toolbox.chosen is photos.tool,
             separated=True,
             help="Show where the photo has the features of the face, so that its camera is found",
         ),
@@ -36,7 +36,7 @@ def photo_actions(photos: "Photos") -> tuple[Action, ...]:
             "Tools",
             photos.skip,
             ("Tab",),
-            lambda: shown() and photos.app.toolbox.chosen is photos.tool,
+            lambda: shown() and photos.context.toolbox.chosen is photos.tool,
             help="Go on to the next place: not all can be seen in every photo",
         ),
         Action(

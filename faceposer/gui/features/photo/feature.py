@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
@@ -13,6 +12,7 @@ from imgui_bundle import imgui
 from faceposer.errors import FacePoserError
 from faceposer.geometry.picture_view import PictureView
 from faceposer.gui.actions import Action, Submenu
+from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.photo.actions import photo_actions
 from faceposer.gui.features.photo.overlay import draw_photo_overlay
@@ -27,9 +27,6 @@ from faceposer.render.renderer import PhotoLayer
 from faceposer.session.photos import with_expression, with_photo
 from faceposer.solve.camera_fit import LEAST_POINTS
 from faceposer.tools.photo_tool import PhotoTool
-
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
 
 # The longer side of a picture on the GPU: what an ordinary card takes, and more than a display shows.
 _LARGEST = 4096
@@ -55,14 +52,14 @@ def _trouble(photo: Photo) -> str:
     return f"the photo '{photo.path}' has {found} pixels, and was pinned at {known}; put the old one back."
 
 
-class Photos(Feature):
+class PhotoFeature(Feature):
     """The tab "Photo", and the photo in the view."""
 
     tab = ("Photo", "Pose the face after a photo: pins let the camera find where the photo was taken from")
 
-    def __init__(self, app: "App") -> None:
-        """Serve ``app``; photos are read when they are looked through."""
-        super().__init__(app)
+    def __init__(self, context: EditorContext) -> None:
+        """Serve ``context``; photos are read when they are looked through."""
+        super().__init__(context)
         self._pictures: dict[str, moderngl.Texture | None] = {}
         self._pins = ("", 0)
         self._fresh = False
@@ -72,12 +69,12 @@ class Photos(Feature):
     @property
     def photos(self) -> tuple[Photo, ...]:
         """The photos of the session."""
-        return self.app.session.document.photos
+        return self.context.session.document.photos
 
     @property
     def tool(self) -> PhotoTool:
         """What sets pins."""
-        return self.app.toolbox.photo_tool
+        return self.context.toolbox.photo_tool
 
     @property
     def active(self) -> int | None:
@@ -93,12 +90,12 @@ class Photos(Feature):
     @property
     def looking(self) -> bool:
         """Whether the view looks through the photo, or is turned away from it."""
-        return self.photo is not None and isinstance(self.app.viewport.view, PictureView)
+        return self.photo is not None and isinstance(self.context.viewport.view, PictureView)
 
     @property
     def aligned(self) -> bool:
         """Whether the view shows the photo and the face as its camera saw them."""
-        view = self.app.viewport.view
+        view = self.context.viewport.view
         return self.photo is not None and isinstance(view, PictureView) and view.aligned
 
     def actions(self) -> Sequence[Action | Submenu]:
@@ -112,33 +109,33 @@ class Photos(Feature):
 
     @property
     def _pinning(self) -> bool:
-        return self.app.toolbox.chosen is self.tool and (self.tool.place is not None or self.app.toolbox.active)
+        return self.context.toolbox.chosen is self.tool and (self.tool.place is not None or self.context.toolbox.active)
 
     # Turns of the loop
 
     def session_changed(self) -> None:
         """Look through the photo that the session was last seen through, and say which files are missing."""
         # A file may have changed since.
-        self.app.scene.photo = None
+        self.context.scene.photo = None
         self._release()
-        camera = self.app.viewport.camera
+        camera = self.context.viewport.camera
         found = [i for i, photo in enumerate(self.photos) if photo.camera and photo.camera.stands_with(camera)]
         self.tool.active = found[0] if found else 0 if self.photos else None
         self._fresh = bool(found)
         troubles = [trouble for trouble in map(_trouble, self.photos) if trouble]
         if troubles:
             more = f" So it is with {len(troubles) - 1} more." if len(troubles) > 1 else ""
-            self.app.dialogs.report("A photo cannot be shown", f"The session is open, but: {troubles[0]}{more}")
+            self.context.dialogs.report("A photo cannot be shown", f"The session is open, but: {troubles[0]}{more}")
 
-    def follow(self) -> None:
+    def update(self) -> None:
         """Keep the view at the photo's camera, as after an undo, and give the scene what lies behind the face."""
-        viewport, scene = self.app.viewport, self.app.scene
+        viewport, scene = self.context.viewport, self.context.scene
         if self.tool.active is not None and self.active is None:
             self.tool.active = len(self.photos) - 1 if self.photos else None
             if not self.photos and isinstance(viewport.view, PictureView):
                 viewport.view = viewport.framed()
-                if self.app.toolbox.chosen is self.tool:
-                    self.app.toolbox.choose("point")
+                if self.context.toolbox.chosen is self.tool:
+                    self.context.toolbox.choose("point")
         if self._fresh and self.photo is not None and viewport.size != (1, 1):
             # As soon as it is known how large the view is.
             self._fresh = False
@@ -147,7 +144,7 @@ class Photos(Feature):
         photo, view = self.photo, viewport.view
         layer = None
         if photo is not None and isinstance(view, PictureView) and view.photo.size == photo.size:
-            camera = photo.camera or first_camera(photo, self.app.session.model)
+            camera = photo.camera or first_camera(photo, self.context.session.model)
             if view.photo != camera:
                 view = viewport.view = view.through(camera)
             self._come_near(photo)
@@ -165,14 +162,14 @@ class Photos(Feature):
                 layer = PhotoLayer(texture, photo.size, camera.focal, near * behind, near * before)
         if layer != scene.photo:
             scene.photo = layer
-            self.app.redraw()
+            self.context.redraw()
         if len(self._pictures) > _MOST_PICTURES:
             # Here and not where one is taken up: what is drawn in this frame must stay.
             self._release(kept="" if photo is None else photo.path)
 
     def _recognise(self) -> None:
         """Look through the photo whose camera the view has taken up, as from a constraint that was drawn through it."""
-        view = self.app.viewport.view
+        view = self.context.viewport.view
         if not isinstance(view, PictureView) or (self.photo is not None and view.photo.size == self.photo.size):
             return
         for i, photo in enumerate(self.photos):
@@ -182,14 +179,14 @@ class Photos(Feature):
 
     def _come_near(self, photo: Photo) -> None:
         """Bring a small head near once it is known where it is: pins are set more exactly there."""
-        app, before = self.app, self._pins
+        context, before = self.context, self._pins
         self._pins = (photo.path, len(photo.pins))
-        if app.toolbox.active:
+        if context.toolbox.active:
             self._pins = before
         elif before == (photo.path, LEAST_POINTS - 1) and len(photo.pins) == LEAST_POINTS:
-            head = app.viewport.camera.project(app.scene.vertices)
-            if float(np.ptp(head[:, 1])) < _SMALL * app.viewport.size[1]:
-                app.viewport.frame_face()
+            head = context.viewport.camera.project(context.scene.vertices)
+            if float(np.ptp(head[:, 1])) < _SMALL * context.viewport.size[1]:
+                context.viewport.frame_face()
 
     def _texture(self, photo: Photo) -> moderngl.Texture | None:
         """Return the picture of ``photo`` on the GPU, or None where its file cannot be read."""
@@ -198,7 +195,7 @@ class Photos(Feature):
             self._pictures[photo.path] = None
             with suppress(FacePoserError):
                 pixels = read_photo(Path(photo.path), _LARGEST)
-                self._pictures[photo.path] = photo_texture(self.app.window.ctx, pixels)
+                self._pictures[photo.path] = photo_texture(self.context.gl, pixels)
         return self._pictures[photo.path]
 
     @property
@@ -214,7 +211,7 @@ class Photos(Feature):
 
     def close(self) -> None:
         """Free the picture."""
-        self.app.scene.photo = None
+        self.context.scene.photo = None
         self._release()
 
     # What is drawn
@@ -225,20 +222,24 @@ class Photos(Feature):
 
     def draw_behind(self, draw: imgui.ImDrawList) -> None:
         """Draw the pins of the photo."""
-        draw_photo_overlay(self.app, draw)
+        draw_photo_overlay(self.context, draw)
 
     # What the user does
 
     def ask(self) -> None:
         """Ask for a photo and open it."""
-        folder = Path(self.photos[-1].path).parent if self.photos else last_folder(self.app.settings)
-        start = folder if folder.is_dir() else last_folder(self.app.settings)
-        self.app.dialogs_ask(FileRequest("open", "Open a photo", "Photos", PHOTO_SUFFIXES, start, self.open))
+        folder = Path(self.photos[-1].path).parent if self.photos else last_folder(self.context.settings)
+        start = folder if folder.is_dir() else last_folder(self.context.settings)
+        self.context.ask_for_file(FileRequest("open", "Open a photo", "Photos", PHOTO_SUFFIXES, start, self.open))
 
-    def drop(self, paths: tuple[str, ...]) -> bool:
+    def accept_files(self, paths: tuple[str, ...]) -> bool:
         """Open what was dropped if all of it is pictures."""
         suffixes = (*PHOTO_SUFFIXES, *FOREIGN_SUFFIXES)
-        if self.app.covered or self.app.busy or not all(Path(path).suffix.lower() in suffixes for path in paths):
+        if (
+            self.context.is_modal
+            or self.context.busy
+            or not all(Path(path).suffix.lower() in suffixes for path in paths)
+        ):
             return False
         for path in paths:
             self.open(Path(path))
@@ -246,7 +247,7 @@ class Photos(Feature):
 
     def open(self, path: Path) -> None:
         """Add the photo ``path`` to the session as one step, look through it and lead to the first pin."""
-        app = self.app
+        context = self.context
         path = path.expanduser().absolute()
         try:
             file = inspect_photo(path)
@@ -254,26 +255,26 @@ class Photos(Feature):
                 raise FacePoserError(f"A session has at most {MAX_PHOTOS} photos; remove one first.")
             read_photo(path, 64)
         except FacePoserError as error:
-            app.dialogs.report("The photo cannot be opened", str(error))
+            context.dialogs.report("The photo cannot be opened", str(error))
             return
         photo = Photo(str(path), file.size, focal=file.focal)
-        photo = replace(photo, camera=first_camera(photo, app.session.model))
-        app.toolbox.finish()
-        with app.session.edit("Open a photo"):
-            document = app.session.document
-            app.session.replace(replace(document, photos=(*document.photos, photo)))
-        app.guide.dismiss()
+        photo = replace(photo, camera=first_camera(photo, context.session.model))
+        context.toolbox.finish()
+        with context.session.edit("Open a photo"):
+            document = context.session.document
+            context.session.replace(replace(document, photos=(*document.photos, photo)))
+        context.dismiss_guide()
         self.choose(len(self.photos) - 1)
         self.pin()
 
     def choose(self, index: int) -> None:
         """Make photo ``index`` the one that the tab is about, and look through it."""
-        if self.app.toolbox.active:
+        if self.context.toolbox.active:
             return
         self.tool.active, self.tool.selected = index, None
         self._look(self.photos[index])
-        if self.app.toolbox.chosen is self.tool:
-            self.tool.place = self.tool.next_place(self.app.viewport)
+        if self.context.toolbox.chosen is self.tool:
+            self.tool.place = self.tool.next_place(self.context.viewport)
 
     def look(self) -> None:
         """Look through the photo again."""
@@ -282,7 +283,7 @@ class Photos(Feature):
 
     def _look(self, photo: Photo, afresh: bool = False) -> None:
         """Look through the camera of ``photo``, near to the head if that is known, unless one does already."""
-        viewport, session = self.app.viewport, self.app.session
+        viewport, session = self.context.viewport, self.context.session
         if not afresh and isinstance(viewport.view, PictureView) and viewport.view.photo == photo.camera:
             viewport.view = viewport.view.back()
             return
@@ -294,22 +295,22 @@ class Photos(Feature):
         viewport.view = replace(view, locked=locked)
         if len(photo.pins) >= LEAST_POINTS:
             viewport.frame_face()
-        self.app.redraw()
+        self.context.redraw()
 
     def pin(self) -> None:
         """Take up the tool that sets pins, at the first place that has none."""
         self.look()
-        self.app.toolbox.choose(self.tool.name)
-        self.tool.place = self.tool.next_place(self.app.viewport)
+        self.context.toolbox.choose(self.tool.name)
+        self.tool.place = self.tool.next_place(self.context.viewport)
 
     def skip(self) -> None:
         """Go on to the next place."""
-        self.tool.skip(self.app.viewport)
+        self.tool.skip(self.context.viewport)
 
     def place(self, place: Place) -> None:
         """Let the next press on the photo pin ``place``."""
         self.look()
-        self.app.toolbox.choose(self.tool.name)
+        self.context.toolbox.choose(self.tool.name)
         self.tool.place = place
 
     def toggle(self) -> None:
@@ -319,7 +320,7 @@ class Photos(Feature):
 
     def change(self, photo: Photo, label: str, merges: bool = False) -> None:
         """Exchange the photo for ``photo`` as one step, or within the edit of a slider."""
-        session, index = self.app.session, self.active
+        session, index = self.context.session, self.active
         assert index is not None
         document = with_photo(session.document, index, photo)
         if session.editing:
@@ -330,14 +331,14 @@ class Photos(Feature):
 
     def realign(self, focal: float | None) -> None:
         """Seek the camera anew with the focal length ``focal`` in pixels, or with the likely one if None."""
-        photo, session = self.photo, self.app.session
+        photo, session = self.photo, self.context.session
         if photo is not None:
             changed = aligned(replace(photo, focal=focal), session.model, session.coefficients)
             self.change(changed, "Align the photo")
 
     def remove(self, index: int) -> None:
         """Take photo ``index`` out of the session as one step; its file stays."""
-        session = self.app.session
+        session = self.context.session
         document = session.document
         with session.edit("Remove a photo"):
             session.replace(replace(document, photos=(*document.photos[:index], *document.photos[index + 1 :])))
@@ -346,9 +347,9 @@ class Photos(Feature):
 
     def pose(self) -> None:
         """Let the face take the expression that the pins tell, as one step; what they told before goes."""
-        photo, session = self.photo, self.app.session
+        photo, session = self.photo, self.context.session
         if photo is None or not self.enough:
             return
-        self.app.toolbox.finish()
+        self.context.toolbox.finish()
         with session.edit("Pose from the photo"):
             session.replace(with_expression(session.document, session.model, photo))

@@ -1,57 +1,55 @@
 """Draws the pins of a photo over the view, and which place of the face is to be pinned next."""
 
-from typing import TYPE_CHECKING
-
 from imgui_bundle import imgui
 
 from faceposer.geometry.picking import SurfacePoints
+from faceposer.gui.context import EditorContext
 from faceposer.gui.overlays.pins import draw_badge, draw_label
 from faceposer.gui.widgets.theme import EDGE, TARGET, WARNING, u32
 from faceposer.photo.photo import Place
 from faceposer.photo.places import anchor_of
-
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
 
 _WHITE = (1.0, 1.0, 1.0, 1.0)
 # Pixels at normal density from which the eye sees that a pin and its place on the face are apart.
 _APART = 2.0
 
 
-def place_title(app: "App", place: Place) -> str:
+def place_title(context: EditorContext, place: Place) -> str:
     """Return what people call ``place`` of the face."""
-    subject = app.session.model.subject
+    subject = context.session.model.subject
     if isinstance(place, str):
         return subject.feature_titles.get(place, place)
-    return app.drawn_constraints.names.name(place)
+    return context.drawn_constraints.names.name(place)
 
 
-def face_pixel(app: "App", place: Place) -> tuple[float, float] | None:
+def face_pixel(context: EditorContext, place: Place) -> tuple[float, float] | None:
     """Return where in the view the face has ``place``, or None where it lacks it."""
-    anchor = anchor_of(place, app.session.model.subject)
+    anchor = anchor_of(place, context.session.model.subject)
     if anchor is None or isinstance(anchor, str):
         return None
     points = SurfacePoints.of([anchor])
-    u, v = app.viewport.camera.project(points.positions(app.scene.vertices, app.scene.triangles))[0].tolist()
+    u, v = context.viewport.camera.project(points.positions(context.scene.vertices, context.scene.triangles))[
+        0
+    ].tolist()
     return (u, v)
 
 
-def draw_photo_overlay(app: "App", draw: imgui.ImDrawList) -> None:
+def draw_photo_overlay(context: EditorContext, draw: imgui.ImDrawList) -> None:
     """Draw the pins of the photo while its tool is chosen."""
-    tool, viewport = app.toolbox.photo_tool, app.viewport
+    tool, viewport = context.toolbox.photo_tool, context.viewport
     photo = tool.photo(viewport)
-    if photo is None or app.toolbox.chosen is not tool:
+    if photo is None or context.toolbox.chosen is not tool:
         return
     scale = viewport.ui_scale
     pixels = tool.pixels(viewport)
-    hover = app.toolbox.hover
-    hovered = tool.pin_at(hover.position, viewport) if hover is not None and not app.toolbox.active else None
+    hover = context.toolbox.hover
+    hovered = tool.pin_at(hover.position, viewport) if hover is not None and not context.toolbox.active else None
 
     def at(pixel: tuple[float, float]) -> tuple[float, float]:
         return (pixel[0] + viewport.origin[0], pixel[1] + viewport.origin[1])
 
     for pin, pixel in zip(photo.pins, pixels, strict=True):
-        face = face_pixel(app, pin.place)
+        face = face_pixel(context, pin.place)
         if face is not None and max(abs(face[0] - pixel[0]), abs(face[1] - pixel[1])) > _APART * scale:
             draw.add_line(at(face), at(pixel), u32(EDGE, 0.6), 3.4 * scale)
             draw.add_line(at(face), at(pixel), u32(WARNING, 0.95), 1.6 * scale)
@@ -65,20 +63,20 @@ def draw_photo_overlay(app: "App", draw: imgui.ImDrawList) -> None:
         draw.add_circle_filled(at(pixel), 1.8 * scale, u32(EDGE, 0.9))
     # A pin that was just set needs no name: the next one may lie under it.
     if hovered is not None and not (hovered == tool.selected and tool.place is not None):
-        draw_label(draw, viewport, pixels[hovered], place_title(app, photo.pins[hovered].place))
-    if tool.place is not None and not app.toolbox.active:
-        _draw_next(app, draw, tool.place)
+        draw_label(draw, viewport, pixels[hovered], place_title(context, photo.pins[hovered].place))
+    if tool.place is not None and not context.toolbox.active:
+        _draw_next(context, draw, tool.place)
 
 
-def _draw_next(app: "App", draw: imgui.ImDrawList, place: Place) -> None:
+def _draw_next(context: EditorContext, draw: imgui.ImDrawList, place: Place) -> None:
     """Show on the face which place is meant, and say what to do."""
-    viewport = app.viewport
-    face = face_pixel(app, place)
+    viewport = context.viewport
+    face = face_pixel(context, place)
     if face is not None:
         center = (face[0] + viewport.origin[0], face[1] + viewport.origin[1])
         for radius, width, colour in ((9.0, 4.2, EDGE), (9.0, 2.2, WARNING)):
             draw.add_circle(center, radius * viewport.ui_scale, u32(colour, 0.95), 0, width * viewport.ui_scale)
         draw.add_circle_filled(center, 2.2 * viewport.ui_scale, u32(WARNING))
-    title = place_title(app, place)
+    title = place_title(context, place)
     sided = " (the person's left)" if "left" in title else " (the person's right)" if "right" in title else ""
     draw_badge(draw, viewport, f"Press where the photo shows: {title}{sided}", 0.0, warm=True)

@@ -7,6 +7,7 @@ import numpy as np
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.geometry.picture_view import PictureView
+from faceposer.gui.context import EditorContext
 from faceposer.gui.features.photo.overlay import place_title
 from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, heading, tooltip
 from faceposer.gui.widgets.theme import FAINT, INK, WARNING, Icon, em, u32
@@ -17,16 +18,15 @@ from faceposer.photo.reading import focal_in_mm, focal_in_pixels
 from faceposer.solve.camera_fit import LEAST_POINTS
 
 if TYPE_CHECKING:
-    from faceposer.gui.app import App
-    from faceposer.gui.features.photo.feature import Photos
+    from faceposer.gui.features.photo.feature import PhotoFeature
 
 _FOCALS_MM = (12.0, 400.0)
 
 
-def draw_photo_tab(photos: "Photos") -> None:
+def draw_photo_tab(photos: "PhotoFeature") -> None:
     """Draw the tab."""
-    app = photos.app
-    action_button(app.marks, app.actions["photo-open"], -1.0, strong=not photos.photos)
+    context = photos.context
+    action_button(context.widget_rects, context.actions["photo-open"], -1.0, strong=not photos.photos)
     if not photos.photos:
         imgui.spacing()
         caption("Open a photo, or drop one onto the window. From a few pins on it, its camera is found.")
@@ -50,9 +50,9 @@ def draw_photo_tab(photos: "Photos") -> None:
     _draw_pins(photos, photo)
 
 
-def _draw_row(photos: "Photos", index: int) -> bool:
+def _draw_row(photos: "PhotoFeature", index: int) -> bool:
     """Draw a photo of the list; return whether it was removed."""
-    app, photo = photos.app, photos.photos[index]
+    context, photo = photos.context, photos.photos[index]
     row = imgui.get_frame_height()
     begin, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
     imgui.set_next_item_allow_overlap()
@@ -64,74 +64,74 @@ def _draw_row(photos: "Photos", index: int) -> bool:
     draw.push_clip_rect((corner.x, corner.y), (corner.x + width - row, corner.y + row), True)
     draw.add_text((corner.x + em(1.8), baseline), u32(INK), photo.name)
     draw.pop_clip_rect()
-    app.marks.note(f"photo:{index}")
+    context.widget_rects.record(f"photo:{index}")
     tooltip(f"{photo.path}\n{photo.size[0]} x {photo.size[1]} pixels, {len(photo.pins)} pins")
-    if pressed and not app.busy:
+    if pressed and not context.busy:
         photos.choose(index)
     imgui.set_cursor_pos(ImVec2(begin.x + width - row, begin.y))
     imgui.push_style_color(imgui.Col_.button, ImVec4(0.0, 0.0, 0.0, 0.0))
-    removed = imgui.button(Icon.CLOSE, ImVec2(row, row)) and not app.busy
+    removed = imgui.button(Icon.CLOSE, ImVec2(row, row)) and not context.busy
     imgui.pop_style_color()
-    app.marks.note(f"photo:{index}:delete")
+    context.widget_rects.record(f"photo:{index}:delete")
     tooltip("Take it out of the session; the file stays")
     if removed:
         photos.remove(index)
     return removed
 
 
-def _draw_layers(photos: "Photos", photo: Photo) -> None:
-    app = photos.app
-    heading(app.gui.fonts, "In the view")
+def _draw_layers(photos: "PhotoFeature", photo: Photo) -> None:
+    context = photos.context
+    heading(context.fonts, "In the view")
     tips = ("The photo lies behind the face", "The photo lies over the face")
-    front = choice(app.marks, "photo-layer", ("Photo behind", "Photo before"), int(photo.front), tips) == 1
-    if front != photo.front and not app.busy:
+    front = choice(context.widget_rects, "photo-layer", ("Photo behind", "Photo before"), int(photo.front), tips) == 1
+    if front != photo.front and not context.busy:
         photos.change(replace(photo, front=front), "Order of photo and face")
         photo = photos.photo or photo
     imgui.set_next_item_width(em(9.0))
     label = "Photo's opacity" if photo.front else "Face's opacity"
     changed, opacity = imgui.slider_float(f"{label}##photo-opacity", photo.opacity, 0.0, 1.0, "%.2f")
-    app.marks.note("photo-opacity")
+    context.widget_rects.record("photo-opacity")
 
     def apply() -> None:
         photos.change(replace(photo, opacity=min(max(opacity, 0.0), 1.0)), "Opacity of the photo")
 
-    app.slider_edit.follow(app.session, "photo-opacity", "Opacity of the photo", changed, apply)
-    shown = app.actions["photo-shown"]
+    context.slider_edit.follow(context.session, "photo-opacity", "Opacity of the photo", changed, apply)
+    shown = context.actions["photo-shown"]
     pressed, _ = imgui.checkbox("Show the photo", photo.visible)
-    app.marks.note("photo-shown")
+    context.widget_rects.record("photo-shown")
     tooltip(shown.tooltip)
     if pressed and shown.enabled():
         shown.run()
-    view = app.viewport.view
+    view = context.viewport.view
     if isinstance(view, PictureView):
         imgui.same_line()
         pressed, locked = imgui.checkbox("Lock the view", view.locked)
-        app.marks.note("photo-lock")
+        context.widget_rects.record("photo-lock")
         tooltip("Keep the view at the photo's camera: a drag beside the face does not turn it")
         if pressed:
-            app.viewport.view = replace(view if not locked else view.back(), locked=locked)
+            context.viewport.view = replace(view if not locked else view.back(), locked=locked)
     if not photos.aligned:
-        action_button(app.marks, app.actions["photo-look"], -1.0, strong=True)
+        action_button(context.widget_rects, context.actions["photo-look"], -1.0, strong=True)
 
 
-def _draw_camera(photos: "Photos", photo: Photo) -> None:
-    app = photos.app
-    heading(app.gui.fonts, "Camera")
-    off = residuals_px(photo, app.session.model, app.session.coefficients)
+def _draw_camera(photos: "PhotoFeature", photo: Photo) -> None:
+    context = photos.context
+    heading(context.fonts, "Camera")
+    off = residuals_px(photo, context.session.model, context.session.coefficients)
     count = len(off)
     if count < LEAST_POINTS:
         more = LEAST_POINTS - count
         caption(f"{more} more pin{'s' if more > 1 else ''} until the head turns as in the photo; it is moved already.")
     else:
-        face = _shown_height(app, photo)
+        face = _shown_height(context, photo)
         mean = float(np.mean(list(off.values())))
         caption(f"{count} pins, {mean:.1f} px off on average, where the head is {face:.0f} px high.")
     known = photo.focal is not None
     focal = photo.focal or (photo.camera.focal if photo.camera is not None else 1.0)
     pressed, known = imgui.checkbox("Focal length", known)
-    app.marks.note("photo-focal-known")
+    context.widget_rects.record("photo-focal-known")
     tooltip("On: it is what you say, or what the photo's file says. Off: it is found with the camera, from 6 pins on.")
-    if pressed and not app.busy:
+    if pressed and not context.busy:
         photos.realign(focal if known else None)
     imgui.same_line()
     imgui.set_next_item_width(-1.0)
@@ -140,17 +140,17 @@ def _draw_camera(photos: "Photos", photo: Photo) -> None:
     flags = imgui.SliderFlags_.logarithmic.value | imgui.SliderFlags_.clamp_on_input.value
     changed, value = imgui.slider_float("##photo-focal", millimetres, *_FOCALS_MM, "%.0f mm", flags)
     imgui.end_disabled()
-    app.marks.note("photo-focal")
+    context.widget_rects.record("photo-focal")
     tooltip("As on 35 mm film: portraits are taken at 50 to 135 mm, by phones at about 26 mm")
 
     def apply() -> None:
         photos.realign(focal_in_pixels(value, photo.size))
 
-    app.slider_edit.follow(app.session, "photo-focal", "Focal length of the photo", changed, apply)
+    context.slider_edit.follow(context.session, "photo-focal", "Focal length of the photo", changed, apply)
 
 
-def _shown_height(app: "App", photo: Photo) -> float:
-    subject = app.session.model.subject
+def _shown_height(context: EditorContext, photo: Photo) -> float:
+    subject = context.session.model.subject
     if photo.camera is None:
         return 0.0
     middle = subject.vertices.mean(axis=0)
@@ -158,18 +158,18 @@ def _shown_height(app: "App", photo: Photo) -> float:
     return photo.camera.focal / depth * subject.height
 
 
-def _draw_pins(photos: "Photos", photo: Photo) -> None:
-    app, tool = photos.app, photos.tool
-    heading(app.gui.fonts, "Pins")
+def _draw_pins(photos: "PhotoFeature", photo: Photo) -> None:
+    context, tool = photos.context, photos.tool
+    heading(context.fonts, "Pins")
     width = button_width(2)
-    action_button(app.marks, app.actions["photo-pin"], width, "Set pins")
+    action_button(context.widget_rects, context.actions["photo-pin"], width, "Set pins")
     imgui.same_line()
-    action_button(app.marks, app.actions["photo-skip"], width, "Skip")
-    ready = photos.enough and tool.next_place(app.viewport) is None and not _posed(app, photo)
-    action_button(app.marks, app.actions["photo-pose"], -1.0, strong=ready)
+    action_button(context.widget_rects, context.actions["photo-skip"], width, "Skip")
+    ready = photos.enough and tool.next_place(context.viewport) is None and not _posed(context, photo)
+    action_button(context.widget_rects, context.actions["photo-pose"], -1.0, strong=ready)
     imgui.spacing()
-    off = residuals_px(photo, app.session.model, app.session.coefficients)
-    order = guided(app.session.model.subject)
+    off = residuals_px(photo, context.session.model, context.session.coefficients)
+    order = guided(context.session.model.subject)
     others = [pin.place for pin in photo.pins if pin.place not in order]
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, 0.0))
     for title, places in (
@@ -188,31 +188,31 @@ def _draw_pins(photos: "Photos", photo: Photo) -> None:
     caption("Any other place: with Set pins on, press on the face with Shift, then on the photo.")
 
 
-def _posed(app: "App", photo: Photo) -> bool:
+def _posed(context: EditorContext, photo: Photo) -> bool:
     """Whether anything was drawn through the photo's camera already."""
-    drawn = (constraint.camera for constraint in app.session.document.constraints)
+    drawn = (constraint.camera for constraint in context.session.document.constraints)
     return any(photo.camera is not None and camera is not None and camera.stands_with(photo.camera) for camera in drawn)
 
 
-def _draw_pin(photos: "Photos", photo: Photo, place: Place, off: float | None) -> None:
+def _draw_pin(photos: "PhotoFeature", photo: Photo, place: Place, off: float | None) -> None:
     """Draw a place of the face in the list: pinned, next, or not pinned."""
-    app, tool = photos.app, photos.tool
+    context, tool = photos.context, photos.tool
     index = photo.pin_of(place)
     row = round(imgui.get_font_size() + em(0.4))
     begin, corner, width = imgui.get_cursor_pos(), imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     imgui.push_id(str(place))
     imgui.set_next_item_allow_overlap()
-    choosing = app.toolbox.chosen is tool
+    choosing = context.toolbox.chosen is tool
     lit = choosing and (tool.place == place or (index is not None and tool.selected == index))
     pressed, _ = imgui.selectable("##pin", lit, 0, ImVec2(width, row))
-    app.marks.note(f"pin:{place}")
+    context.widget_rects.record(f"pin:{place}")
     draw = imgui.get_window_draw_list()
     state = Icon.CHECK if index is not None else Icon.POINT if choosing and tool.place == place else ""
     baseline = corner.y + (row - imgui.get_font_size()) / 2.0
     draw.add_text((corner.x + em(0.1), baseline), u32(FAINT), state)
     tint = imgui.get_color_u32(imgui.Col_.text) if index is not None or lit else u32(FAINT)
-    draw.add_text((corner.x + em(1.4), baseline), tint, place_title(app, place))
-    if pressed and not app.busy:
+    draw.add_text((corner.x + em(1.4), baseline), tint, place_title(context, place))
+    if pressed and not context.busy:
         if index is None:
             photos.place(place)
         else:
@@ -224,12 +224,12 @@ def _draw_pin(photos: "Photos", photo: Photo, place: Place, off: float | None) -
         imgui.set_cursor_pos(ImVec2(begin.x + width - em(1.3), begin.y))
         imgui.push_style_color(imgui.Col_.button, ImVec4(0.0, 0.0, 0.0, 0.0))
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0.0, 0.0))
-        if imgui.button(Icon.CLOSE, ImVec2(em(1.3), row)) and not app.busy:
+        if imgui.button(Icon.CLOSE, ImVec2(em(1.3), row)) and not context.busy:
             photos.look()
-            tool.remove(index, app.viewport)
+            tool.remove(index, context.viewport)
         imgui.pop_style_var()
         imgui.pop_style_color()
-        app.marks.note(f"pin:{place}:delete")
+        context.widget_rects.record(f"pin:{place}:delete")
         tooltip("Remove the pin")
     imgui.set_cursor_pos(ImVec2(begin.x, begin.y + row))
     imgui.pop_id()

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.gui.actions import Action, Submenu
-from faceposer.gui.app import App
+from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.poses.name_dialog import NameDialog
 from faceposer.gui.features.poses.panel import Category, PosesPanel
@@ -91,13 +91,13 @@ class PosesFeature(Feature):
 
     tab = ("Poses", "Expressions, visemes and poses of your own")
 
-    def __init__(self, app: App) -> None:
-        super().__init__(app)
+    def __init__(self, context: EditorContext) -> None:
+        super().__init__(context)
         self.reach = Reach()
         self.category: Category = "all"
         self.filter = ""
-        self.portraits = Portraits(app)
-        self._panel, self._name_dialog = PosesPanel(self), NameDialog(app)
+        self.portraits = Portraits(context)
+        self._panel, self._name_dialog = PosesPanel(self), NameDialog(context)
         self._application: Application | None = None
         self._starters: list[Entry] | None = None
         self._own: tuple[Path, int, list[Entry]] | None = None
@@ -107,10 +107,10 @@ class PosesFeature(Feature):
     @property
     def patience(self) -> float:
         """Seconds for which the loop may sleep."""
-        return 0.0 if self.portraits.waiting and not self.app.toolbox.active else super().patience
+        return 0.0 if self.portraits.waiting and not self.context.toolbox.active else super().patience
 
     @property
-    def covers(self) -> bool:
+    def is_modal(self) -> bool:
         """Whether the question for a name is open."""
         return self._name_dialog.open
 
@@ -118,7 +118,7 @@ class PosesFeature(Feature):
         """Return the menu "Pose"."""
 
         def free() -> bool:
-            return not self.app.busy
+            return not self.context.busy
 
         return (
             Action("pose-save", "Save pose...", "Pose", self.ask_to_save, (), free, help="Keep this face as a pose"),
@@ -167,9 +167,9 @@ class PosesFeature(Feature):
         self._application = None
         self.portraits.forget()
 
-    def follow(self) -> None:
+    def update(self) -> None:
         """Draw a picture that is wanted, unless the user is dragging."""
-        if not self.app.toolbox.active:
+        if not self.context.toolbox.active:
             self.portraits.follow()
 
     def draw_tab(self) -> None:
@@ -189,7 +189,7 @@ class PosesFeature(Feature):
     @property
     def library(self) -> PoseLibrary:
         """The user's poses."""
-        folder = self.app.settings.poses_folder
+        folder = self.context.settings.poses_folder
         return PoseLibrary(Path(folder) if folder else own_folder())
 
     def entries(self) -> list[Entry]:
@@ -203,13 +203,13 @@ class PosesFeature(Feature):
             try:
                 own = library.entries()
             except FacePoserError as error:
-                self.app.dialogs.report("The poses cannot be listed", str(error))
+                self.context.dialogs.report("The poses cannot be listed", str(error))
             self._own = (library.folder, stamp, own)
         return [entry for entry in self._starters if self.weights(entry) is not None] + self._own[2]
 
     def weights(self, entry: Entry) -> Array | None:
         """Return the weights of a pose on this face, shape (S,), or None where it does not fit."""
-        return None if entry.pose is None else weights_on(entry.pose, self.app.session.model.subject)
+        return None if entry.pose is None else weights_on(entry.pose, self.context.session.model.subject)
 
     def shown(self) -> list[Entry]:
         """Return the entries of the chosen category that the filter lets through."""
@@ -227,27 +227,27 @@ class PosesFeature(Feature):
     def application(self) -> Application | None:
         """The pose that was applied last, while the face still starts from it."""
         last = self._application
-        if last is None or last.session is not self.app.session or not np.array_equal(self._start(), last.after):
+        if last is None or last.session is not self.context.session or not np.array_equal(self._start(), last.after):
             return None
         return last
 
     def apply(self, pose: Pose) -> None:
         """Put ``pose`` on the face at full strength; where it is there already, anew with what it is to reach now."""
-        app = self.app
-        if app.busy:
+        context = self.context
+        if context.busy:
             return
-        app.comparing = False
+        context.comparing = False
         last = self.application
         again = last is not None and last.pose == pose
         before = last.before if last is not None and again else self._start()
         # Changes of one and the same application are one step of the history.
-        with app.session.edit(f"Apply {pose.name}", merges=again):
+        with context.session.edit(f"Apply {pose.name}", merges=again):
             self._put(pose, before, self.reach, 1.0)
-        app.redraw()
+        context.redraw()
 
     def apply_flipped(self, pose: Pose) -> None:
         """Put ``pose`` on the face with left and right exchanged."""
-        self._safely(lambda: self.apply(flipped_pose(self.app.session.model, pose)))
+        self._safely(lambda: self.apply(flipped_pose(self.context.session.model, pose)))
 
     def set_strength(self, strength: float) -> None:
         """Change how far the applied pose goes, inside the edit that is open."""
@@ -258,35 +258,37 @@ class PosesFeature(Feature):
     def reset_strength(self) -> None:
         """Let the applied pose go all the way, no further."""
         last = self.application
-        if last is not None and not self.app.busy:
-            with self.app.session.edit(f"Apply {last.pose.name}", merges=True):
+        if last is not None and not self.context.busy:
+            with self.context.session.edit(f"Apply {last.pose.name}", merges=True):
                 self.set_strength(1.0)
 
     def _put(self, pose: Pose, before: Array, reach: Reach, strength: float) -> None:
-        session = self.app.session
+        session = self.context.session
         regions = None if len(reach.regions) == len(REGIONS) else reach.regions
         after = applied(session.model, before, pose, strength, regions, reach.side, reach.blend)
         session.set_start(after)
         self._application = Application(session, pose, before, after, reach, strength)
 
     def _start(self) -> Array:
-        start = self.app.session.document.start
-        return self.app.session.model.neutral() if start is None else start
+        start = self.context.session.document.start
+        return self.context.session.model.neutral() if start is None else start
 
     def mirror(self, source: Literal["left", "right"]) -> None:
         """Make the other side the image of the side ``source``."""
-        self._settle(lambda: mirrored(self.app.session.model, self.app.session.coefficients, source), "Mirror the face")
+        self._settle(
+            lambda: mirrored(self.context.session.model, self.context.session.coefficients, source), "Mirror the face"
+        )
 
     def flip(self) -> None:
         """Exchange left and right."""
-        self._settle(lambda: flipped(self.app.session.model, self.app.session.coefficients), "Flip the face")
+        self._settle(lambda: flipped(self.context.session.model, self.context.session.coefficients), "Flip the face")
 
     def _settle(self, pose: Callable[[], Array], label: str) -> None:
         def settle() -> None:
-            self.app.toolbox.cancel()
-            self.app.comparing = False
-            self.app.session.wait()
-            self.app.session.settle(pose(), label)
+            self.context.toolbox.cancel()
+            self.context.comparing = False
+            self.context.session.wait()
+            self.context.session.settle(pose(), label)
 
         self._safely(settle)
 
@@ -294,7 +296,7 @@ class PosesFeature(Feature):
 
     def ask_to_save(self) -> None:
         """Ask for a name and keep this face under it."""
-        self.app.toolbox.finish()
+        self.context.toolbox.finish()
         self._name_dialog.ask("Save pose", "Save", self._free_name(), self._save)
 
     def ask_to_rename(self, entry: Entry) -> None:
@@ -302,7 +304,7 @@ class PosesFeature(Feature):
 
         def rename(name: str, overwrite: bool) -> None:
             self.library.rename(entry.path, name, overwrite)
-            self.app.notify(f"Renamed to {name}")
+            self.context.notify(f"Renamed to {name}")
 
         self._name_dialog.ask("Rename pose", "Rename", entry.title, rename)
 
@@ -310,13 +312,13 @@ class PosesFeature(Feature):
         """Ask whether this face is to take the place of the one that a pose has."""
 
         def update() -> None:
-            session = self.app.session
+            session = self.context.session
             session.wait()
             tags = () if entry.pose is None else entry.pose.tags
             self.library.update(entry.path, pose_of(session.model, session.coefficients, entry.title, tags))
             self._picture(entry.path)
 
-        self.app.dialogs.ask(
+        self.context.dialogs.ask(
             Question(
                 f"Replace '{entry.title}'?",
                 "It becomes the face as it is now. What it has been is lost.",
@@ -330,7 +332,7 @@ class PosesFeature(Feature):
         def delete() -> None:
             self._safely(lambda: self.library.delete(entry.path))
 
-        self.app.dialogs.ask(
+        self.context.dialogs.ask(
             Question(
                 f"Delete '{entry.title}'?",
                 f"The file {entry.path.name} and its picture are removed. This cannot be undone.",
@@ -343,11 +345,11 @@ class PosesFeature(Feature):
         library = self.library
 
         def choose(folder: Path) -> None:
-            self.app.settings.poses_folder = str(folder.resolve())
+            self.context.settings.poses_folder = str(folder.resolve())
             self.category = "mine"
 
         start = library.folder if library.folder.is_dir() else Path.home()
-        self.app.dialogs_ask(FileRequest("folder", "Folder of your poses", "Folders", (), start, choose))
+        self.context.ask_for_file(FileRequest("folder", "Folder of your poses", "Folders", (), start, choose))
 
     def _save(self, name: str, overwrite: bool) -> None:
         """Keep this face as the pose ``name``, with its picture.
@@ -356,18 +358,18 @@ class PosesFeature(Feature):
             PoseExistsError: If there is one of that name that is not to be replaced.
             FacePoserError: If it cannot be written.
         """
-        session = self.app.session
+        session = self.context.session
         session.wait()
         path = self.library.save(pose_of(session.model, session.coefficients, checked_name(name)), overwrite)
         self._picture(path)
         self.filter = ""
         if self.category != "all":
             self.category = "mine"
-        self.app.notify(f"Saved the pose {name}")
+        self.context.notify(f"Saved the pose {name}")
 
     def _picture(self, path: Path) -> None:
         """Write the picture of the face beside the file ``path`` of its pose."""
-        write_png(path.with_suffix(".png"), self.portraits.draw(self.app.session.coefficients, FILE_SIZE))
+        write_png(path.with_suffix(".png"), self.portraits.draw(self.context.session.coefficients, FILE_SIZE))
         self._own = None
 
     def _free_name(self) -> str:
@@ -379,7 +381,7 @@ class PosesFeature(Feature):
         try:
             do()
         except FacePoserError as error:
-            self.app.dialogs.report("That did not work", str(error))
+            self.context.dialogs.report("That did not work", str(error))
 
 
 def _searched(entry: Entry) -> str:

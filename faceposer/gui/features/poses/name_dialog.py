@@ -1,26 +1,23 @@
 """The question for the name of a pose."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
 from faceposer.errors import FacePoserError
+from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.basic import lit_button
 from faceposer.gui.widgets.theme import ACCENT_DARK, WARNING, em
 from faceposer.poses.library import PoseExistsError
 from faceposer.poses.pose_file import LONGEST_NAME
 
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
-
 
 class NameDialog:
     """Asks for the name of a pose; a name that is taken is not taken away without asking."""
 
-    def __init__(self, app: "App") -> None:
-        """Ask in the window of ``app``."""
-        self._app = app
+    def __init__(self, context: EditorContext) -> None:
+        """Ask in the window of ``context``."""
+        self._context = context
         self._done: Callable[[str, bool], None] | None = None
         self._title = self._verb = self._name = self._problem = ""
         self._exists = False
@@ -63,9 +60,9 @@ class NameDialog:
         imgui.end_popup()
 
     def _draw_content(self) -> None:
-        app = self._app
+        context = self._context
         fresh = imgui.is_window_appearing()
-        imgui.push_font(app.gui.fonts.bold, 0.0)
+        imgui.push_font(context.fonts.bold, 0.0)
         imgui.text_unformatted(self._title)
         imgui.pop_font()
         imgui.dummy((0.0, em(0.2)))
@@ -76,7 +73,7 @@ class NameDialog:
         _, self._name = imgui.input_text_with_hint(
             "##name", "Name of the pose", self._name, imgui.InputTextFlags_.auto_select_all
         )
-        app.marks.note("pose-name:name")
+        context.widget_rects.record("pose-name:name")
         if self._name != before:
             self._problem, self._exists = "", False
         if self._problem:
@@ -90,10 +87,10 @@ class NameDialog:
         imgui.begin_disabled(not self._name.strip() or len(self._name.strip()) > LONGEST_NAME)
         accepted = lit_button("Replace" if self._exists else self._verb, True, ACCENT_DARK, width)
         imgui.end_disabled()
-        app.marks.note("pose-name:accept")
+        context.widget_rects.record("pose-name:accept")
         imgui.same_line()
         cancelled = imgui.button("Cancel", (width, 0.0))
-        app.marks.note("pose-name:cancel")
+        context.widget_rects.record("pose-name:cancel")
         if not fresh:
             entered = any(imgui.is_key_pressed(key, False) for key in (imgui.Key.enter, imgui.Key.keypad_enter))
             accepted |= entered and bool(self._name.strip()) and not self._exists

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 
 from imgui_bundle import ImVec2, imgui
 
-from faceposer.gui.widgets.basic import Marks, action_button, button_width, caption, choice, lit_button, tooltip
+from faceposer.gui.widgets.basic import WidgetRects, action_button, button_width, caption, choice, lit_button, tooltip
 from faceposer.gui.widgets.theme import ACCENT, ACCENT_DARK, FAINT, FIELD, INK, RAISED_MORE, WARNING, Icon, em, u32
 from faceposer.poses.applying import GREATEST_STRENGTH, LEAST_STRENGTH, REGIONS, Array, Blend, Region, Side, misfit
 from faceposer.poses.library import Entry
@@ -59,11 +59,11 @@ class PosesPanel:
 
     def draw(self) -> None:
         """Draw the tab."""
-        poses, app = self._poses, self._poses.app
+        poses, context = self._poses, self._poses.context
         imgui.set_next_item_width(-1.0)
         _, poses.filter = imgui.input_text_with_hint("##poses-filter", "Find a pose", poses.filter)
-        app.marks.note("poses:filter")
-        poses.category = _choice(app.marks, "poses:category", _CATEGORIES, poses.category, by_text=True)
+        context.widget_rects.record("poses:filter")
+        poses.category = _choice(context.widget_rects, "poses:category", _CATEGORIES, poses.category, by_text=True)
         style = imgui.get_style()
         below = 6 * imgui.get_frame_height_with_spacing() + 2.0 * style.item_spacing.y
         height = max(imgui.get_content_region_avail().y - below, em(_LEAST_GRID))
@@ -71,7 +71,7 @@ class PosesPanel:
         self._draw_grid()
         imgui.end_child()
         imgui.separator()
-        imgui.begin_disabled(app.toolbox.active or app.features.busy)
+        imgui.begin_disabled(context.toolbox.active or context.playing)
         self._draw_strength()
         self._draw_reach()
         imgui.end_disabled()
@@ -106,7 +106,7 @@ class PosesPanel:
             caption("The poses that come with the program need the shapes of ARKit, which this face does not have.")
 
     def _draw_cell(self, entry: Entry, side: int) -> None:
-        poses, app = self._poses, self._poses.app
+        poses, context = self._poses, self._poses.context
         fits = poses.weights(entry) is not None
         last = poses.application
         active = last is not None and last.pose == entry.pose
@@ -115,7 +115,7 @@ class PosesPanel:
         size = ImVec2(side, side + imgui.get_text_line_height() + em(0.25))
         pressed = imgui.invisible_button("cell", size)
         seen, hovered = imgui.is_item_visible(), imgui.is_item_hovered()
-        app.marks.note(f"pose:{entry.title}")
+        context.widget_rects.record(f"pose:{entry.title}")
         tooltip(self._tip(entry, fits))
         if seen:
             self._paint_cell(entry, low, side, fits, active, hovered)
@@ -128,7 +128,7 @@ class PosesPanel:
         if entry.pose is None:
             return entry.problem
         if not fits:
-            return misfit(entry.pose, self._poses.app.session.model.subject)
+            return misfit(entry.pose, self._poses.context.session.model.subject)
         return f"{entry.title}. {entry.pose.note}" if entry.pose.note else entry.title
 
     def _paint_cell(self, entry: Entry, low: ImVec2, side: int, fits: bool, active: bool, hovered: bool) -> None:
@@ -157,7 +157,7 @@ class PosesPanel:
         draw.add_text((round(low.x + 0.5 * (side - across)), round(high.y + em(0.1))), colour, name)
 
     def _texture(self, entry: Entry, side: int, fits: bool) -> int | None:
-        poses, app = self._poses, self._poses.app
+        poses, context = self._poses, self._poses.context
         pose = entry.pose
         if pose is None:
             return None
@@ -166,12 +166,12 @@ class PosesPanel:
                 return poses.portraits.of_file(entry.picture, entry.picture.stat().st_mtime_ns)
             except OSError:
                 return None
-        pixels = round(side * app.window.pixels[0] / max(app.window.size[0], 1))
+        pixels = round(side * context.pixel_ratio)
 
         def coefficients() -> Array:
             weights = poses.weights(entry)
             assert weights is not None
-            return app.session.model.coefficients_of(weights)
+            return context.session.model.coefficients_of(weights)
 
         return poses.portraits.of_pose(pose, coefficients, pixels)
 
@@ -197,13 +197,13 @@ class PosesPanel:
                 imgui.separator()
             if imgui.menu_item_simple(label, "", False, enabled):
                 run()
-            poses.app.marks.note(f"pose-menu:{name}")
+            poses.context.widget_rects.record(f"pose-menu:{name}")
         imgui.end_popup()
 
     # How it reaches the face
 
     def _draw_strength(self) -> None:
-        poses, app = self._poses, self._poses.app
+        poses, context = self._poses, self._poses.context
         last = poses.application
         imgui.align_text_to_frame_padding()
         if last is None:
@@ -212,7 +212,7 @@ class PosesPanel:
             reach = f", {last.reach.words}" if last.reach.words else ""
             imgui.text(shortened(f"{last.pose.name}{reach}", imgui.get_content_region_avail().x))
         percent = 100.0 * (1.0 if last is None else last.strength)
-        reset = last is not None and percent != 100.0 and not app.slider_edit.active
+        reset = last is not None and percent != 100.0 and not context.slider_edit.active
         imgui.begin_disabled(last is None)
         imgui.set_next_item_width(-em(2.3) if reset else -1.0)
         changed, value = imgui.slider_float(
@@ -223,10 +223,10 @@ class PosesPanel:
             "Strength %.0f %%",
             imgui.SliderFlags_.clamp_on_input,
         )
-        app.marks.note("poses:strength")
+        context.widget_rects.record("poses:strength")
         if last is not None:
-            app.slider_edit.follow(
-                app.session,
+            context.slider_edit.follow(
+                context.session,
                 "pose-strength",
                 f"Apply {last.pose.name}",
                 changed,
@@ -239,19 +239,19 @@ class PosesPanel:
             imgui.same_line()
             if imgui.button(f"{Icon.UNDO}##strength", (em(1.8), 0.0)):
                 poses.reset_strength()
-            app.marks.note("poses:strength-reset")
+            context.widget_rects.record("poses:strength-reset")
             tooltip("Back to 100 %")
 
     def _draw_reach(self) -> None:
-        poses, marks = self._poses, self._poses.app.marks
+        poses, rects = self._poses, self._poses.context.widget_rects
         regions = self._draw_regions(poses.reach.regions)
-        side = _choice(marks, "poses:side", _SIDES, poses.reach.side)
-        blend = _choice(marks, "poses:blend", _BLENDS, poses.reach.blend)
+        side = _choice(rects, "poses:side", _SIDES, poses.reach.side)
+        blend = _choice(rects, "poses:blend", _BLENDS, poses.reach.blend)
         poses.reach = replace(poses.reach, regions=regions, side=side, blend=blend)
 
     def _draw_regions(self, regions: frozenset[Region]) -> frozenset[Region]:
         """Draw the switches of the regions and return those that are on now; all are, where none would be."""
-        app = self._poses.app
+        context = self._poses.context
         everything = frozenset(REGIONS)
         gap = max(round(em(0.1)), 1)
         width = (imgui.get_content_region_avail().x - gap * len(REGIONS)) / (len(REGIONS) + 1)
@@ -259,7 +259,7 @@ class PosesPanel:
         chosen = regions
         if lit_button("Face##region", regions == everything, ACCENT_DARK, width):
             chosen = everything
-        app.marks.note("poses:region:all")
+        context.widget_rects.record("poses:region:all")
         tooltip("The next pose reaches the whole face.")
         for region in REGIONS:
             imgui.same_line(0.0, gap)
@@ -267,29 +267,29 @@ class PosesPanel:
             if lit_button(f"{region.title()}##region", on, ACCENT_DARK, width):
                 # The first one that is pressed stands alone, more join it.
                 chosen = frozenset((region,)) if regions == everything else regions ^ {region}
-            app.marks.note(f"poses:region:{region}")
+            context.widget_rects.record(f"poses:region:{region}")
             tooltip(f"The next pose reaches {_REGION_TIPS[region]}, and the other regions that are lit.")
         imgui.pop_style_var()
         return chosen or everything
 
     def _draw_buttons(self) -> None:
-        poses, app = self._poses, self._poses.app
+        poses, context = self._poses, self._poses.context
         width = button_width(3)
-        action_button(app.marks, app.actions["pose-save"], width, "Save...")
+        action_button(context.widget_rects, context.actions["pose-save"], width, "Save...")
         imgui.same_line()
         mirror = "pose-mirror-right" if poses.reach.side == "right" else "pose-mirror"
-        action_button(app.marks, app.actions[mirror], width, "Mirror")
+        action_button(context.widget_rects, context.actions[mirror], width, "Mirror")
         imgui.same_line()
-        action_button(app.marks, app.actions["pose-flip"], width, "Flip")
+        action_button(context.widget_rects, context.actions["pose-flip"], width, "Flip")
 
 
 def _choice(
-    marks: Marks, name: str, rows: Sequence[tuple[_Name, str, str]], value: _Name, by_text: bool = False
+    rects: WidgetRects, name: str, rows: Sequence[tuple[_Name, str, str]], value: _Name, by_text: bool = False
 ) -> _Name:
     """Draw a row of buttons of which one is down, and return the name of the one that is now."""
     names = [row[0] for row in rows]
     labels, tips = [row[1] for row in rows], [row[2] for row in rows]
-    return names[choice(marks, name, labels, names.index(value), tips, by_text)]
+    return names[choice(rects, name, labels, names.index(value), tips, by_text)]
 
 
 def shortened(text: str, width: float) -> str:

@@ -3,17 +3,14 @@
 import contextlib
 from collections.abc import Callable, Hashable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from faceposer.gui.context import EditorContext
 from faceposer.poses.portrait import portrait_view
-
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
 
 # Drawn so many times as large each way and averaged: without a GPU that takes half as long as multisampling.
 _FINER = 2
@@ -29,9 +26,9 @@ Array = NDArray[np.float64]
 class Portraits:
     """Pictures as textures, kept until another face is shown."""
 
-    def __init__(self, app: "App") -> None:
-        """Draw by the scene of ``app``."""
-        self._app = app
+    def __init__(self, context: EditorContext) -> None:
+        """Draw by the scene of ``context``."""
+        self._context = context
         self._kept: dict[Hashable, moderngl.Texture | None] = {}
         self._wanted: dict[Hashable, Callable[[], NDArray[np.uint8] | None]] = {}
         self._old: list[moderngl.Texture | None] = []
@@ -43,7 +40,7 @@ class Portraits:
 
     def of_pose(self, key: Hashable, pose: Callable[[], Array], size: int) -> int | None:
         """Return the texture with the picture of the coefficients that ``pose`` gives, or None until it is drawn."""
-        drawn = (key, size, self._app.scene.expression_lines)
+        drawn = (key, size, self._context.scene.expression_lines)
         return self._get(drawn, lambda: self.draw(pose(), size))
 
     def of_file(self, path: Path, stamp: int) -> int | None:
@@ -52,8 +49,8 @@ class Portraits:
 
     def draw(self, coefficients: Array, size: int) -> NDArray[np.uint8]:
         """Return the picture of a pose, shape (size, size, 3)."""
-        camera = portrait_view(self._app.session.model.subject).camera((_FINER * size, _FINER * size))
-        fine = self._app.scene.portrait(coefficients, camera, 0)
+        camera = portrait_view(self._context.session.model.subject).camera((_FINER * size, _FINER * size))
+        fine = self._context.scene.portrait(coefficients, camera, 0)
         blocks = fine.reshape(size, _FINER, size, _FINER, 3).astype(np.float32)
         return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
 
@@ -72,10 +69,10 @@ class Portraits:
             return
         key = next(iter(self._wanted))
         picture = self._wanted.pop(key)()
-        self._kept[key] = None if picture is None else _texture(self._app.window.ctx, picture)
+        self._kept[key] = None if picture is None else _texture(self._context.gl, picture)
         while len(self._kept) > _MOST_KEPT:
             self._old.append(self._kept.pop(next(iter(self._kept))))
-        self._app.redraw(2)
+        self._context.redraw(2)
 
     def forget(self) -> None:
         """Show none of the pictures any more."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from imgui_bundle import ImVec2, imgui
@@ -11,15 +10,13 @@ from numpy.typing import NDArray
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.gui.actions import Action
+from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.overlays.pins import draw_label
 from faceposer.gui.widgets.theme import EDGE, INK, WARNING, u32
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.reach import HARDLY_MOVES, Reach, reach_of
 from faceposer.tools.tool import Hover
-
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
 
 Array = NDArray[np.float64]
 Pixel = tuple[float, float]
@@ -64,12 +61,12 @@ class PointRange:
         return length > 1e-6 and length > _BEYOND * float(self.reach.pixels((pull / length)[None])[0])
 
 
-class RangeMarks(Feature):
+class RangeMarksFeature(Feature):
     """The range of the point under the pointer, worked out only when the pointer comes to another triangle."""
 
-    def __init__(self, app: "App") -> None:
-        """Serve ``app``."""
-        super().__init__(app)
+    def __init__(self, context: EditorContext) -> None:
+        """Serve ``context``."""
+        super().__init__(context)
         self._key: tuple[object, ...] = ()
         self._range: PointRange | None = None
         self._start: tuple[tuple[object, ...], Array] | None = None
@@ -79,7 +76,7 @@ class RangeMarks(Feature):
     @property
     def shown(self) -> bool:
         """Whether the outline is drawn around the pointer."""
-        return self.app.settings.range_marks
+        return self.context.settings.range_marks
 
     def actions(self) -> Sequence[Action]:
         """Return the entry of the menu "View"."""
@@ -96,7 +93,7 @@ class RangeMarks(Feature):
         ]
 
     def _toggle(self) -> None:
-        self.app.settings.range_marks = not self.shown
+        self.context.settings.range_marks = not self.shown
 
     def session_changed(self) -> None:
         """Forget the range of a point of another face."""
@@ -107,8 +104,8 @@ class RangeMarks(Feature):
     @property
     def _pulled(self) -> PointConstraint | None:
         """The point that is dragged now; None where none or several are."""
-        toolbox = self.app.toolbox
-        constraints = self.app.session.document.constraints
+        toolbox = self.context.toolbox
+        constraints = self.context.session.document.constraints
         if not toolbox.drags_points:
             return None
         found = [constraints[i] for i in toolbox.selection]
@@ -120,7 +117,7 @@ class RangeMarks(Feature):
         """Whether a point lies under the pointer or is dragged."""
         return self._range is not None
 
-    def follow(self) -> None:
+    def update(self) -> None:
         """Look at what lies under the pointer, or is dragged, if that has changed."""
         point, camera = self._looked_at()
         if point is None:
@@ -133,26 +130,26 @@ class RangeMarks(Feature):
         if key == self._key:
             return
         self._key, self._range = key, self._range_of(point, camera)
-        hover = self.app.toolbox.hover
+        hover = self.context.toolbox.hover
         if hover is not None:
             self._picked_at = hover.position
 
     def _looked_at(self) -> tuple[SurfacePoint | int | None, Camera]:
         """Return the point that is dragged or lies under the pointer, and where it is seen."""
-        app, toolbox = self.app, self.app.toolbox
-        pulled, hover = self._pulled, self.app.toolbox.hover
+        context, toolbox = self.context, self.context.toolbox
+        pulled, hover = self._pulled, self.context.toolbox.hover
         if pulled is not None:
             return pulled.anchor, pulled.camera
-        quiet = toolbox.active or app.comparing or app.covered
+        quiet = toolbox.active or context.comparing or context.is_modal
         if hover is None or quiet or toolbox.chosen is not toolbox.point_tool:
-            return None, app.viewport.camera
-        return self._under_pointer(hover, app.viewport.camera)
+            return None, context.viewport.camera
+        return self._under_pointer(hover, context.viewport.camera)
 
     def _under_pointer(self, hover: Hover, camera: Camera) -> tuple[SurfacePoint | int | None, Camera]:
         """Return the point whose range is shown, and where it is seen: that of the face, or of a pin of this view."""
         if hover.pin is None:
             return hover.point, camera
-        constraints = self.app.session.document.constraints
+        constraints = self.context.session.document.constraints
         # Undo may have taken it away since the pointer last moved.
         constraint = constraints[hover.pin] if hover.pin < len(constraints) else None
         if isinstance(constraint, PointConstraint) and constraint.camera == camera:
@@ -160,15 +157,15 @@ class RangeMarks(Feature):
         return None, camera
 
     def _start_key(self) -> tuple[object, ...]:
-        document = self.app.session.document
+        document = self.context.session.document
         gazes = tuple(c for c in document.constraints if c.kind == "gaze")
-        return (self.app.session.model, id(document.start), gazes)
+        return (self.context.session.model, id(document.start), gazes)
 
     def _start_pose(self) -> Array:
         """Return the pose that pulls start from, shape (r,), with the eyes where they look."""
         key = self._start_key()
         if self._start is None or self._start[0] != key:
-            session = self.app.session
+            session = self.context.session
             pose = session.model.neutral() if session.document.start is None else session.document.start
             for constraint in session.document.constraints:
                 if constraint.enabled:
@@ -178,7 +175,7 @@ class RangeMarks(Feature):
 
     def _range_of(self, point: SurfacePoint | int, camera: Camera) -> PointRange:
         self.computed += 1
-        model, points, start = self.app.session.model, SurfacePoints.of([point]), self._start_pose()
+        model, points, start = self.context.session.model, SurfacePoints.of([point]), self._start_pose()
         reach = reach_of(model, start, points, camera)
         rows, neutral = model.rows_of(points)
         origin = camera.project(neutral + rows @ start)[0]
@@ -200,10 +197,10 @@ class RangeMarks(Feature):
 
     def draw_over(self, draw: imgui.ImDrawList) -> None:
         """Draw the range of the point under the pointer, or the border that a dragged point has come to."""
-        found, viewport = self._range, self.app.viewport
-        if found is None or self.app.comparing:
+        found, viewport = self._range, self.context.viewport
+        if found is None or self.context.comparing:
             return
-        pulled, hover = self._pulled, self.app.toolbox.hover
+        pulled, hover = self._pulled, self.context.toolbox.hover
         if pulled is not None:
             if found.fixed:
                 draw_label(draw, viewport, self._in_view(pulled), HARDLY_MOVES_TEXT)
@@ -215,11 +212,11 @@ class RangeMarks(Feature):
             self._draw_outline(draw, found, shift)
 
     def _in_view(self, pulled: PointConstraint) -> Pixel:
-        target = pulled.camera.transferred(pulled.target, self.app.viewport.camera)
+        target = pulled.camera.transferred(pulled.target, self.context.viewport.camera)
         return pulled.target if target is None else target
 
     def _draw_outline(self, draw: imgui.ImDrawList, found: PointRange, shift: Array) -> None:
-        scale = self.app.viewport.ui_scale
+        scale = self.context.viewport.ui_scale
         size = float(np.hypot(*(found.outline - found.origin).T).max())
         if found.fixed or size < _SMALLEST * scale:
             return
@@ -231,7 +228,7 @@ class RangeMarks(Feature):
 
     def _draw_border(self, draw: imgui.ImDrawList, found: PointRange, target: Pixel) -> None:
         """Draw the border of the range where the pull towards ``target`` leaves it."""
-        scale = self.app.viewport.ui_scale
+        scale = self.context.viewport.ui_scale
         angle = np.arctan2(*(np.asarray(target) - found.origin)[::-1])
         fan = angle + np.linspace(-1.0, 1.0, 15) * _SECTOR
         border = found.reach.border(0, np.stack([np.cos(fan), np.sin(fan)], axis=1))
@@ -240,5 +237,5 @@ class RangeMarks(Feature):
         draw.add_polyline(corners, u32(WARNING, 0.9), 2.0 * scale, 0)
 
     def _placed(self, pixels: Array) -> list[ImVec2 | tuple[int | float, int | float] | list[int | float]]:
-        left, top = self.app.viewport.origin
+        left, top = self.context.viewport.origin
         return [ImVec2(u + left, v + top) for u, v in pixels.tolist()]

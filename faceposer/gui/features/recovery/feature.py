@@ -2,84 +2,89 @@
 
 import math
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
 from faceposer.errors import FacePoserError
+from faceposer.gui.context import EditorContext
+from faceposer.gui.feature import Feature
 from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.session.autosave import Journal, Orphan, autosave_dir, find_orphans
 
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
 
+class RecoveryFeature(Feature):
+    """The window's journal, and the journals that wait to be offered.
 
-class Recovery:
-    """The window's journal, and the journals that wait to be offered."""
+    Attributes:
+        keeps: Whether unsaved work stays on the disk when the window closes, to be offered at the next start.
+    """
 
-    def __init__(self, app: "App", on: bool) -> None:
-        """Serve ``app``; unless ``on``, nothing is written and nothing is offered."""
-        self._app = app
+    def __init__(self, context: EditorContext) -> None:
+        """Serve ``context``; unless it keeps a journal, nothing is written and nothing is offered."""
+        super().__init__(context)
+        self.keeps = True
         self._journal: Journal | None = None
         self._waiting: list[Orphan] = []
         self._claimed: list[Orphan] = []
         self._told = False
-        if not on:
+        if not context.keeps_journal:
             return
         self._journal = Journal(autosave_dir(), self._clock)
         found = find_orphans(autosave_dir())
         self._waiting = list(found.orphans)
         self._claimed = list(found.orphans)
         for path in found.damaged:
-            app.dialogs.report(
+            context.dialogs.report(
                 "Earlier work cannot be recovered", f"What the program kept of it is damaged; it now lies in '{path}'."
             )
 
     def _clock(self) -> float:
         # Who plays events brings a clock later.
-        return self._app.window.clock()
+        return self.context.clock()
 
     @property
     def patience(self) -> float:
         """For how many seconds there is nothing to do."""
         return math.inf if self._journal is None else self._journal.patience
 
-    def follow(self) -> None:
+    def update(self) -> None:
         """Keep what was done, and offer the next orphan once nothing else is asked."""
-        app = self._app
+        context = self.context
         if self._journal is None:
             return
-        if self._waiting and not (app.dialogs.open or app.file_dialogs.open or app.importing.open or app.busy):
+        if self._waiting and not (
+            context.dialogs.open or context.file_dialogs.open or context.is_modal or context.busy
+        ):
             self._offer(self._waiting.pop(0))
         try:
-            self._journal.follow(app.session, app.viewport.camera)
+            self._journal.follow(context.session, context.viewport.camera)
         except FacePoserError as error:
             # Once is enough: it is tried again and again.
             if not self._told:
                 self._told = True
-                app.dialogs.report("Unsaved work would not survive a crash", f"{error} Save often.")
+                context.dialogs.report("Unsaved work would not survive a crash", f"{error} Save often.")
 
     def rescue(self) -> str:
         """Bring the disk up to date, and say where unsaved work is."""
-        session = self._app.session
+        session = self.context.session
         if not session.dirty:
             return "nothing is lost."
         if self._journal is None:
             return "what was not saved is lost."
         try:
-            self._journal.flush(session, self._app.viewport.camera)
+            self._journal.flush(session, self.context.viewport.camera)
         except FacePoserError as error:
             return f"your work could not be saved either: {error}"
         return "your work is kept, and will be offered when you start Face Poser again."
 
-    def close(self, keep: bool) -> None:
-        """End; with ``keep`` leave unsaved work to be offered at the next start."""
+    def close(self) -> None:
+        """End, and leave unsaved work to be offered at the next start if it ``keeps`` it."""
         for orphan in self._claimed:
             orphan.release()
         if self._journal is None:
             return
-        if keep:
+        if self.keeps:
             with suppress(FacePoserError):
-                self._journal.flush(self._app.session, self._app.viewport.camera)
-        self._journal.close(keep)
+                self._journal.flush(self.context.session, self.context.viewport.camera)
+        self._journal.close(self.keeps)
 
     def _offer(self, orphan: Orphan) -> None:
         text = (
@@ -89,25 +94,25 @@ class Recovery:
         if orphan.outdated:
             text += f" {orphan.name} has been saved again since then, with something else."
         name = orphan.name if orphan.path is not None else f"the unsaved pose of '{orphan.name}'"
-        self._app.dialogs.ask(
+        self.context.dialogs.ask(
             Question(
                 f"Recover {name}?",
                 text,
                 (
-                    Choice("Recover", lambda: self._app.files.guard(lambda: self._recover(orphan))),
+                    Choice("Recover", lambda: self.context.guard_changes(lambda: self._recover(orphan))),
                     Choice("Discard", orphan.remove),
                     Choice("Later", orphan.release),
                 ),
             )
         )
-        self._app.redraw()
+        self.context.redraw()
 
     def _recover(self, orphan: Orphan) -> None:
         """Edit what ``orphan`` holds; it is deleted once the work is in our own journal."""
-        app = self._app
-        if not app.files.show(orphan.open, "This cannot be recovered", " It is kept for the next start."):
+        context = self.context
+        if not context.show_session(orphan.open, "This cannot be recovered", " It is kept for the next start."):
             orphan.release()
             return
         if self._journal is not None:
-            self._journal.flush(app.session, app.viewport.camera)
+            self._journal.flush(context.session, context.viewport.camera)
         orphan.remove()

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 from faceposer.gui.actions import Action
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.timeline.feature import Timeline
+    from faceposer.gui.features.timeline.feature import TimelineFeature
 
 _MENU = "Animate"
 
 
-def build_timeline_actions(timeline: "Timeline") -> list[Action]:
+def build_timeline_actions(timeline: "TimelineFeature") -> list[Action]:
     """Return the actions of ``timeline``, in the order of its menu."""
 
     def free() -> bool:
@@ -71,7 +71,7 @@ def build_timeline_actions(timeline: "Timeline") -> list[Action]:
             "Auto key",
             _MENU,
             timeline.toggle_auto_key,
-            checked=lambda: timeline.app.settings.auto_key,
+            checked=lambda: timeline.context.settings.auto_key,
             help="Once there is a key and the timeline is shown, each change of the face becomes the key at its frame",
         ),
         Action(
@@ -108,7 +108,7 @@ def build_timeline_actions(timeline: "Timeline") -> list[Action]:
     ]
 
 
-def _frame_actions(timeline: "Timeline", has_keys: Callable[[], bool]) -> list[Action]:
+def _frame_actions(timeline: "TimelineFeature", has_keys: Callable[[], bool]) -> list[Action]:
     def reachable() -> bool:
         return timeline.reachable
 

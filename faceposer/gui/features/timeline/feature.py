@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 
 from faceposer.animation.keyframes import LONGEST, Key, Keyframes
 from faceposer.gui.actions import Action, Submenu
+from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.timeline.actions import build_timeline_actions
 from faceposer.gui.features.timeline.panel import draw_timeline, timeline_height
 from faceposer.gui.features.timeline.track import Track
 
 if TYPE_CHECKING:
-    from faceposer.gui.app import App
     from faceposer.session.animating import Animating
 
 
-class Timeline(Feature):
+class TimelineFeature(Feature):
     """The strip beneath the view, and what its menu does.
 
     Attributes:
@@ -24,9 +24,9 @@ class Timeline(Feature):
         track: The ruler and the keys as they are drawn.
     """
 
-    def __init__(self, app: "App") -> None:
-        """Serve ``app``."""
-        super().__init__(app)
+    def __init__(self, context: EditorContext) -> None:
+        """Serve ``context``."""
+        super().__init__(context)
         self.shown = False
         self.track = Track(self)
         self._selected: frozenset[int] = frozenset()
@@ -41,7 +41,7 @@ class Timeline(Feature):
     @property
     def animation(self) -> "Animating":
         """What is done with the keys of the session that is edited."""
-        return self.app.session.animation
+        return self.context.session.animation
 
     @property
     def keyframes(self) -> Keyframes:
@@ -51,12 +51,12 @@ class Timeline(Feature):
     @property
     def free(self) -> bool:
         """Whether keys may be changed now: nothing is being dragged, and nothing plays."""
-        return not (self.app.busy or self.track.active)
+        return not (self.context.busy or self.track.active)
 
     @property
     def reachable(self) -> bool:
         """Whether another frame may be shown now, which also ends playing."""
-        return not (self.app.toolbox.active or self.app.session.editing)
+        return not (self.context.toolbox.active or self.context.session.editing)
 
     # The feature
 
@@ -76,7 +76,7 @@ class Timeline(Feature):
         if self._begun is None:
             return math.inf
         begun, _first = self._begun
-        keyframes, elapsed = self.keyframes, self.app.window.clock() - begun
+        keyframes, elapsed = self.keyframes, self.context.clock() - begun
         passed = math.floor(elapsed * keyframes.rate)
         return max((passed + 1) / keyframes.rate - elapsed, 0.0)
 
@@ -108,16 +108,16 @@ class Timeline(Feature):
         """Stop: a press on the view means the face that is there."""
         self.stop()
 
-    def follow(self) -> None:
+    def update(self) -> None:
         """Show the frame that is due, and come into sight with the first key."""
-        app = self.app
+        context = self.context
         has_keys = bool(self.keyframes.keys)
         if has_keys and not self._had_keys:
             self.shown = True
         self._had_keys = has_keys
-        self.animation.auto_key = app.settings.auto_key and self.shown
-        pins, self._pins_selected = self._pins_selected, app.toolbox.selection
-        if app.toolbox.selection - pins:
+        self.animation.auto_key = context.settings.auto_key and self.shown
+        pins, self._pins_selected = self._pins_selected, context.toolbox.selection
+        if context.toolbox.selection - pins:
             self._selected = frozenset()
         if self.playing:
             self._follow_clock()
@@ -138,25 +138,25 @@ class Timeline(Feature):
             return
         if self.animation.frame >= last:
             self.go_to(0)
-        self.app.comparing = False
-        self._begun = (self.app.window.clock(), self.animation.frame)
-        self.app.redraw()
+        self.context.comparing = False
+        self._begun = (self.context.clock(), self.animation.frame)
+        self.context.redraw()
 
     def stop(self) -> None:
         """Stay at the frame that is shown."""
         if self.playing:
             self._begun = None
-            self.app.redraw()
+            self.context.redraw()
 
     def _follow_clock(self) -> None:
         assert self._begun is not None
-        app = self.app
-        if app.toolbox.posing or app.session.editing or not self.keyframes.keys or app.covered:
+        context = self.context
+        if context.toolbox.posing or context.session.editing or not self.keyframes.keys or context.is_modal:
             self.stop()
             return
         begun, first = self._begun
         keyframes = self.keyframes
-        frame = first + math.floor((self.app.window.clock() - begun) * keyframes.rate)
+        frame = first + math.floor((self.context.clock() - begun) * keyframes.rate)
         if frame >= keyframes.length:
             if keyframes.loop:
                 frame %= keyframes.length
@@ -170,20 +170,20 @@ class Timeline(Feature):
     def go_to(self, frame: int | None) -> None:
         """Show ``frame``, at least the first; nothing happens for None, or while something is dragged."""
         self.stop()
-        self.app.slider_edit.let_go()
+        self.context.slider_edit.let_go()
         if frame is None or not self.reachable:
             return
-        self.app.comparing = False
+        self.context.comparing = False
         left = self.animation.frame
         if self._show(frame):
-            undo = self.app.actions["undo"].shortcut
-            self.app.notify(f"The pose at frame {left + 1} had no key; {undo} brings it back")
+            undo = self.context.actions["undo"].shortcut
+            self.context.notify(f"The pose at frame {left + 1} had no key; {undo} brings it back")
 
     def _show(self, frame: int) -> bool:
         if frame == self.animation.frame:
             return False
         lost = self.animation.go_to(frame)
-        self.app.redraw()
+        self.context.redraw()
         return lost
 
     def step(self, by: int) -> None:
@@ -201,9 +201,9 @@ class Timeline(Feature):
         """Select the keys at ``frames``, and no constraint any more."""
         self._selected = frozenset(frames)
         if self._selected:
-            self.app.toolbox.bench.selection.set()
+            self.context.toolbox.bench.selection.set()
             self._pins_selected = frozenset()
-        self.app.redraw()
+        self.context.redraw()
 
     @property
     def selects(self) -> bool:
@@ -220,7 +220,7 @@ class Timeline(Feature):
         self.stop()
         self.shown = True
         self.animation.set_key()
-        self.app.redraw()
+        self.context.redraw()
 
     def delete_selected(self) -> None:
         """Remove the keys that are selected."""
@@ -250,7 +250,7 @@ class Timeline(Feature):
         """Remember the keys that are selected, or the one at the frame that is shown."""
         frames = self.targets
         self._copied = tuple(key for key in self.keyframes.keys if key.frame in frames)
-        self.app.notify(f"Copied {counted(frames)}")
+        self.context.notify(f"Copied {counted(frames)}")
 
     def paste(self) -> None:
         """Add the keys that were copied, the first of them at the frame that is shown."""
@@ -266,17 +266,17 @@ class Timeline(Feature):
     def change(self, keyframes: Keyframes, label: str, merges: bool = False) -> None:
         """Exchange the animation as one step, unless something is being dragged; see ``Animating.change``."""
         self.stop()
-        self.app.slider_edit.let_go()
+        self.context.slider_edit.let_go()
         if self.reachable:
             self.animation.change(keyframes, label, merges)
-            self.app.redraw()
+            self.context.redraw()
 
     # The strip
 
     def toggle_auto_key(self) -> None:
         """Let changed poses become keys by themselves, or not."""
-        self.app.settings.auto_key = not self.app.settings.auto_key
-        self.app.redraw()
+        self.context.settings.auto_key = not self.context.settings.auto_key
+        self.context.redraw()
 
     def present(self) -> None:
         """Show another animation: the strip, all of its frames, and nothing selected."""
@@ -284,13 +284,13 @@ class Timeline(Feature):
         self.shown = True
         self._selected = frozenset()
         self.track.reset()
-        self.app.redraw()
+        self.context.redraw()
 
     def toggle(self) -> None:
         """Show the strip, or hide it."""
         self.stop()
         self.shown = not self.shown
-        self.app.redraw()
+        self.context.redraw()
 
 
 def counted(keys: Collection[object]) -> str:

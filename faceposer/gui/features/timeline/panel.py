@@ -22,7 +22,7 @@ from faceposer.gui.widgets.theme import (
 )
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.timeline.feature import Timeline
+    from faceposer.gui.features.timeline.feature import TimelineFeature
     from faceposer.session.animating import Shown
 
 _RATES = (24.0, 25.0, 30.0, 50.0, 60.0)
@@ -52,7 +52,7 @@ def timeline_height() -> float:
     return round(imgui.get_frame_height() + track_height() + em(2 * _PAD))
 
 
-def draw_timeline(timeline: "Timeline") -> None:
+def draw_timeline(timeline: "TimelineFeature") -> None:
     """Draw the strip into the current window."""
     pad = em(_PAD)
     imgui.set_cursor_pos(ImVec2(em(0.6), pad))
@@ -65,8 +65,8 @@ def draw_timeline(timeline: "Timeline") -> None:
     imgui.pop_style_var()
 
 
-def _icon_button(timeline: "Timeline", name: str, icon: str, on: bool = False, wide: float = 1.9) -> None:
-    action = timeline.app.actions[name]
+def _icon_button(timeline: "TimelineFeature", name: str, icon: str, on: bool = False, wide: float = 1.9) -> None:
+    action = timeline.context.actions[name]
     imgui.push_style_color(imgui.Col_.button, ImVec4(*ACCENT_DARK) if on else ImVec4(0.0, 0.0, 0.0, 0.0))
     imgui.push_style_color(imgui.Col_.button_hovered, ImVec4(*(ACCENT_MID if on else RAISED_MORE)))
     imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0.0, imgui.get_style().frame_padding.y))
@@ -76,14 +76,14 @@ def _icon_button(timeline: "Timeline", name: str, icon: str, on: bool = False, w
     imgui.end_disabled()
     imgui.pop_style_var()
     imgui.pop_style_color(2)
-    timeline.app.marks.note(name)
+    timeline.context.widget_rects.record(name)
     # While it plays, one watches.
     if not timeline.playing:
         tooltip(action.tooltip)
     imgui.same_line(0.0, em(0.15))
 
 
-def _draw_buttons(timeline: "Timeline") -> None:
+def _draw_buttons(timeline: "TimelineFeature") -> None:
     wide = _room() > _NO_ENDS
     if wide:
         _icon_button(timeline, "first-frame", Icon.FIRST)
@@ -97,16 +97,16 @@ def _draw_buttons(timeline: "Timeline") -> None:
     imgui.same_line(0.0, em(0.9))
 
 
-def _draw_fields(timeline: "Timeline") -> None:
+def _draw_fields(timeline: "TimelineFeature") -> None:
     """Draw the frame that is shown, the length and the rate, as far as there is room."""
-    marks = timeline.app.marks
+    rects = timeline.context.widget_rects
     imgui.begin_disabled(not timeline.reachable)
     imgui.set_next_item_width(em(3.9))
     flags = imgui.SliderFlags_.always_clamp.value
     changed, frame = imgui.drag_int("##frame", timeline.animation.frame + 1, 0.2, 1, LONGEST, "%d", flags)
     if changed:
         timeline.go_to(frame - 1)
-    marks.note("frame-shown")
+    rects.record("frame-shown")
     tooltip("The frame that is shown: drag, or double-click to type a number")
     imgui.same_line()
     if _room() > _NO_LENGTH:
@@ -117,8 +117,8 @@ def _draw_fields(timeline: "Timeline") -> None:
     imgui.same_line(0.0, em(0.9))
 
 
-def _draw_length(timeline: "Timeline") -> None:
-    keyframes, marks = timeline.keyframes, timeline.app.marks
+def _draw_length(timeline: "TimelineFeature") -> None:
+    keyframes, rects = timeline.keyframes, timeline.context.widget_rects
     imgui.align_text_to_frame_padding()
     imgui.text_colored(FAINT, "of")
     imgui.same_line()
@@ -127,31 +127,31 @@ def _draw_length(timeline: "Timeline") -> None:
     changed, length = imgui.drag_int("##length", keyframes.length, 0.2, 1, LONGEST, "%d", flags)
     if changed:
         timeline.change(replace(keyframes, length=length), "Change the length", merges=True)
-    marks.note("length")
+    rects.record("length")
     tooltip(f"How many frames are played, {keyframes.length / keyframes.rate:.2f} s: drag, or double-click to type")
     imgui.same_line()
 
 
-def _draw_rate(timeline: "Timeline") -> None:
-    keyframes, marks = timeline.keyframes, timeline.app.marks
+def _draw_rate(timeline: "TimelineFeature") -> None:
+    keyframes, rects = timeline.keyframes, timeline.context.widget_rects
     imgui.set_next_item_width(em(5.6))
     opened = imgui.begin_combo("##rate", f"{keyframes.rate:g} fps")
-    marks.note("rate")
+    rects.record("rate")
     if not opened:
         tooltip("Frames per second; keys stay at their frames")
     else:
         for rate in sorted({*_RATES, keyframes.rate}):
             pressed, _ = imgui.selectable(f"{rate:g} fps", rate == keyframes.rate)
-            marks.note(f"rate:{rate:g}")
+            rects.record(f"rate:{rate:g}")
             if pressed:
                 timeline.change(replace(keyframes, rate=rate), "Change the frame rate", merges=True)
         imgui.end_combo()
 
 
-def _draw_state(timeline: "Timeline") -> None:
+def _draw_state(timeline: "TimelineFeature") -> None:
     """Draw the buttons that make keys, and what the face on the screen is."""
-    app = timeline.app
-    action = app.actions["set-key"]
+    context = timeline.context
+    action = context.actions["set-key"]
     shown = timeline.animation.shown
     imgui.begin_disabled(not action.enabled())
     words, colour, meaning = _SHOWN[shown]
@@ -162,14 +162,14 @@ def _draw_state(timeline: "Timeline") -> None:
     if pressed:
         action.run()
     imgui.end_disabled()
-    app.marks.note("set-key")
+    context.widget_rects.record("set-key")
     tooltip(f"{action.tooltip}\n{meaning}")
     imgui.same_line()
-    _icon_button(timeline, "auto-key", "Auto", app.settings.auto_key, 3.0)
+    _icon_button(timeline, "auto-key", "Auto", context.settings.auto_key, 3.0)
     imgui.same_line(0.0, em(0.6))
     if imgui.calc_text_size(words).x > imgui.get_content_region_avail().x:
         return
     imgui.align_text_to_frame_padding()
     imgui.text_colored(colour, words)
-    app.marks.note("shown")
+    context.widget_rects.record("shown")
     tooltip(meaning)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from faceposer.gui.widgets.theme import ACCENT, BAR, EDGE, FAINT, INK, KEYED, em, u32
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.timeline.feature import Timeline
+    from faceposer.gui.features.timeline.feature import TimelineFeature
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -47,7 +47,7 @@ class Track:
         hint: What the mouse will do here, or "" while it is elsewhere.
     """
 
-    def __init__(self, timeline: "Timeline") -> None:
+    def __init__(self, timeline: "TimelineFeature") -> None:
         """Show ``timeline``."""
         self._timeline = timeline
         self.hint = ""
@@ -99,11 +99,11 @@ class Track:
     def draw(self, width: float, height: float) -> None:
         """Draw ruler and keys, and do what the mouse asks for."""
         timeline = self._timeline
-        scale = timeline.app.window.ui_scale
+        scale = timeline.context.viewport.ui_scale
         corner = imgui.get_cursor_screen_pos()
         flags = imgui.ButtonFlags_.mouse_button_left | imgui.ButtonFlags_.mouse_button_middle
         imgui.invisible_button("##track", (max(width, 1.0), height), flags | imgui.ButtonFlags_.mouse_button_right)
-        timeline.app.marks.note("track")
+        timeline.context.widget_rects.record("track")
         margin = em(1.2)
         self._left, self._top = corner.x + margin, corner.y
         self._width = max(width - 2.0 * margin, 1.0)
@@ -214,7 +214,7 @@ class Track:
     # The mouse
 
     def _held(self, modifier: str) -> bool:
-        return modifier in self._timeline.app.window.modifiers
+        return modifier in self._timeline.context.modifiers
 
     def _key_at(self, x: float, y: float, scale: float) -> int | None:
         """Return the frame of the key that a press at (x, y) means, or None."""

@@ -8,14 +8,14 @@ from faceposer.gui.widgets.basic import caption
 from faceposer.gui.widgets.theme import ACCENT_DARK, em
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.trajectories.feature import Following
+    from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 
 _NAME, _WIDTH = "##following", 26.0
 
 
-def draw_following(following: "Following") -> None:
+def draw_following(following: "TrajectoriesFeature") -> None:
     """Draw the dialog, or put it away where nothing is solved any more."""
-    wanted = following.covers
+    wanted = following.is_modal
     if not wanted and not imgui.is_popup_open(_NAME):
         return
     if wanted and not imgui.is_popup_open(_NAME):
@@ -43,17 +43,17 @@ def draw_following(following: "Following") -> None:
     imgui.end_popup()
 
 
-def _draw(following: "Following") -> None:
-    app, job = following.app, following.job
+def _draw(following: "TrajectoriesFeature") -> None:
+    context, job = following.context, following.job
     assert job is not None
-    imgui.push_font(app.gui.fonts.bold, 0.0)
+    imgui.push_font(context.fonts.bold, 0.0)
     imgui.text_unformatted("The face follows the trajectories")
     imgui.pop_font()
     imgui.dummy((0.0, em(0.2)))
     imgui.push_style_color(imgui.Col_.plot_histogram, ACCENT_DARK)
     imgui.progress_bar(job.share, (-1.0, em(1.5)), f"{100.0 * job.share:.0f} %")
     imgui.pop_style_color()
-    app.marks.note("following")
+    context.widget_rects.record("following")
     caption(following.progress)
     imgui.dummy((0.0, em(0.3)))
     width = em(6)
@@ -62,4 +62,4 @@ def _draw(following: "Following") -> None:
     if imgui.button("Cancel##following", (width, 0.0)) or imgui.is_key_pressed(imgui.Key.escape, False):
         following.stop()
     imgui.end_disabled()
-    app.marks.note("following:cancel")
+    context.widget_rects.record("following:cancel")

@@ -10,14 +10,16 @@ import numpy as np
 from imgui_bundle import imgui
 from numpy.typing import NDArray
 
-from faceposer.animation.keyframes import LONGEST, Key, Keyframes
+from faceposer.animation.keyframes import LONGEST, TOLERANCE, Key, Keyframes
 from faceposer.animation.trajectories import Trajectories
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.gui.actions import Action, Submenu
+from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
-from faceposer.gui.features.timeline.feature import Timeline, counted
+from faceposer.gui.features.timeline.feature import TimelineFeature, counted
 from faceposer.gui.features.trajectories.dialog import draw_following
 from faceposer.gui.features.trajectories.overlay import TrajectoryPainter
+from faceposer.gui.features.trajectories.panel import draw_trajectory_options
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.solve.constraints.registry import Constraint
@@ -25,7 +27,6 @@ from faceposer.solve.priors import Prior
 from faceposer.solve.problem import RECORDED_SPREAD, SPREAD
 
 if TYPE_CHECKING:
-    from faceposer.gui.app import App
     from faceposer.tools.trajectory_tool import DrawnTrajectory, TrajectoryTool
 
 Array = NDArray[np.float64]
@@ -35,8 +36,6 @@ Timing = Literal["pen", "even"]
 _WAKE_EVERY = 0.07
 # Seconds after which a dialog tells how far it is.
 _DIALOG_AFTER = 0.3
-#: Of few keys, how far any rig weight may be off in between.
-TOLERANCE = 0.02
 
 
 @dataclass
@@ -167,7 +166,7 @@ class FollowingJob:
             self.wake()
 
 
-class Following(Feature):
+class TrajectoriesFeature(Feature):
     """The trajectories that are drawn, and the solve under way.
 
     Attributes:
@@ -176,34 +175,34 @@ class Following(Feature):
         job: The solve under way, or None.
     """
 
-    def __init__(self, app: "App", wake: Callable[[], None]) -> None:
-        """Serve ``app``; ``wake`` ends the sleep of its loop, from any thread."""
-        super().__init__(app)
-        self._wake = wake
+    tool_name = "trajectory"
+
+    def __init__(self, context: EditorContext) -> None:
+        super().__init__(context)
         self.options = FollowingOptions()
         self.first = 0
         self.job: FollowingJob | None = None
-        self._painter = TrajectoryPainter(app)
+        self._painter = TrajectoryPainter(context)
 
     @property
     def tool(self) -> "TrajectoryTool":
         """The tool that draws them."""
-        return self.app.toolbox.trajectory_tool
+        return self.context.toolbox.trajectory_tool
 
     @property
-    def covers(self) -> bool:
+    def is_modal(self) -> bool:
         """Whether a solve has gone on for long enough to be worth a dialog."""
         return self.job is not None and self.job.seconds > _DIALOG_AFTER
 
     @property
     def chosen(self) -> bool:
         """Whether trajectories are what one draws now."""
-        return self.app.toolbox.chosen is self.tool
+        return self.context.toolbox.chosen is self.tool
 
     @property
-    def timeline(self) -> Timeline:
+    def timeline(self) -> TimelineFeature:
         """Where the keys go."""
-        return self.app.features[Timeline]
+        return self.context.feature(TimelineFeature)
 
     def actions(self) -> Sequence[Action | Submenu]:
         """Return the entries of the menu "Animate"."""
@@ -213,11 +212,15 @@ class Following(Feature):
                 "Follow the trajectories",
                 "Animate",
                 self.solve_drawn,
-                enabled=lambda: bool(self.tool.drawn) and self.job is None and not self.app.busy,
+                enabled=lambda: bool(self.tool.drawn) and self.job is None and not self.context.busy,
                 separated=True,
                 help="Let the face follow the trajectories that are drawn; the result becomes keys",
             ),
         ]
+
+    def draw_tool_options(self) -> None:
+        """Draw the options of drawn trajectories."""
+        draw_trajectory_options(self)
 
     def session_changed(self) -> None:
         """Give up what was for the session before."""
@@ -225,20 +228,20 @@ class Following(Feature):
 
     def before_press(self) -> None:
         """Go to where all trajectories begin, when another one is about to be drawn."""
-        hover = self.app.toolbox.hover
+        hover = self.context.toolbox.hover
         draws = self.chosen and hover is not None and hover.surface
-        if draws and self.tool.drawn and self.app.session.document.frame != self.first:
+        if draws and self.tool.drawn and self.context.session.document.frame != self.first:
             self.timeline.go_to(self.first)
-            self.app.scene.set_pose(self.app.session.coefficients, self.app.session.document.contact)
+            self.context.scene.set_pose(self.context.session.coefficients, self.context.session.document.contact)
 
-    def follow(self) -> None:
+    def update(self) -> None:
         """Take what has been asked for or solved.
 
         Raises:
             Exception: What went wrong in the solve, unless the user wanted it.
         """
         if self.chosen and not self.tool.drawn:
-            self.first = self.app.session.document.frame
+            self.first = self.context.session.document.frame
         if self.tool.accepted:
             self.tool.accepted = False
             self.solve_drawn()
@@ -246,11 +249,11 @@ class Following(Feature):
         if job is None:
             return
         # One frame, not several as after an event: the progress moves many times a second.
-        self.app.redraw(1)
-        if not job.done or self.app.busy:
+        self.context.redraw(1)
+        if not job.done or self.context.busy:
             return
         self.job = None
-        self.app.redraw()
+        self.context.redraw()
         if job.performance is not None:
             if not job.stopping:
                 self._take(job.request, job.performance)
@@ -268,8 +271,8 @@ class Following(Feature):
 
     def solve_drawn(self) -> None:
         """Let the face follow what is drawn; a point whose trajectory is shorter than others stays at its end."""
-        app, drawn = self.app, self.tool.drawn
-        if not drawn or self.job is not None or app.busy:
+        context, drawn = self.context, self.tool.drawn
+        if not drawn or self.job is not None or context.busy:
             return
         self.timeline.go_to(self.first)
         camera = drawn[0].camera
@@ -281,7 +284,7 @@ class Following(Feature):
             ways.append(self.positions(replace(one, pixels=seen)))
         n_frames = min(max(len(way) for way in ways), LONGEST - self.first)
         held = [np.concatenate([way, np.repeat(way[-1:], max(n_frames - len(way), 0), axis=0)]) for way in ways]
-        names = [app.drawn_constraints.names.name(one.anchor) for one in drawn]
+        names = [context.drawn_constraints.names.name(one.anchor) for one in drawn]
         trajectories = Trajectories(
             tuple(names),
             SurfacePoints.of([one.anchor for one in drawn]),
@@ -294,7 +297,7 @@ class Following(Feature):
 
     def begin(self, trajectories: Trajectories, label: str, first: int | None) -> None:
         """Let the face follow ``trajectories`` from the frame ``first`` on, or None for an animation of their own."""
-        session = self.app.session
+        session = self.context.session
         document = session.document
         constraints = tuple(c for c in document.constraints if c.enabled)
         start = session.model.neutral() if document.start is None else document.start
@@ -311,8 +314,8 @@ class Following(Feature):
             # Drawn by hand, the ways of a few points mean what a drag means; from a file they are a real face's.
             RECORDED_SPREAD if first is None else document.spread,
         )
-        self.job = FollowingJob(request, self._wake)
-        self.app.redraw()
+        self.job = FollowingJob(request, self.context.wake)
+        self.context.redraw()
 
     def _take(self, request: FollowingRequest, performance: Performance) -> None:
         """Make ``performance`` keys of the timeline, in place of those that lie in its frames."""
@@ -328,10 +331,10 @@ class Following(Feature):
             keys = [Key(key.frame + request.first, key.pose) for key in solved.keys]
             length = max(before.length, end) if before.keys else max(end, 2)
             keyframes = replace(before, length=min(length, LONGEST)).without(replaced).with_keys(keys)
-        self.app.session.animation.load(keyframes, request.label, request.first or 0)
+        self.context.session.animation.load(keyframes, request.label, request.first or 0)
         self.tool.settle()
         self.timeline.present()
-        self.app.notify(f"{len(performance)} frames, kept as {counted(solved.keys)}")
+        self.context.notify(f"{len(performance)} frames, kept as {counted(solved.keys)}")
 
     def stop(self) -> None:
         """Give up the solve under way."""
@@ -353,12 +356,12 @@ class Following(Feature):
 
     def draw_over(self, draw: imgui.ImDrawList) -> None:
         """Draw the trajectories, the points that can be taken, and how far the solve is."""
-        if self.chosen and not self.app.comparing:
+        if self.chosen and not self.context.comparing:
             self._painter.paint(draw, self)
 
     def draw_dialog(self) -> None:
         """Draw how far the solve is, unless another dialog is above."""
-        if not self.app.dialogs.open:
+        if not self.context.dialogs.open:
             draw_following(self)
 
     @property

@@ -6,13 +6,13 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 from numpy.typing import NDArray
 
+from faceposer.gui.context import EditorContext
 from faceposer.gui.overlays.pins import draw_label
 from faceposer.gui.viewport import Pixel
 from faceposer.gui.widgets.theme import ACCENT, EDGE, INK, TARGET, Colour, u32
 
 if TYPE_CHECKING:
-    from faceposer.gui.app import App
-    from faceposer.gui.features.trajectories.feature import Following
+    from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 
 Array = NDArray[np.float64]
 # Pixels at normal density between two dots below which not all are drawn.
@@ -22,27 +22,29 @@ _APART = 4.0
 class TrajectoryPainter:
     """Draws into the view of an application."""
 
-    def __init__(self, app: "App") -> None:
-        """Draw for ``app``."""
-        self._app = app
+    def __init__(self, context: EditorContext) -> None:
+        """Draw for ``context``."""
+        self._context = context
         self._candidates: tuple[object, dict[str, Pixel]] = (None, {})
 
-    def paint(self, draw: imgui.ImDrawList, following: "Following") -> None:
+    def paint(self, draw: imgui.ImDrawList, following: "TrajectoriesFeature") -> None:
         """Draw what the tool of ``following`` has, and the points that it could take."""
-        app, tool = self._app, following.tool
-        scale, origin = app.viewport.ui_scale, np.asarray(app.viewport.origin)
-        playing = app.features.busy
-        elapsed = app.session.document.frame - following.first
+        context, tool = self._context, following.tool
+        scale, origin = context.viewport.ui_scale, np.asarray(context.viewport.origin)
+        playing = context.playing
+        elapsed = context.session.document.frame - following.first
         # Elsewhere a press goes back to the first frame, where the face looks different.
-        if not tool.drawing and not playing and elapsed == 0 and tool.fits(app.viewport):
+        if not tool.drawing and not playing and elapsed == 0 and tool.fits(context.viewport):
             self._draw_candidates(draw, origin, scale)
         for drawn in tool.drawn:
-            seen = drawn.seen_in(app.viewport.camera)
+            seen = drawn.seen_in(context.viewport.camera)
             if seen is None:
                 continue
             _line(draw, seen + origin, scale, TARGET)
-            frames = following.positions(drawn) * (app.viewport.camera.focal / drawn.camera.focal)
-            frames = frames + (seen[0] - drawn.pixels[0] * (app.viewport.camera.focal / drawn.camera.focal)) + origin
+            frames = following.positions(drawn) * (context.viewport.camera.focal / drawn.camera.focal)
+            frames = (
+                frames + (seen[0] - drawn.pixels[0] * (context.viewport.camera.focal / drawn.camera.focal)) + origin
+            )
             apart = float(np.hypot(*np.diff(frames, axis=0).T).mean())
             every = max(round(_APART * scale / max(apart, 1e-3)), 1)
             for x, y in frames[::every].tolist():
@@ -55,11 +57,11 @@ class TrajectoryPainter:
             _knob(draw, (u + float(origin[0]), v + float(origin[1])), 5.0 * scale, scale, TARGET)
 
     def _draw_candidates(self, draw: imgui.ImDrawList, origin: Array, scale: float) -> None:
-        app = self._app
-        key = (app.session.revision, app.viewport.view, app.viewport.size, app.toolbox)
+        context = self._context
+        key = (context.session.revision, context.viewport.view, context.viewport.size, context.toolbox)
         if key != self._candidates[0]:
-            self._candidates = (key, app.toolbox.trajectory_tool.candidates(app.viewport))
-        hover = app.toolbox.hover
+            self._candidates = (key, context.toolbox.trajectory_tool.candidates(context.viewport))
+        hover = context.toolbox.hover
         reach, nearest = 12.0 * scale, ""
         for name, pixel in self._candidates[1].items():
             x, y = pixel[0] + float(origin[0]), pixel[1] + float(origin[1])
@@ -69,11 +71,11 @@ class TrajectoryPainter:
                 distance = float(np.hypot(pixel[0] - hover.position[0], pixel[1] - hover.position[1]))
                 if distance < reach:
                     reach, nearest = distance, name
-        if nearest and not app.toolbox.active:
+        if nearest and not context.toolbox.active:
             at = self._candidates[1][nearest]
             _knob(draw, (at[0] + float(origin[0]), at[1] + float(origin[1])), 5.0 * scale, scale, ACCENT)
-            vertex = app.session.model.subject.feature_points[nearest]
-            draw_label(draw, app.viewport, at, app.drawn_constraints.names.name(int(vertex)))
+            vertex = context.session.model.subject.feature_points[nearest]
+            draw_label(draw, context.viewport, at, context.drawn_constraints.names.name(int(vertex)))
 
 
 def _line(draw: imgui.ImDrawList, pixels: Array, scale: float, colour: Colour) -> None:

@@ -17,7 +17,7 @@ from faceposer.render.scene import Scene
 from faceposer.transfer.pairs import PRESETS
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.transfer.feature import Transferring
+    from faceposer.gui.features.transfer.feature import TransferFeature
 
 _FORM, _PICTURE, _LABEL, _LIST, _NUMBER = 29.0, 12.6, 4.6, 14.5, 4.2
 _METHODS = ("distances", "weights")
@@ -36,14 +36,14 @@ _SAMPLES = 4
 class TransferDialog:
     """Draws the dialog."""
 
-    def __init__(self, state: "Transferring") -> None:
+    def __init__(self, state: "TransferFeature") -> None:
         """Show and change ``state``."""
         self._state = state
         self._lists = self._listing = False
 
     def draw(self) -> None:
         """Draw the dialog."""
-        app = self._state.app
+        context = self._state.context
         name = "##transfer"
         if not imgui.is_popup_open(name):
             imgui.open_popup(name)
@@ -63,7 +63,7 @@ class TransferDialog:
         if not shown:
             return
         fresh = imgui.is_window_appearing()
-        imgui.push_font(app.gui.fonts.bold, 0.0)
+        imgui.push_font(context.fonts.bold, 0.0)
         imgui.text_unformatted("Transfer expression")
         imgui.pop_font()
         imgui.dummy((0.0, em(0.2)))
@@ -83,26 +83,26 @@ class TransferDialog:
 
     def _draw_form(self) -> None:
         state = self._state
-        app, marks = state.app, state.app.marks
+        context, marks = state.context, state.context.widget_rects
         _label("To")
         imgui.set_next_item_width(-em(2.8))
         titles = dict(state.subjects)
         opened = imgui.begin_combo("##to", titles.get(state.to, Path(state.to).stem))
-        marks.note("transfer:to")
+        marks.record("transfer:to")
         self._lists = opened
         if opened:
             for name, title in state.subjects:
                 if imgui.selectable(f"{title}##{name}", name == state.to)[0]:
                     state.to = name
-                marks.note(f"transfer:to:{name}")
+                marks.record(f"transfer:to:{name}")
             imgui.end_combo()
         else:
             tooltip("The character that gets the expression")
         imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
         if imgui.button(f"{Icon.FILE}##to", (-1.0, 0.0)):
-            folder = last_folder(app.settings)
-            app.dialogs_ask(FileRequest("open", "A character", "Subjects", (".npz",), folder, state.choose_file))
-        marks.note("transfer:to:file")
+            folder = last_folder(context.settings)
+            context.ask_for_file(FileRequest("open", "A character", "Subjects", (".npz",), folder, state.choose_file))
+        marks.record("transfer:to:file")
         tooltip("Choose a subject file")
         _label("Method")
         chosen = choice(marks, "transfer:method", _METHOD_LABELS, _METHODS.index(state.method), _METHOD_TIPS)
@@ -119,7 +119,7 @@ class TransferDialog:
 
     def _draw_list(self) -> None:
         state = self._state
-        app, marks = state.app, state.app.marks
+        context, marks = state.context, state.context.widget_rects
         imgui.align_text_to_frame_padding()
         imgui.text_unformatted("Distances")
         tooltip("In the unit of each mesh, from one feature point to another")
@@ -127,13 +127,13 @@ class TransferDialog:
             imgui.same_line()
             if imgui.button(f"{label}##preset"):
                 state.pairs = PRESETS[preset]
-            marks.note(f"transfer:preset:{preset}")
+            marks.record(f"transfer:preset:{preset}")
             tooltip(tip)
         for name, label, tip in (("load", "Load...", "Read a list from a file"), ("save", "Save...", "Write the list")):
             imgui.same_line()
             if imgui.button(label):
                 self._ask(name)
-            marks.note(f"transfer:{name}")
+            marks.record(f"transfer:{name}")
             tooltip(tip)
         flags = (
             imgui.TableFlags_.scroll_y
@@ -153,18 +153,18 @@ class TransferDialog:
                     self._draw_pair(index)
             imgui.end_table()
         self._draw_add()
-        if app.session.model.subject.feature_points:
+        if context.session.model.subject.feature_points:
             on = sum(pair.enabled for pair in state.pairs)
             caption(f"{on} of {len(state.pairs)} are kept; lengths in the unit of each mesh")
 
     def _draw_pair(self, index: int) -> None:
         state = self._state
-        marks, pair = state.app.marks, state.pairs[index]
+        marks, pair = state.context.widget_rects, state.pairs[index]
         imgui.push_id(index)
         imgui.table_next_row()
         imgui.table_next_column()
         changed, on = imgui.checkbox(pair.name, pair.enabled)
-        marks.note(f"transfer:pair:{index}")
+        marks.record(f"transfer:pair:{index}")
         if changed:
             state.enable(index, on)
         tooltip(f"{self._title(pair.first)}  -  {self._title(pair.second)}")
@@ -179,14 +179,14 @@ class TransferDialog:
         imgui.table_next_column()
         if imgui.small_button(Icon.CLOSE):
             state.remove(index)
-        marks.note(f"transfer:pair:{index}:remove")
+        marks.record(f"transfer:pair:{index}:remove")
         tooltip("Take it out of the list")
         imgui.pop_id()
 
     def _draw_add(self) -> None:
         """Draw the choice of two feature points, and the button that adds their distance."""
         state = self._state
-        marks, points = state.app.marks, state.app.session.model.subject.feature_points
+        marks, points = state.context.widget_rects, state.context.session.model.subject.feature_points
         if not points:
             return
         gap, button = imgui.get_style().item_inner_spacing.x, em(4.0)
@@ -194,41 +194,41 @@ class TransferDialog:
         for end in range(2):
             imgui.set_next_item_width(width)
             opened = imgui.begin_combo(f"##end{end}", self._title(state.added[end]))
-            marks.note(f"transfer:end:{end}")
+            marks.record(f"transfer:end:{end}")
             self._lists |= opened
             if opened:
                 for name in points:
                     if imgui.selectable(f"{self._title(name)}##{name}", name == state.added[end])[0]:
                         state.added[end] = name
-                    marks.note(f"transfer:end:{end}:{name}")
+                    marks.record(f"transfer:end:{end}:{name}")
                 imgui.end_combo()
             imgui.same_line(0.0, gap)
         imgui.begin_disabled(state.added[0] == state.added[1])
         if imgui.button("Add", (button, 0.0)):
             state.add()
         imgui.end_disabled()
-        marks.note("transfer:add")
+        marks.record("transfer:add")
         tooltip("Keep the distance between these two points too")
 
     def _title(self, point: str) -> str:
         """Return what people call the feature point ``point``."""
-        return self._state.app.session.model.subject.feature_titles.get(point, point)
+        return self._state.context.session.model.subject.feature_titles.get(point, point)
 
     def _ask(self, what: str) -> None:
         state = self._state
-        folder = last_folder(state.app.settings)
+        folder = last_folder(state.context.settings)
         if what == "load":
             request = FileRequest("open", "A list of pairs", "Lists of pairs", (".json",), folder, state.load_pairs)
         else:
             place = folder / "pairs.json"
             request = FileRequest("save", "Save the pairs", "Lists of pairs", (".json",), place, state.save_pairs)
-        state.app.dialogs_ask(request)
+        state.context.ask_for_file(request)
 
     # Pictures
 
     def _draw_pictures(self) -> None:
         state = self._state
-        session = state.app.session
+        session = state.context.session
         source, target = state.scenes
         self._draw_picture("source", source, session.model, session.coefficients)
         imgui.dummy((0.0, em(0.1)))
@@ -238,19 +238,19 @@ class TransferDialog:
             imgui.dummy((em(_PICTURE), em(_PICTURE)))
 
     def _draw_picture(self, name: str, scene: Scene, model: FaceModel, pose: NDArray[np.float64]) -> None:
-        app, side = self._state.app, em(_PICTURE)
-        pixels = max(round(side * app.window.pixels[0] / max(app.window.size[0], 1)), 1)
+        context, side = self._state.context, em(_PICTURE)
+        pixels = max(round(side * context.pixel_ratio), 1)
         scene.set_model(model)
-        scene.set_pose(pose, app.session.document.contact)
-        scene.expression_lines = app.settings.expression_lines
-        texture = scene.draw(portrait(model).camera((pixels, pixels)), app.shading, False, _SAMPLES)
+        scene.set_pose(pose, context.session.document.contact)
+        scene.expression_lines = context.settings.expression_lines
+        texture = scene.draw(portrait(model).camera((pixels, pixels)), context.shading, False, _SAMPLES)
         imgui.image(imgui.ImTextureRef(texture.glo), ImVec2(side, side), ImVec2(0.0, 1.0), ImVec2(1.0, 0.0))
-        app.marks.note(f"transfer:picture:{name}")
+        context.widget_rects.record(f"transfer:picture:{name}")
         tooltip(model.subject.title)
 
     def _draw_foot(self, fresh: bool) -> None:
         state = self._state
-        marks = state.app.marks
+        marks = state.context.widget_rects
         width, gap = em(7), imgui.get_style().item_spacing.x
         imgui.dummy((0.0, em(0.3)))
         room = imgui.get_content_region_avail().x - 2.0 * width - gap
@@ -260,11 +260,11 @@ class TransferDialog:
         accepted = imgui.button("Open", (width, 0.0))
         imgui.pop_style_color()
         imgui.end_disabled()
-        marks.note("transfer:open")
+        marks.record("transfer:open")
         tooltip("Edit it as a new pose")
         imgui.same_line()
         cancelled = imgui.button("Cancel", (width, 0.0))
-        marks.note("transfer:cancel")
+        marks.record("transfer:cancel")
         # A list that was open in the last frame takes the key for itself.
         if not fresh and not self._listing:
             cancelled = cancelled or imgui.is_key_pressed(imgui.Key.escape, False)

@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
 from faceposer.gui.actions import Action, Submenu
+from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.transfer.dialog import TransferDialog
 from faceposer.model.face_model import FaceModel
@@ -25,13 +25,10 @@ from faceposer.transfer.pairs import DEFAULT_PAIRS, Pair, pairs_to_json, read_pa
 from faceposer.transfer.terms import PairPoints
 from faceposer.transfer.transfer import Method, make_transfer
 
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
-
 Array = NDArray[np.float64]
 
 
-class Transferring(Feature):
+class TransferFeature(Feature):
     """The dialog's state.
 
     Attributes:
@@ -45,9 +42,9 @@ class Transferring(Feature):
         added: Feature points of the pair that could be added.
     """
 
-    def __init__(self, app: "App") -> None:
-        """Serve ``app``."""
-        super().__init__(app)
+    def __init__(self, context: EditorContext) -> None:
+        """Serve ``context``."""
+        super().__init__(context)
         self.open = False
         self.to = ""
         self.method: Method = "distances"
@@ -63,7 +60,7 @@ class Transferring(Feature):
         self._dialog = TransferDialog(self)
 
     @property
-    def covers(self) -> bool:
+    def is_modal(self) -> bool:
         """Whether the dialog keeps the pointer from the view."""
         return self.open
 
@@ -75,7 +72,7 @@ class Transferring(Feature):
                 "Transfer expression to...",
                 "Edit",
                 self.show,
-                enabled=lambda: not self.app.busy,
+                enabled=lambda: not self.context.busy,
                 separated=True,
                 help="Carry this pose to another character, whatever its mesh looks like",
             )
@@ -85,21 +82,21 @@ class Transferring(Feature):
 
     def show(self) -> None:
         """Open the dialog."""
-        app = self.app
-        app.toolbox.finish()
-        app.slider_edit.let_go()
+        context = self.context
+        context.toolbox.finish()
+        context.slider_edit.let_go()
         if not self.subjects:
             self.subjects = available_subjects()
-        here = app.session.document.subject
+        here = context.session.document.subject
         if self.to in ("", here):
             self.to = next((name for name, _ in self.subjects if name != here), here)
         self.open, self._asked = True, None
-        app.redraw()
+        context.redraw()
 
     def hide(self) -> None:
         """Put the dialog away; what was chosen is there the next time."""
         self.open = False
-        self.app.redraw()
+        self.context.redraw()
 
     def session_changed(self) -> None:
         """Begin anew for another face."""
@@ -107,7 +104,7 @@ class Transferring(Feature):
 
     def draw_dialog(self) -> None:
         """Draw the dialog, unless another lies over it."""
-        if self.open and not (self.app.dialogs.open or self.app.file_dialogs.open):
+        if self.open and not (self.context.dialogs.open or self.context.file_dialogs.open):
             self.update()
             self._dialog.draw()
 
@@ -131,7 +128,7 @@ class Transferring(Feature):
     def add(self) -> None:
         """Add the pair of the two feature points that are chosen, at the top, where it is seen."""
         first, second = self.added
-        titles = self.app.session.model.subject.feature_titles
+        titles = self.context.session.model.subject.feature_titles
         name = f"{titles.get(first, first)} to {titles.get(second, second)}"
         if not any({first, second} == {pair.first, pair.second} for pair in self.pairs):
             self.pairs = (Pair(name, first, second), *self.pairs)
@@ -141,22 +138,22 @@ class Transferring(Feature):
         try:
             self.pairs = read_pairs(path)
         except FacePoserError as error:
-            self.app.dialogs.report("These pairs cannot be used", str(error))
+            self.context.dialogs.report("These pairs cannot be used", str(error))
 
     def save_pairs(self, path: Path) -> None:
         """Write the list of pairs to the file ``path``."""
         try:
             write_text(path, json.dumps(pairs_to_json(self.pairs), indent=1) + "\n", "list of pairs")
         except FacePoserError as error:
-            self.app.dialogs.report("The pairs are not saved", str(error))
+            self.context.dialogs.report("The pairs are not saved", str(error))
             return
-        self.app.notify(f"Saved {path.name}")
+        self.context.notify(f"Saved {path.name}")
 
     # What comes of it
 
     def update(self) -> None:
         """Carry the pose over if anything has changed since the last time."""
-        session = self.app.session
+        session = self.context.session
         asked = (self.to, self.method, self.pairs, session.revision, id(session))
         if asked == self._asked:
             return
@@ -170,7 +167,7 @@ class Transferring(Feature):
             self.error = str(error)
         poses = (pose, self.result)
         self.lengths = (self._measured(source, poses[0]), self._measured(self.target, poses[1]))
-        self.app.redraw()
+        self.context.redraw()
 
     def _measured(self, model: FaceModel | None, pose: Array | None) -> list[float | None]:
         """Return the distance of each pair on the face ``pose`` of ``model``, None where there is none."""
@@ -186,7 +183,7 @@ class Transferring(Feature):
     def scenes(self) -> tuple[Scene, Scene]:
         """What draws the two small pictures, of the source and of the target."""
         if self._scenes is None:
-            self._scenes = (Scene(self.app.window.ctx), Scene(self.app.window.ctx))
+            self._scenes = (Scene(self.context.gl), Scene(self.context.gl))
         return self._scenes
 
     def accept(self) -> None:
@@ -194,10 +191,10 @@ class Transferring(Feature):
         if self.result is None or self.target is None:
             return
         self.hide()
-        session = self.app.session
+        session = self.context.session
         transfer = make_transfer(session.model, self.target, self.method, self.pairs)
         document = transferred(session.document, session.coefficients, transfer, self.to, self.target)
-        self.app.files.guard(lambda: self._open(document))
+        self.context.guard_changes(lambda: self._open(document))
 
     def _open(self, document: Document) -> None:
         def opening(worker: Worker) -> Session:
@@ -205,9 +202,9 @@ class Transferring(Feature):
             session.mark_unsaved()
             return session
 
-        if self.app.files.show(opening, "The expression cannot be carried over"):
+        if self.context.show_session(opening, "The expression cannot be carried over"):
             moving = document.keyframes is not None and document.keyframes.keys
-            self.app.notify(f"A new {'animation' if moving else 'pose'}, not saved yet")
+            self.context.notify(f"A new {'animation' if moving else 'pose'}, not saved yet")
 
     def close(self) -> None:
         """Free the pictures."""

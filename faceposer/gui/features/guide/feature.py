@@ -1,19 +1,17 @@
 """The guided pose on the screen: a card in a corner of the view, and a ring on the face where to press."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from faceposer.gui.actions import Actions
+from faceposer.gui.actions import Action, Actions, Submenu
+from faceposer.gui.context import EditorContext
+from faceposer.gui.feature import Feature
 from faceposer.gui.features.guide.steps import LAST_WORDS, STEPS, Guide, Seen, Step, places_of
-from faceposer.gui.settings import Settings
 from faceposer.gui.viewport import Pixel, Viewport
 from faceposer.gui.widgets.basic import Rectangle, caption, tooltip
 from faceposer.gui.widgets.theme import ACCENT, EDGE, FAINT, Icon, em, u32
-
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
 
 _WIDTH, _HEIGHT, _MARGIN = 18.0, 16.0, 0.9
 _WHITE = (1.0, 1.0, 1.0, 1.0)
@@ -33,13 +31,12 @@ _FLAGS = (
 )
 
 
-class GuideCard:
-    """Shows the guided pose on the first start, and whenever the user asks for it."""
+class GuideFeature(Feature):
+    """The guided pose on the screen: shown at the first start, and again from the Help menu."""
 
-    def __init__(self, settings: Settings) -> None:
-        """Begin it if ``settings`` know of no earlier start."""
-        self._settings = settings
-        self._guide: Guide | None = None if settings.welcome_done else Guide()
+    def __init__(self, context: EditorContext) -> None:
+        super().__init__(context)
+        self._guide: Guide | None = None if context.settings.welcome_done else Guide()
         self._key: object = None
         self._rectangle: Rectangle | None = None
         self._height = 0.0
@@ -53,6 +50,18 @@ class GuideCard:
     def step(self) -> Step | None:
         """What the user is to try now, if anything."""
         return self._guide.current if self._guide is not None else None
+
+    def actions(self) -> Sequence[Action | Submenu]:
+        """Return the entry of the Help menu."""
+        return (
+            Action(
+                "guide",
+                "Guided pose",
+                "Help",
+                self.show,
+                help="A first smile in five steps, with the view showing where to press",
+            ),
+        )
 
     def show(self) -> None:
         """Begin it anew."""
@@ -69,37 +78,45 @@ class GuideCard:
         left, top, right, bottom = self._rectangle
         return left <= position[0] < right and top <= position[1] < bottom
 
-    def follow(self, app: "App") -> None:
+    def cancel(self) -> bool:
+        """Put it away; return whether it was shown."""
+        shown = self.shown
+        self.dismiss()
+        return shown
+
+    def late_update(self) -> None:
         """See what the user has done."""
-        session = app.session
-        if self._guide is None or app.busy or session.solving:
+        context = self.context
+        session = context.session
+        if self._guide is None or context.busy or session.solving:
             return
-        key = (session, session.revision, app.viewport.view, app.files.meshes_saved)
+        key = (session, session.revision, context.viewport.view, context.meshes_saved)
         if key == self._key:
             return
         self._key = key
         heights, held = places_of(session)
-        direction = (app.viewport.view.yaw, app.viewport.view.pitch)
-        if self._guide.follow(Seen(session, heights, held, direction, session.can_redo, app.files.meshes_saved)):
-            app.redraw()
+        direction = (context.viewport.view.yaw, context.viewport.view.pitch)
+        if self._guide.follow(Seen(session, heights, held, direction, session.can_redo, context.meshes_saved)):
+            context.redraw()
 
-    def draw(self, app: "App") -> None:
+    def draw_window(self) -> None:
         """Draw card and ring."""
+        context = self.context
         self._rectangle = None
         if self._guide is None:
             return
-        self._settings.welcome_done = True
-        viewport = app.viewport
+        context.settings.welcome_done = True
+        viewport = context.viewport
         width = min(em(_WIDTH), viewport.size[0] - 2.0 * em(_MARGIN))
         left, top = viewport.origin[0] + em(_MARGIN), viewport.origin[1] + em(_MARGIN)
         height = self._height or em(_HEIGHT)
-        head = viewport.camera.project(app.scene.vertices[::_STRIDE]) + viewport.origin
+        head = viewport.camera.project(context.scene.vertices[::_STRIDE]) + viewport.origin
         if _is_free(head, (left, top, left + width, top + height), em(0.6)):
-            self._draw_card(app, (left, top), width)
-        elif not app.notice:
-            self._draw_strip(app)
-        if self._guide is not None and not (app.toolbox.active or app.comparing or app.covered):
-            self._draw_ring(app, head)
+            self._draw_card((left, top), width)
+        elif not context.notice:
+            self._draw_strip()
+        if self._guide is not None and not (context.toolbox.active or context.comparing or context.is_modal):
+            self._draw_ring(head)
 
     def _begin(self, position: Pixel, size: Pixel) -> None:
         imgui.set_next_window_pos(ImVec2(*position))
@@ -115,42 +132,44 @@ class GuideCard:
         corner, extent = imgui.get_window_pos(), imgui.get_window_size()
         self._rectangle = (corner.x, corner.y, corner.x + extent.x, corner.y + extent.y)
 
-    def _draw_card(self, app: "App", position: Pixel, width: float) -> None:
+    def _draw_card(self, position: Pixel, width: float) -> None:
         """Draw all steps, the present one with how it is done."""
+        context = self.context
         guide = self._guide
         assert guide is not None
         self._begin(position, (width, self._height or em(_HEIGHT)))
-        imgui.push_font(app.gui.fonts.bold, 0.0)
+        imgui.push_font(context.fonts.bold, 0.0)
         imgui.text_unformatted("Your first pose")
         imgui.pop_font()
         imgui.same_line()
-        closed = self._close_button(app)
+        closed = self._close_button()
         imgui.dummy(ImVec2(0.0, em(0.05)))
         for number, step in enumerate(STEPS, 1):
-            _draw_step(app, number, step, step.name in guide.done, step is guide.current)
+            _draw_step(context, number, step, step.name in guide.done, step is guide.current)
         if guide.current is None:
             imgui.dummy(ImVec2(0.0, em(0.1)))
-            imgui.text_wrapped(_with_keys(LAST_WORDS, app.actions))
+            imgui.text_wrapped(_with_keys(LAST_WORDS, context.actions))
         label = "Skip" if guide.current is not None else "Close"
         imgui.dummy(ImVec2(0.0, em(0.1)))
         across = imgui.calc_text_size(label).x + 2.0 * imgui.get_style().frame_padding.x
         imgui.set_cursor_pos_x(imgui.get_window_width() - em(0.9) - across)
         closed = imgui.button(f"{label}##guide") or closed
-        app.marks.note("guide:skip")
+        context.widget_rects.record("guide:skip")
         if guide.current is not None:
             tooltip("Put this away; Help > Guided pose brings it back  (Esc)")
         self._height = imgui.get_cursor_pos_y() - imgui.get_style().item_spacing.y + em(0.65)
         imgui.end()
         if closed:
             self.dismiss()
-            app.redraw()
+            context.redraw()
 
-    def _draw_strip(self, app: "App") -> None:
+    def _draw_strip(self) -> None:
         """Draw the present step as one line at the bottom of the view, where the face leaves no room for the card."""
-        guide, viewport = self._guide, app.viewport
+        context = self.context
+        guide, viewport = self._guide, context.viewport
         assert guide is not None
         step = guide.current
-        text = _with_keys(LAST_WORDS, app.actions) if step is None else _with_keys(step.title, app.actions)
+        text = _with_keys(LAST_WORDS, context.actions) if step is None else _with_keys(step.title, context.actions)
         count = "" if step is None else f"{STEPS.index(step) + 1}/{len(STEPS)}"
         margin = em(0.5)
         room = viewport.size[0] - 2.0 * margin
@@ -169,16 +188,17 @@ class GuideCard:
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
         if step is not None:
-            tooltip(_with_keys(step.text, app.actions))
+            tooltip(_with_keys(step.text, context.actions))
         imgui.same_line()
-        closed = self._close_button(app)
+        closed = self._close_button()
         imgui.end()
         if closed:
             self.dismiss()
-            app.redraw()
+            context.redraw()
 
-    def _close_button(self, app: "App") -> bool:
+    def _close_button(self) -> bool:
         """Draw an x at the right end of the line."""
+        context = self.context
         side = em(1.3)
         imgui.set_cursor_pos(ImVec2(imgui.get_window_width() - side - em(0.45), imgui.get_cursor_pos_y() - em(0.15)))
         imgui.push_style_color(imgui.Col_.button, ImVec4(0.0, 0.0, 0.0, 0.0))
@@ -186,18 +206,19 @@ class GuideCard:
         pressed = imgui.button(f"{Icon.CLOSE}##guide", ImVec2(side, side))
         imgui.pop_style_var()
         imgui.pop_style_color()
-        app.marks.note("guide:close")
+        context.widget_rects.record("guide:close")
         tooltip("Put this away; Help > Guided pose brings it back  (Esc)")
         return pressed
 
-    def _draw_ring(self, app: "App", head: np.ndarray) -> None:
+    def _draw_ring(self, head: np.ndarray) -> None:
         """Show where to press and which way to drag, on the view itself."""
+        context = self.context
         step = self.step
-        aim = None if step is None else _aim(app, step, head)
+        aim = None if step is None else _aim(context, step, head)
         if aim is None or self.contains(aim[0]):
             return
         imgui.begin("##view")
-        draw, scale = imgui.get_window_draw_list(), app.viewport.ui_scale
+        draw, scale = imgui.get_window_draw_list(), context.viewport.ui_scale
         for colour, thickness in ((u32(EDGE, 0.65), 4.5 * scale), (u32(_WHITE, 0.95), 2.0 * scale)):
             draw.add_circle(aim[0], _RING * scale, colour, 0, thickness)
             _draw_arrow(draw, aim[0], aim[1], scale, colour, thickness)
@@ -211,8 +232,8 @@ def _is_free(head: np.ndarray, rectangle: Rectangle, margin: float) -> bool:
     return not bool(((head > low) & (head < high)).all(axis=1).any())
 
 
-def _draw_step(app: "App", number: int, step: Step, done: bool, current: bool) -> None:
-    left, title = imgui.get_cursor_pos_x(), _with_keys(step.title, app.actions)
+def _draw_step(context: EditorContext, number: int, step: Step, done: bool, current: bool) -> None:
+    left, title = imgui.get_cursor_pos_x(), _with_keys(step.title, context.actions)
     if done:
         imgui.text_colored(ACCENT, Icon.CHECK)
     else:
@@ -222,7 +243,7 @@ def _draw_step(app: "App", number: int, step: Step, done: bool, current: bool) -
         imgui.text_unformatted(title)
         imgui.set_cursor_pos(ImVec2(left + em(1.5), imgui.get_cursor_pos_y() - em(0.2)))
         imgui.begin_group()
-        caption(_with_keys(step.text, app.actions))
+        caption(_with_keys(step.text, context.actions))
         imgui.end_group()
     else:
         imgui.text_colored(FAINT, title)
@@ -235,18 +256,18 @@ def _with_keys(text: str, actions: Actions) -> str:
     return text
 
 
-def _aim(app: "App", step: Step, head: np.ndarray) -> tuple[Pixel, Pixel | None] | None:
+def _aim(context: EditorContext, step: Step, head: np.ndarray) -> tuple[Pixel, Pixel | None] | None:
     """Return where in the window to press and the direction in which to drag, unit length, if they can be seen."""
-    viewport = app.viewport
+    viewport = context.viewport
     if step.name == "orbit":
         return _beside(viewport, head)
-    vertex = app.session.model.subject.feature_points.get(step.place)
+    vertex = context.session.model.subject.feature_points.get(step.place)
     if vertex is None:
         return None
-    camera, position = viewport.camera, app.scene.vertices[vertex].astype(np.float64)
+    camera, position = viewport.camera, context.scene.vertices[vertex].astype(np.float64)
     tip = position + np.array([*step.pull, 0.0])
     begin, end = camera.project(np.stack([position, tip]))
-    if app.scene.occluded(camera, position[None])[0]:
+    if context.scene.occluded(camera, position[None])[0]:
         return None
     place = (float(begin[0]) + viewport.origin[0], float(begin[1]) + viewport.origin[1])
     length = float(np.hypot(*(end - begin)))

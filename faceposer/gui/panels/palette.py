@@ -1,16 +1,12 @@
 """The command palette: everything that can be done, found by a few letters and done from the keyboard."""
 
-from typing import TYPE_CHECKING
-
 from imgui_bundle import ImVec2, imgui
 
 from faceposer.gui.actions import Action, Actions, shown_key
-from faceposer.gui.features.palette.ranking import Match, ranked
-from faceposer.gui.widgets.basic import Marks
+from faceposer.gui.context import EditorContext
+from faceposer.gui.panels.action_search import Match, ranked
+from faceposer.gui.widgets.basic import WidgetRects
 from faceposer.gui.widgets.theme import ACCENT, FAINT, INK, Colour, em, u32
-
-if TYPE_CHECKING:
-    from faceposer.gui.app import App
 
 _NAME = "##palette"
 _WIDTH, _ROW, _MOST_ROWS, _ABOVE = 38.0, 1.85, 14, 1.5
@@ -49,23 +45,23 @@ class Palette:
         """Close it."""
         self.open = False
 
-    def draw(self, app: "App") -> None:
+    def draw(self, context: EditorContext) -> None:
         """Draw it if it is open, and run what is chosen."""
         if not self.open:
             return
         if self._focus and not imgui.is_popup_open(_NAME):
             imgui.open_popup(_NAME)
-        self._matches = ranked(self.query, list(app.actions))
+        self._matches = ranked(self.query, list(context.actions))
         if not self._begin():
             # A click outside has closed it, or Esc.
             self.open = False
             return
         fresh = imgui.is_window_appearing()
         step = self._steps()
-        self._draw_field(app.marks)
+        self._draw_field(context.widget_rects)
         self._move(step)
-        taken = self._draw_rows(app.marks)
-        self._draw_foot(app.actions)
+        taken = self._draw_rows(context.widget_rects)
+        self._draw_foot(context.actions)
         if not fresh and (_pressed(imgui.Key.enter) or _pressed(imgui.Key.keypad_enter)):
             taken = self._matches[self.chosen].action if self._matches else None
             # Enter ends the typing, which goes on if nothing comes of it.
@@ -79,7 +75,7 @@ class Palette:
         imgui.end_popup()
         if taken is not None:
             taken.run()
-            app.redraw()
+            context.redraw()
 
     def _begin(self) -> bool:
         view = imgui.get_main_viewport()
@@ -115,7 +111,7 @@ class Palette:
         self.chosen = min(max(chosen, 0), last)
         self._reveal = self._reveal or step != 0
 
-    def _draw_field(self, marks: Marks) -> None:
+    def _draw_field(self, rects: WidgetRects) -> None:
         if self._focus:
             imgui.set_keyboard_focus_here()
             self._focus = False
@@ -124,7 +120,7 @@ class Palette:
         flags = imgui.InputTextFlags_.callback_always.value
         _, query = imgui.input_text_with_hint("##query", "Type to find a command", self.query, flags, _stay_at_end)
         imgui.pop_style_var()
-        marks.note("palette:query")
+        rects.record("palette:query")
         if query != self.query:
             self.query, self.chosen, self._reveal = query, 0, True
 
@@ -135,7 +131,7 @@ class Palette:
         room = (view.work_size.y - others) / em(_ROW)
         return max(min(len(self._matches), _MOST_ROWS, int(room)), 1)
 
-    def _draw_rows(self, marks: Marks) -> Action | None:
+    def _draw_rows(self, rects: WidgetRects) -> Action | None:
         """Draw the list and return the action that was clicked."""
         taken = None
         row = round(em(_ROW))
@@ -154,7 +150,7 @@ class Palette:
             pressed, _ = imgui.selectable(
                 "##row", i == self.chosen, imgui.SelectableFlags_.no_auto_close_popups.value, ImVec2(width, row)
             )
-            marks.note(f"palette:{match.action.name}")
+            rects.record(f"palette:{match.action.name}")
             if imgui.is_item_hovered() and _pointer_moved():
                 self.chosen = i
             if pressed:
