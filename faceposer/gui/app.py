@@ -23,7 +23,7 @@ from faceposer.gui.input_router import Router
 from faceposer.gui.menus import build_actions
 from faceposer.gui.overlays.drawn_constraints import DrawnConstraints
 from faceposer.gui.panels.constraints import ConstraintsPanel
-from faceposer.gui.panels.layout import draw_window
+from faceposer.gui.layout import draw_window
 from faceposer.gui.panels.palette import Palette
 from faceposer.gui.panels.pose import PosePanel
 from faceposer.gui.panels.shapes import ShapesPanel

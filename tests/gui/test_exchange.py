@@ -53,14 +53,14 @@ def test_the_dialog_exports_the_pose(suffix: str, robot: Robot, tmp_path: Path) 
     app, pose = robot.app, posed(robot)
     app.actions["export-other"].run()
     robot.frames(2)
-    assert app.covered
+    assert app.is_modal
     robot.click_widget(f"export:{suffix}")
     robot.click_widget("export:accept")
     assert not exchange_of(app).open
     choose(robot, "face")
     path = tmp_path / f"face.{suffix}"
     assert app.notice == f"Saved face.{suffix}"
-    assert not app.covered
+    assert not app.is_modal
     if suffix in ("obj", "ply"):
         np.testing.assert_allclose(read_mesh(path).vertices, app.session.model.surface(pose), atol=1e-4)
     if suffix == "csv":
@@ -78,7 +78,7 @@ def test_escape_and_cancel_put_the_dialog_away(robot: Robot, tmp_path: Path) -> 
         assert exchange_of(app).open
         way()
         assert not exchange_of(app).open
-        assert not app.covered
+        assert not app.is_modal
     assert not app.session.can_undo
     assert not [*tmp_path.iterdir()]
 
@@ -118,7 +118,7 @@ def test_a_film_is_drawn_between_frames(robot: Robot, tmp_path: Path, monkeypatc
     robot.frames(3)
     assert exchange.filming is not None
     assert 0.1 < exchange.filming.share < 0.9
-    assert app.covered
+    assert app.is_modal
     assert exchange.patience == 0.0
     assert "export:progress" in app.widget_rects
     robot.frames(10)
@@ -138,7 +138,7 @@ def test_a_film_can_be_stopped(robot: Robot, tmp_path: Path, monkeypatch: pytest
     robot.frames(3)
     robot.click_widget("export:cancel")
     assert exchange.filming is None
-    assert not robot.app.covered
+    assert not robot.app.is_modal
     assert not [*tmp_path.iterdir()]
 
 
@@ -187,7 +187,7 @@ def test_what_goes_wrong_is_told_and_nothing_is_lost(
     assert "cannot be written" in app.dialogs.waiting[0].text
     robot.frames(2)
     robot.key("Enter")
-    assert not app.covered
+    assert not app.is_modal
     np.testing.assert_array_equal(app.session.coefficients, pose)
 
 

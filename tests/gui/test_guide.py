@@ -198,7 +198,7 @@ def test_the_ring_goes_while_the_user_presses(robot: Robot, monkeypatch: pytest.
     rings = []
     guide = type(robot.app.features[GuideFeature])
     original = guide._draw_ring
-    monkeypatch.setattr(guide, "_draw_ring", lambda card, app, head: (rings.append(1), original(card, app, head)))
+    monkeypatch.setattr(guide, "_draw_ring", lambda card, head: (rings.append(1), original(card, head)))
     robot.frames(2)
     assert rings
     robot.move(robot.at("8.3"))

@@ -420,7 +420,7 @@ def test_a_long_solve_shows_how_far_it_is_and_can_be_cancelled(robot: Robot, mon
     robot.click_widget("follow")
     while "following:cancel" not in app.widget_rects:
         robot.frames()
-    assert app.covered
+    assert app.is_modal
     assert following.progress.startswith("Frame 6 of")
     label = app.session.undo_label
     robot.key("R")
@@ -428,6 +428,6 @@ def test_a_long_solve_shows_how_far_it_is_and_can_be_cancelled(robot: Robot, mon
     robot.click_widget("following:cancel")
     settle(robot)
     robot.frames(3)
-    assert not app.covered
+    assert not app.is_modal
     assert not app.dialogs.open
     assert frames(robot) == (0, 14, 29)

@@ -45,7 +45,7 @@ def begin(robot: Robot, to: str) -> TransferFeature:
 def test_a_smile_goes_to_another_face_as_a_new_pose(robot: Robot) -> None:
     app = robot.app
     state = begin(robot, "woman")
-    assert app.covered
+    assert app.is_modal
     drawn = [scene.pictures_drawn for scene in state.scenes]
     robot.frames(5)
     assert [scene.pictures_drawn for scene in state.scenes] == drawn
@@ -59,7 +59,7 @@ def test_a_smile_goes_to_another_face_as_a_new_pose(robot: Robot) -> None:
     assert app.session.document.subject == "woman"
     assert 0.5 < weight(app, "mouthSmileLeft") < 1.1
     assert app.session.dirty
-    assert not app.covered
+    assert not app.is_modal
 
 
 def test_the_small_picture_and_the_lengths_follow_the_pairs_that_count(robot: Robot) -> None:
