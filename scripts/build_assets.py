@@ -24,9 +24,9 @@ from faceposer.geometry.obj_io import write_obj
 from faceposer.geometry.polygon_mesh import Group
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import load_subject, save_subject
+from faceposer.progress import Progress
 from faceposer.training.examples import ExampleOptions
 from faceposer.training.known_face import mesh_of, subject_from_frames
-from faceposer.training.progress import Progress
 from scripts.asset_building.builder import Builder
 from scripts.asset_building.creature import build_creature
 from scripts.asset_building.creature_expressions import EXPRESSIONS

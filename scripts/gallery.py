@@ -63,7 +63,7 @@ class Artist:
 
     def along(self, widget: str, share: float) -> Position:
         """Return the place on a slider at ``share`` of its width."""
-        left, top, right, bottom = self._app.marks[widget]
+        left, top, right, bottom = self._app.widget_rects[widget]
         return (round(left + share * (right - left)), round((top + bottom) / 2.0))
 
     # What a hand does
@@ -90,7 +90,7 @@ class Artist:
 
     def press(self, widget: str) -> None:
         """Click on ``widget``."""
-        self.click(self._app.marks.center(widget))
+        self.click(self._app.widget_rects.center(widget))
 
     def key(self, name: str) -> None:
         """Tap a key."""
@@ -124,7 +124,7 @@ class Artist:
         if not constraints:
             self.key("Esc")
             self.key("P")
-        left, top, right, bottom = self._app.marks["view"]
+        left, top, right, bottom = self._app.widget_rects["view"]
         # The pointer rests where it hides nothing.
         self._do("mousemove", round(right - 8), round(bottom - 8), "sleep", 0.6)
         self._robot.move((right - 8, bottom - 8))

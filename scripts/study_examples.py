@@ -38,11 +38,11 @@ from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.mesh_sequence import MeshSequence, frames_of, open_sequence, write_frames
 from faceposer.geometry.picking import SurfacePoint
 from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.progress import Progress
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
 from faceposer.training.examples import ExampleOptions, subject_from_sequence
-from faceposer.training.progress import Progress
 
 COUNTS = (1, 2, 4, 8, 16)
 NOISE_PX, MOVES_PX = 1.5, 1.0

@@ -42,9 +42,9 @@ if str(ROOT) not in sys.path:
 
 from faceposer.geometry.mesh_sequence import frames_of
 from faceposer.geometry.obj_io import read_obj
+from faceposer.progress import Progress
 from faceposer.training.frames import AlignedReader, SpooledFrames, sample_of, spooled, steady_vertices
 from faceposer.training.modes import local_metric
-from faceposer.training.progress import Progress
 from faceposer.training.streaming_pca import Region, regional_pca
 from scripts.studying.example_data import ExampleData, example_data, write_examples
 from scripts.studying.memory import PeakMemory

@@ -1,16 +1,17 @@
 """A face follows trajectories: the most likely pose of every frame, and smooth from frame to frame."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from faceposer.animation.smoothing import FollowingStopped, smooth_poses
+from faceposer.animation.smoothing import smooth_poses
 from faceposer.animation.terms import SmoothnessTerm, TrackTerm, smoothness_metric
 from faceposer.animation.trajectories import Trajectories
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
+from faceposer.progress import Progress
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.priors import MixturePrior, Prior
@@ -39,8 +40,7 @@ def follow(
     start: ArrayLike | None = None,
     constraints: Sequence[Constraint] = (),
     look_ahead: bool = True,
-    on_frame: Callable[[int, Array], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    progress: Progress | None = None,
 ) -> Performance:
     """Return the performance in which the points of the face follow ``trajectories``.
 
@@ -61,14 +61,13 @@ def follow(
         constraints: What holds in all frames besides.
         look_ahead: Whether frames know what comes after them. Without, each is final as soon as it is found, with its
             change of velocity since the two frames before, as in the paper.
-        on_frame: Called with the number of each frame and its pose, shape (r,), in order, when it is found; looking
-            ahead still changes it a little afterwards.
-        should_stop: Asked after each frame, and after each step of the last part.
+        progress: Reported to after each frame; it can also cancel while frames are made smooth together.
 
     Raises:
-        FollowingStopped: If ``should_stop`` said yes.
+        CancelledError: If the progress was cancelled.
         ValueError: If a point does not lie on the face.
     """
+    progress = progress or Progress()
     metric = smoothness_metric(model, smoothness, trajectories.rate)
     pose = np.array(model.neutral() if start is None else start, dtype=np.float64)
     make = _Frames(
@@ -83,10 +82,7 @@ def follow(
         if not look_ahead and smoothness > 0 and frame > 1:
             problem.terms.append(SmoothnessTerm(metric, poses[frame - 2], pose))
         poses[frame] = pose = solve(problem, pose).coefficients
-        if on_frame is not None:
-            on_frame(frame, pose)
-        if should_stop is not None and should_stop():
-            raise FollowingStopped
+        progress.at(f"Frame {frame + 1} of {len(poses)}", (frame + 1) / len(poses))
         if not look_ahead or smoothness <= 0:
             continue
         problems.append(problem)
@@ -95,7 +91,7 @@ def follow(
             for at, between in _bridged(poses[window], sighted[window]):
                 poses[first + at] = between
                 problems[at] = make.problem(first + at, between)
-            poses[window] = smooth_poses(problems, metric, poses[window], poses[max(first - 2, 0) : first], should_stop)
+            poses[window] = smooth_poses(problems, metric, poses[window], poses[max(first - 2, 0) : first], progress)
             del problems[:-_AGAIN]
             first = frame + 1 - len(problems)
             pose = poses[frame]

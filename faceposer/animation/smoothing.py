@@ -1,11 +1,12 @@
 """Makes the poses of many frames smooth together: one problem over all of them."""
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import linalg
 
+from faceposer.progress import Progress
 from faceposer.solve.problem import PoseProblem
 from faceposer.solve.term import Array
 
@@ -16,16 +17,12 @@ _MAX_HALVINGS = 12
 _SUFFICIENT = 1e-4
 
 
-class FollowingStopped(Exception):
-    """The caller's ``should_stop`` said yes."""
-
-
 def smooth_poses(
     problems: Sequence[PoseProblem],
     metric: Array,
     poses: Array,
     before: Array,
-    should_stop: Callable[[], bool] | None = None,
+    progress: Progress,
 ) -> Array:
     """Return the poses, (F, r), of least sum over frames t of E_t(p_t) + d_t^T M d_t, d_t = p_t - 2 p_{t-1} + p_{t-2}.
 
@@ -37,10 +34,10 @@ def smooth_poses(
         metric: M, shape (r, r).
         poses: Where to start, shape (F, r).
         before: The poses before the first frame, which stay, shape (n, r) with n from 0 to 2.
-        should_stop: Asked after each step.
+        progress: Asked after each step whether to stop.
 
     Raises:
-        FollowingStopped: If ``should_stop`` said yes.
+        CancelledError: If it was cancelled.
     """
     smoothness = _Smoothness(metric, before, len(poses))
     x = np.array(poses)
@@ -61,8 +58,7 @@ def smooth_poses(
             break
         x += share * step
         gain, energy = energy - tried, tried
-        if should_stop is not None and should_stop():
-            raise FollowingStopped
+        progress.check()
         if gain < _LEAST_GAIN * abs(energy):
             break
     return x

@@ -91,9 +91,9 @@ def run(options: argparse.Namespace) -> int:
             prior_weight=options.prior_weight,
             prior=options.prior,
             spread=RECORDED_SPREAD if options.spread is None else options.spread,
-            on_frame=lambda frame, _pose: line.show(f"Frame {frame + 1} of {n_frames}"),
+            progress=line.progress,
         )
-        write(options.output, model, performance, OutputOptions(contact=options.contact), line.share)
+        write(options.output, model, performance, OutputOptions(contact=options.contact), line.progress)
     finally:
         line.clear()
     off, unit = np.nanmean(residuals(model, trajectories, performance)), "px"

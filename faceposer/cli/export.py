@@ -146,7 +146,7 @@ def run(options: argparse.Namespace) -> int:
     line = ProgressLine()
     try:
         if options.sequence is None:
-            write(path, session.model, motion, output_options, line.share)
+            write(path, session.model, motion, output_options, line.progress)
         elif not isinstance(motion, Performance):
             raise FacePoserError(
                 f"--sequence writes an animation, and '{options.what}' has none; give one with --animation."

@@ -3,6 +3,8 @@
 import sys
 import time
 
+from faceposer.progress import Progress
+
 
 class ProgressLine:
     """One line on the standard error that is written over.
@@ -22,6 +24,11 @@ class ProgressLine:
         self._title = title
         self._began = time.monotonic()
         self._tenth = -1
+
+    @property
+    def progress(self) -> Progress:
+        """What long functions report to, shown in this line."""
+        return Progress(self.stage)
 
     def show(self, text: str) -> None:
         """Show ``text`` in place of what was there."""

@@ -75,7 +75,6 @@ def run(options: argparse.Namespace) -> int:
     if options.summary is not None and options.summary.exists() and not options.summary.is_dir():
         raise FacePoserError(f"'{options.summary}' is a file; give a folder for the summary.")
     from faceposer.model.subject_file import save_subject
-    from faceposer.training.progress import Progress
     from faceposer.training.request import TrainingRequest, plain_name, train
     from faceposer.training.summary import text_of_summary, write_summary
 
@@ -99,7 +98,7 @@ def run(options: argparse.Namespace) -> int:
     )
     line = ProgressLine()
     try:
-        subject = train(request, Progress(line.stage))
+        subject = train(request, line.progress)
     finally:
         line.clear()
     save_subject(options.output, subject)

@@ -134,7 +134,7 @@ def run(options: argparse.Namespace) -> int:
     began = time.perf_counter()
     line = ProgressLine()
     try:
-        result = transfer_performance(transfer, performance, line.share if moving else None)
+        result = transfer_performance(transfer, performance, line.progress if moving else None)
         spent = 1e3 * (time.perf_counter() - began) / len(result)
         _write(options.output, options.target, target, result, line, options.contact)
     finally:
@@ -229,7 +229,7 @@ def _write(
 
     pose = performance.coefficients[0]
     if len(performance) > 1:
-        write(path, model, performance, OutputOptions(contact=contact), line.share)
+        write(path, model, performance, OutputOptions(contact=contact), line.progress)
     elif path.suffix.lower() == ".json":
         document = Document(subject_from(subject, path.parent), contact=contact)
         write_document(path, document.starting_from(pose).posed(pose))

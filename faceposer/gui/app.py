@@ -20,10 +20,10 @@ from faceposer.gui.features.guide.feature import GuideFeature
 from faceposer.gui.features.recovery.feature import RecoveryFeature
 from faceposer.gui.imgui_frame import Gui
 from faceposer.gui.input_router import Router
+from faceposer.gui.layout import draw_window
 from faceposer.gui.menus import build_actions
 from faceposer.gui.overlays.drawn_constraints import DrawnConstraints
 from faceposer.gui.panels.constraints import ConstraintsPanel
-from faceposer.gui.layout import draw_window
 from faceposer.gui.panels.palette import Palette
 from faceposer.gui.panels.pose import PosePanel
 from faceposer.gui.panels.shapes import ShapesPanel

@@ -3,8 +3,8 @@
 A new format is a module that writes it and a row here.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -15,14 +15,17 @@ from faceposer.errors import FacePoserError
 from faceposer.interchange.glb import write_glb
 from faceposer.interchange.live_link import write_live_link
 from faceposer.interchange.meshes import sequence_steps, write_posed_obj, write_posed_ply
-from faceposer.interchange.progress import Progress, no_progress
 from faceposer.interchange.weights_json import write_weights
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
+from faceposer.progress import Progress
 from faceposer.render.options import OutputOptions
 
 if TYPE_CHECKING:
     from faceposer.render.offscreen import Context
+
+#: Stage of the progress of an export.
+WRITING = "Writing"
 
 Motion = NDArray[np.float64] | Performance
 
@@ -37,7 +40,7 @@ class Output:
         motion: A pose, shape (r,), or a performance.
         options: How it is written.
         ctx: What pictures are drawn with; a context of their own if None.
-        progress: Called with the share that is done, 0 to 1, where writing is one long step.
+        progress: Reported to where writing is one long step.
     """
 
     path: Path
@@ -45,7 +48,7 @@ class Output:
     motion: Motion
     options: OutputOptions
     ctx: "Context | None" = None
-    progress: Progress = no_progress
+    progress: Progress = field(default_factory=Progress)
 
 
 @dataclass(frozen=True)
@@ -69,8 +72,8 @@ class Format:
     name: str
     purpose: str
     holds: Literal["pose", "either", "film"]
-    write: Callable[[Output], Iterator[float]]
-    sequence: Callable[[Output], Iterator[float]] | None = None
+    write: Callable[[Output], Generator[float, None, None]]
+    sequence: Callable[[Output], Generator[float, None, None]] | None = None
     drawn: bool = False
     contact: bool = True
     missing: Callable[[], str] = lambda: ""
@@ -118,7 +121,7 @@ def write(
     model: FaceModel,
     motion: Motion,
     options: OutputOptions | None = None,
-    progress: Progress = no_progress,
+    progress: Progress | None = None,
 ) -> None:
     """Write a face in the format that the suffix of ``path`` names, atomically.
 
@@ -127,17 +130,18 @@ def write(
         model: The face.
         motion: A pose, shape (r,), or a performance.
         options: How it is written.
-        progress: Called with the share that is done; what it raises ends the export.
+        progress: Reported to; cancelling it leaves no file.
 
     Raises:
         FacePoserError: If the suffix is none of these or its files hold no performance, the file cannot be written, or
             pictures are wanted where there is no OpenGL or no ffmpeg.
     """
+    progress = progress or Progress()
     for share in write_steps(Output(path, model, motion, options or OutputOptions(), progress=progress)):
-        progress(share)
+        progress.at(WRITING, share)
 
 
-def write_steps(output: Output) -> Iterator[float]:
+def write_steps(output: Output) -> Generator[float, None, None]:
     """Write ``output`` as ``write`` does, step by step; yields the share that is done after each.
 
     Closing the iterator before its end leaves no file.
@@ -155,7 +159,7 @@ def write_steps(output: Output) -> Iterator[float]:
     yield from form.write(output)
 
 
-def write_sequence_steps(output: Output, suffix: str) -> Iterator[float]:
+def write_sequence_steps(output: Output, suffix: str) -> Generator[float, None, None]:
     """Write the performance of ``output`` as a folder of files that end in ``suffix``, step by step.
 
     Raises:
@@ -167,61 +171,61 @@ def write_sequence_steps(output: Output, suffix: str) -> Iterator[float]:
     yield from form.sequence(output)
 
 
-def _glb(output: Output) -> Iterator[float]:
+def _glb(output: Output) -> Generator[float, None, None]:
     write_glb(output.path, output.model, output.motion, output.progress)
     yield 1.0
 
 
-def _posed_obj(output: Output) -> Iterator[float]:
+def _posed_obj(output: Output) -> Generator[float, None, None]:
     write_posed_obj(output.path, output.model, _pose(output), output.options.contact)
     yield 1.0
 
 
-def _posed_ply(output: Output) -> Iterator[float]:
+def _posed_ply(output: Output) -> Generator[float, None, None]:
     write_posed_ply(output.path, output.model, _pose(output), output.options.contact)
     yield 1.0
 
 
-def _obj_sequence(output: Output) -> Iterator[float]:
+def _obj_sequence(output: Output) -> Generator[float, None, None]:
     return sequence_steps(output.path, output.model, _performance(output), "obj", output.options.contact)
 
 
-def _ply_sequence(output: Output) -> Iterator[float]:
+def _ply_sequence(output: Output) -> Generator[float, None, None]:
     return sequence_steps(output.path, output.model, _performance(output), "ply", output.options.contact)
 
 
-def _live_link(output: Output) -> Iterator[float]:
+def _live_link(output: Output) -> Generator[float, None, None]:
     motion = output.motion
     whole = motion if isinstance(motion, Performance) else Performance(motion[None], _ONE_FRAME_RATE)
     write_live_link(output.path, output.model, whole)
     yield 1.0
 
 
-def _weights(output: Output) -> Iterator[float]:
+def _weights(output: Output) -> Generator[float, None, None]:
     write_weights(output.path, output.model, output.motion)
     yield 1.0
 
 
-def _picture(output: Output) -> Iterator[float]:
+def _picture(output: Output) -> Generator[float, None, None]:
     # OpenGL is loaded by those who draw: meshes and weights are written without it.
     from faceposer.render.shots import picture_steps
 
     yield from picture_steps(output.path, output.model, _pose(output), output.options, output.ctx)
 
 
-def _picture_sequence(output: Output) -> Iterator[float]:
+def _picture_sequence(output: Output) -> Generator[float, None, None]:
     from faceposer.render.shots import picture_sequence_steps
 
     yield from picture_sequence_steps(output.path, output.model, _performance(output), output.options, output.ctx)
 
 
-def _gif(output: Output) -> Iterator[float]:
+def _gif(output: Output) -> Generator[float, None, None]:
     from faceposer.render.shots import gif_steps
 
     yield from gif_steps(output.path, output.model, output.motion, output.options, output.ctx)
 
 
-def _mp4(output: Output) -> Iterator[float]:
+def _mp4(output: Output) -> Generator[float, None, None]:
     from faceposer.render.shots import mp4_steps
 
     yield from mp4_steps(output.path, output.model, output.motion, output.options, output.ctx)

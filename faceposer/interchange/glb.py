@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from faceposer.files.atomic import atomic_file
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.interchange.gltf_builder import INDICES, VERTICES, GltfBuilder
-from faceposer.interchange.progress import Progress, no_progress
 from faceposer.model.face_model import FaceModel
 from faceposer.model.materials import BASE_COLOURS
 from faceposer.model.performance import Performance
 from faceposer.model.shape_names import halves_of, whole_of
 from faceposer.model.subject import Part, Subject
+from faceposer.progress import Progress
 
 METRES_PER_UNIT = 0.01
 #: What the file says of contact, in ``asset.extras.contact``.
@@ -52,7 +52,7 @@ def write_glb(
     path: Path,
     model: FaceModel,
     motion: NDArray[np.float64] | Performance,
-    progress: Progress = no_progress,
+    progress: Progress | None = None,
 ) -> None:
     """Write the face of ``model`` as GLB, all or nothing.
 
@@ -61,7 +61,7 @@ def write_glb(
         model: Whose subject's parts, textures and shapes are written.
         motion: A pose, shape (r,), which becomes the default weights; or a performance, which becomes an animation of
             the weights, linear between its frames, with its first frame as the default.
-        progress: Is told how far it is.
+        progress: Reported to.
 
     Raises:
         FacePoserError: If the file cannot be written, or would be too large.
@@ -71,7 +71,7 @@ def write_glb(
     builder = GltfBuilder(_asset(subject))
     normals = VertexNormals(subject.triangles, len(subject.vertices))
     at_rest = normals(subject.vertices)
-    turned = _normal_offsets(subject, normals, at_rest, progress)
+    turned = _normal_offsets(subject, normals, at_rest, progress or Progress())
     materials = _Materials(builder, subject)
     nodes, moving = [], []
     for part in subject.parts:
@@ -130,7 +130,7 @@ def _normal_offsets(subject: Subject, normals: VertexNormals, at_rest: Floats, p
     """Return how far each shape turns the normals, (N, 3) each."""
     offsets = []
     for number, shape in enumerate(subject.shapes):
-        progress(number / len(subject.shapes))
+        progress.at("Writing", number / len(subject.shapes))
         offsets.append(normals(subject.vertices + shape) - at_rest)
     return offsets
 

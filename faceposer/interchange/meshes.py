@@ -3,7 +3,7 @@
 A character from a file of its own goes back in the unit, the axes and the order of that file.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import Literal
 
@@ -15,9 +15,9 @@ from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.obj_io import ObjWriter
 from faceposer.geometry.ply_io import write_ply
 from faceposer.geometry.polygon_mesh import Group
-from faceposer.interchange.progress import Progress, no_progress
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
+from faceposer.progress import Progress
 
 SequenceKind = Literal["obj", "ply"]
 
@@ -51,7 +51,7 @@ def write_sequence(
     model: FaceModel,
     performance: Performance,
     kind: SequenceKind = "obj",
-    progress: Progress = no_progress,
+    progress: Progress | None = None,
     contact: bool = True,
 ) -> list[Path]:
     """Write every frame of ``performance`` as a mesh of its own, as ``sequence_steps`` does, and return the files.
@@ -60,13 +60,13 @@ def write_sequence(
         FacePoserError: If the folder holds something or cannot be written.
     """
     for share in sequence_steps(folder, model, performance, kind, contact):
-        progress(share)
+        (progress or Progress()).at("Writing", share)
     return sorted(folder.iterdir())
 
 
 def sequence_steps(
     folder: Path, model: FaceModel, performance: Performance, kind: SequenceKind = "obj", contact: bool = True
-) -> Iterator[float]:
+) -> Generator[float, None, None]:
     """Write every frame of ``performance`` as a mesh of its own into ``folder``, which must be new or empty.
 
     The files are called by the folder and the number of the frame, from 1, such as smile.0001.obj; after each, the

@@ -3,7 +3,7 @@
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
@@ -28,7 +28,7 @@ _GIF_COLOURS = 255
 _SHOWN_OF_LOG = 200
 
 
-def write_gif(path: Path, draw: Draw, count: int, rate: float) -> Iterator[float]:
+def write_gif(path: Path, draw: Draw, count: int, rate: float) -> Generator[float, None, None]:
     """Write ``count`` frames as an endless GIF, and tell after each which share is done.
 
     Frames last whole hundredths of a second such that all of them together take the time that they should.
@@ -70,7 +70,7 @@ def find_ffmpeg() -> str:
     return program
 
 
-def write_mp4(path: Path, draw: Draw, count: int, rate: float, size: tuple[int, int]) -> Iterator[float]:
+def write_mp4(path: Path, draw: Draw, count: int, rate: float, size: tuple[int, int]) -> Generator[float, None, None]:
     """Write ``count`` frames of ``size``, both even, as MP4, and tell after each which share is done.
 
     Raises:

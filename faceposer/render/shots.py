@@ -1,6 +1,6 @@
 """Pictures and films of posed faces, drawn frame by frame into files."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -41,7 +41,7 @@ def picture_steps(
     pose: NDArray[np.float64],
     options: OutputOptions,
     ctx: moderngl.Context | None = None,
-) -> Iterator[float]:
+) -> Generator[float, None, None]:
     """Write ``pose``, shape (r,), as a PNG image; yields 1 when it is done.
 
     Args:
@@ -66,7 +66,7 @@ def picture_sequence_steps(
     performance: Performance,
     options: OutputOptions,
     ctx: moderngl.Context | None = None,
-) -> Iterator[float]:
+) -> Generator[float, None, None]:
     """Write each frame of ``performance`` as a PNG image into ``folder``, which must be new or empty.
 
     The files are called by the folder and the number of the frame, from 1, such as smile.0001.png. Yields the share
@@ -98,7 +98,7 @@ def gif_steps(
     motion: NDArray[np.float64] | Performance,
     options: OutputOptions,
     ctx: moderngl.Context | None = None,
-) -> Iterator[float]:
+) -> Generator[float, None, None]:
     """Write a film as GIF; yields the share that is done after each frame, and closing the iterator ends it early.
 
     A pose turns round once; a performance is played once, while the camera turns if the options say so.
@@ -130,7 +130,7 @@ def mp4_steps(
     motion: NDArray[np.float64] | Performance,
     options: OutputOptions,
     ctx: moderngl.Context | None = None,
-) -> Iterator[float]:
+) -> Generator[float, None, None]:
     """Write a film as MP4; parameters and steps as for ``gif_steps``.
 
     Raises:

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.progress import Progress
 from faceposer.training.frames import AlignedReader, Frames, chunk_ranges, sum_of
-from faceposer.training.progress import Progress
 
 Array = NDArray[np.float64]
 Result = TypeVar("Result")

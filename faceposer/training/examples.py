@@ -13,12 +13,12 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.geometry.mesh_sequence import MeshSequence, open_sequence
 from faceposer.model.subject import Subject
+from faceposer.progress import Progress
 from faceposer.training.assemble import UprightMesh, assemble
 from faceposer.training.frames import AlignedReader, FrameStore, sample_of, spooled, steady_vertices
 from faceposer.training.measures import Curves, curves_of
 from faceposer.training.mode_statistics import statistics_of_modes
 from faceposer.training.modes import Modes, learn_modes, local_metric
-from faceposer.training.progress import Progress
 from faceposer.training.segments import Segments, face_segments, find_segments, whole_face
 from faceposer.training.upright import upright_by_motion
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.geometry.mesh_sequence import MeshSequence
-from faceposer.training.progress import Progress
+from faceposer.progress import Progress
 
 Array = NDArray[np.float64]
 Frames = NDArray[np.float32]

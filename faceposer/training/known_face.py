@@ -13,9 +13,9 @@ from faceposer.geometry.mesh_sequence import frames_of, write_frames
 from faceposer.geometry.polygon_mesh import Group, PolygonMesh
 from faceposer.model.origin import Origin
 from faceposer.model.subject import Subject
+from faceposer.progress import Progress
 from faceposer.training.assemble import UprightMesh
 from faceposer.training.examples import ExampleOptions, subject_from_sequence
-from faceposer.training.progress import Progress
 
 
 def mesh_of(subject: Subject) -> PolygonMesh:

@@ -13,9 +13,9 @@ from faceposer.geometry.marker_meshes import MarkerMeshes, meshes_from_markers
 from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_mesh
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import load_subject
+from faceposer.progress import Progress
 from faceposer.training.examples import ExampleOptions
 from faceposer.training.known_face import mesh_of, subject_from_frames
-from faceposer.training.progress import Progress
 
 
 def subject_from_markers(

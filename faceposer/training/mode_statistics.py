@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from faceposer.model.coupling import learn_coupling
 from faceposer.model.expression_statistics import ExpressionStatistics
+from faceposer.progress import Progress
 from faceposer.training.mfa import MixtureOfFactorAnalyzers
 from faceposer.training.modes import Modes
-from faceposer.training.progress import Progress
 from faceposer.training.selection import Choice, Fold, block_folds, calm_covariance, choose_mixture
 
 Array = NDArray[np.float64]

@@ -12,9 +12,9 @@ from faceposer.errors import FacePoserError
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.face_model import gram_of_weights
 from faceposer.model.subject_file import load_subject
+from faceposer.progress import Progress
 from faceposer.training.capture import Capture, read_capture
 from faceposer.training.expressions import Recipe, augment, clean, learn, shapes_of
-from faceposer.training.progress import Progress
 from faceposer.training.selection import Choice, Fold, choose_mixture
 
 Array = NDArray[np.float64]

@@ -5,10 +5,10 @@ from pathlib import Path
 
 from faceposer.errors import FacePoserError
 from faceposer.model.subject import Subject
+from faceposer.progress import Progress
 from faceposer.training.examples import ExampleOptions, subject_from_examples
 from faceposer.training.kinds import Kind, kind_of, plain_name
 from faceposer.training.marked import subject_from_markers
-from faceposer.training.progress import Progress
 from faceposer.training.rigs import RigOptions, subject_from_rig
 
 __all__ = ["Kind", "TrainingRequest", "kind_of", "plain_name", "train"]
@@ -56,7 +56,7 @@ def train(request: TrainingRequest, progress: Progress | None = None) -> Subject
 
     Raises:
         FacePoserError: If a file cannot be used, naming it, the place and the remedy.
-        TrainingCancelled: If the user stopped it.
+        CancelledError: If the user stopped it.
     """
     if not request.source.exists():
         raise FacePoserError(f"There is no '{request.source}'; check the path.")

@@ -13,12 +13,12 @@ from faceposer.geometry.rig_io import read_rig
 from faceposer.model.face_model import build_face_model
 from faceposer.model.shape_names import halves_of, match_arkit
 from faceposer.model.subject import Subject
+from faceposer.progress import Progress
 from faceposer.training.assemble import UprightMesh, assemble
 from faceposer.training.eyes import add_gaze
 from faceposer.training.landmarks import find_landmarks
 from faceposer.training.measures import curves_of
 from faceposer.training.performances import Learned, statistics_of_captures
-from faceposer.training.progress import Progress
 from faceposer.training.upright import other_side, upright_by_shapes
 
 #: Fewer of ARKit's shapes than this are no rig for it.

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.model.mixture import GaussianMixture
+from faceposer.progress import Progress
 from faceposer.training.mfa import MixtureOfFactorAnalyzers
-from faceposer.training.progress import Progress
 
 Array = NDArray[np.float64]
 Fold = tuple[Array, Array]

@@ -1,6 +1,6 @@
 """Poses and performances carried from one face to another, by either way."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Literal, Protocol, get_args
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
+from faceposer.progress import Progress
 from faceposer.transfer.distances import DistanceTransfer
 from faceposer.transfer.pairs import DEFAULT_PAIRS, Pair
 from faceposer.transfer.ranges import Scaling
@@ -18,10 +19,6 @@ Array = NDArray[np.float64]
 #: By distances between feature points, or by the weights of ARKit's shapes.
 Method = Literal["distances", "weights"]
 METHODS: tuple[Method, ...] = get_args(Method)
-
-
-class TransferCancelled(Exception):
-    """The user wanted no more of it."""
 
 
 class Transfer(Protocol):
@@ -52,25 +49,22 @@ def make_transfer(
 def transfer_performance(
     transfer: Transfer,
     performance: Performance,
-    progress: Callable[[float], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    progress: Progress | None = None,
 ) -> Performance:
     """Return ``performance`` on the target's face, each frame searched from the one before.
 
     Args:
         transfer: The way from one face to the other.
         performance: Of the source's face.
-        progress: Told the share that is done, from 0 to 1, after each frame.
-        should_stop: Asked before each frame.
+        progress: Reported to after each frame.
 
     Raises:
-        TransferCancelled: If ``should_stop`` said yes.
+        CancelledError: If the progress was cancelled.
     """
+    progress = progress or Progress()
     poses: list[Array] = []
     for frame in performance.coefficients:
-        if should_stop is not None and should_stop():
-            raise TransferCancelled
+        progress.check()
         poses.append(transfer.pose(frame, poses[-1] if poses else None))
-        if progress is not None:
-            progress(len(poses) / len(performance))
+        progress.at("Transferring", len(poses) / len(performance))
     return Performance(np.array(poses), performance.rate)

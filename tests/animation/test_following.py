@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from faceposer.animation import following
-from faceposer.animation.following import FollowingStopped, follow
+from faceposer.animation.following import follow
 from faceposer.animation.smoothing import smooth_poses
 from faceposer.animation.terms import CHANGE, SmoothnessTerm, TrackTerm, smoothness_metric
 from faceposer.animation.trajectories import Trajectories
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
+from faceposer.progress import CancelledError, Progress
 from faceposer.solve.constraints.fixed import FixedConstraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
@@ -217,11 +218,11 @@ def test_weights_and_further_constraints_count(model: FaceModel) -> None:
 def test_frames_are_told_in_order_and_it_stops_when_asked(model: FaceModel) -> None:
     tracks = tracked(model, performed(model, 10))
     told: list[int] = []
-    follow(model, tracks, on_frame=lambda frame, pose: told.append(frame))
+    follow(model, tracks, progress=Progress(lambda stage, share: told.append(round(10 * share) - 1)))
     assert told == list(range(10))
     told.clear()
-    with pytest.raises(FollowingStopped):
-        follow(model, tracks, on_frame=lambda frame, pose: told.append(frame), should_stop=lambda: len(told) == 4)
+    with pytest.raises(CancelledError):
+        follow(model, tracks, progress=Progress(lambda stage, share: told.append(len(told)), lambda: len(told) == 4))
     assert told == list(range(4))
 
 
@@ -233,8 +234,8 @@ def test_stopping_while_all_are_made_smooth(model: FaceModel) -> None:
         asked.append(True)
         return len(asked) > 3
 
-    with pytest.raises(FollowingStopped):
-        follow(model, tracks, should_stop=late)
+    with pytest.raises(CancelledError):
+        follow(model, tracks, progress=Progress(cancelled=late))
 
 
 def test_other_evidence_pulls_and_is_seen_by_the_prior(model: FaceModel) -> None:

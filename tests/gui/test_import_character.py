@@ -263,7 +263,7 @@ def test_cancel_leaves_nothing_and_keeps_the_form(
     press(robot, "start")
     assert slow.begun.wait(PATIENCE)
     robot.frames(4)
-    robot.click_widget("import:stop")
+    robot.click_widget("import:cancel")
     finish(robot)
     assert importer(app).page == "form"
     assert (importer(app).error, app.dialogs.waiting) == ("", [])

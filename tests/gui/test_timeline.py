@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from faceposer.animation.keyframes import Keyframes
-from faceposer.animation.smoothing import FollowingStopped
 from faceposer.gui.app import App
 from faceposer.gui.features.animation_files.feature import AnimationFilesFeature
 from faceposer.gui.features.timeline.feature import TimelineFeature
@@ -19,6 +18,7 @@ from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Position, Robot
 from faceposer.interchange.weights_json import write_weights
 from faceposer.model.face_model import FaceModel
+from faceposer.progress import Progress
 from faceposer.session.document import read_document
 
 CORNER, BROW = "8.3", "4.1"
@@ -404,24 +404,23 @@ def test_a_long_solve_shows_how_far_it_is_and_can_be_cancelled(robot: Robot, mon
     draw(robot, CORNER, 10, -10, 20)
 
     def slow(
-        model: FaceModel,
+        _model: FaceModel,
         _trajectories: object,
         *,
-        on_frame: Callable[[int, object], None],
-        should_stop: Callable[[], bool],
+        progress: Progress,
         **_options: object,
     ) -> None:
-        on_frame(4, model.neutral())
-        while not should_stop():
+        progress.at("Frame 5 of 20", 0.25)
+        while True:
+            progress.check()
             time.sleep(0.005)
-        raise FollowingStopped
 
     monkeypatch.setattr("faceposer.animation.following.follow", slow)
     robot.click_widget("follow")
     while "following:cancel" not in app.widget_rects:
         robot.frames()
     assert app.is_modal
-    assert following.progress.startswith("Frame 6 of")
+    assert following.progress.startswith("Frame 5 of")
     label = app.session.undo_label
     robot.key("R")
     assert app.session.undo_label == label, "nothing else is done meanwhile"

@@ -14,6 +14,7 @@ from faceposer.interchange.meshes import write_posed_obj, write_posed_ply, write
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.origin import Origin
 from faceposer.model.performance import Performance
+from faceposer.progress import Progress
 
 
 def test_obj_is_the_posed_face(model: FaceModel, tmp_path: Path) -> None:
@@ -74,7 +75,7 @@ def test_a_sequence_is_a_folder_of_the_frames(
     kind: str, low: FaceModel, performance: Performance, tmp_path: Path
 ) -> None:
     shares: list[float] = []
-    files = write_sequence(tmp_path / "take", low, performance, kind, shares.append)  # type: ignore[arg-type]
+    files = write_sequence(tmp_path / "take", low, performance, kind, Progress(lambda _, share: shares.append(share)))  # type: ignore[arg-type]
     assert [file.name for file in files] == [f"take.{i:04}.{kind}" for i in range(1, 10)]
     assert sorted((tmp_path / "take").iterdir()) == files
     assert [*tmp_path.iterdir()] == [tmp_path / "take"]
@@ -91,12 +92,12 @@ def test_a_sequence_is_a_folder_of_the_frames(
 def test_a_sequence_that_is_stopped_leaves_nothing_behind(
     low: FaceModel, performance: Performance, tmp_path: Path
 ) -> None:
-    def stop(share: float) -> None:
+    def stop(_stage: str, share: float) -> None:
         if share > 0.5:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_sequence(tmp_path / "take", low, performance, "ply", stop)
+        write_sequence(tmp_path / "take", low, performance, "ply", Progress(stop))
     assert not [*tmp_path.iterdir()]
 
 

@@ -20,8 +20,8 @@ from faceposer.model.sampling import resampled
 from faceposer.model.shape_names import weight_map
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
+from faceposer.progress import Progress
 from faceposer.render.options import OutputOptions
-from faceposer.training.progress import Progress
 from faceposer.training.rigs import RigOptions, subject_from_morphs
 from tests.rigs import with_wholes
 from tests.training.faces import morph_mesh, rotation

@@ -14,6 +14,7 @@ from faceposer.interchange.formats import Output, write, write_steps
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
 from faceposer.model.subject_file import load_subject
+from faceposer.progress import Progress
 from faceposer.render.options import OutputOptions
 from faceposer.render.turntable import framed_all_round, turned
 
@@ -76,7 +77,13 @@ def frames_of(path: Path) -> tuple[list[np.ndarray], list[int]]:
 
 def test_gif_turns_the_pose_round_in_time(low: FaceModel, tmp_path: Path) -> None:
     shares: list[float] = []
-    write(tmp_path / "a.gif", low, low.neutral(), OutputOptions(SMALL, turn=1.0, rate=12.0), shares.append)
+    write(
+        tmp_path / "a.gif",
+        low,
+        low.neutral(),
+        OutputOptions(SMALL, turn=1.0, rate=12.0),
+        Progress(lambda _, share: shares.append(share)),
+    )
     frames, lengths = frames_of(tmp_path / "a.gif")
     assert len(frames) == 12
     assert frames[0].shape == (72, 96, 3)

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from faceposer.geometry.mesh_sequence import MeshSequence, frames_of, write_frames
 from faceposer.geometry.polygon_mesh import PolygonMesh
+from faceposer.progress import Progress
 from faceposer.training.frames import AlignedReader, sample_of, steady_vertices
-from faceposer.training.progress import Progress
 
 Array = NDArray[np.float64]
 SIDE = 16

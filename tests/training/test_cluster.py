@@ -12,12 +12,12 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_sequence import open_sequence
 from faceposer.geometry.obj_io import write_obj
+from faceposer.progress import CancelledError, Progress
 from faceposer.training import cluster as cluster_module
 from faceposer.training import frames as frames_module
 from faceposer.training.cluster import clustered
 from faceposer.training.examples import ExampleOptions, subject_from_examples
 from faceposer.training.frames import spooled
-from faceposer.training.progress import Progress, TrainingCancelled
 from faceposer.training.streaming_pca import Region, regional_pca, scores_of
 from tests.training.example_meshes import moving, reader_of, sequence_of, shaken, surface
 
@@ -95,7 +95,7 @@ def test_stop_is_heard(tmp_path: Path, address: str) -> None:
     reader = reader_of(sequence_of(moving(mesh, 9), mesh, tmp_path / "a.npz"))
     stages: list[str] = []
     progress = Progress(lambda stage, share: stages.append(stage), lambda: "Principal components" in stages)
-    with pytest.raises(TrainingCancelled), clustered(reader, address, progress) as store:
+    with pytest.raises(CancelledError), clustered(reader, address, progress) as store:
         list(store.run(double, 1.0))
 
 

@@ -17,11 +17,11 @@ from faceposer.interchange.meshes import write_posed_obj
 from faceposer.model.face_model import build_face_model
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import load_subject, save_subject
+from faceposer.progress import Progress
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
 from faceposer.training.examples import ExampleOptions, subject_from_examples, subject_from_sequence
-from faceposer.training.progress import Progress
 from tests.training.faces import base, poses, rotation, write_examples
 
 OPTIONS = ExampleOptions("me", "Me")

@@ -9,9 +9,9 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_sequence import open_sequence
+from faceposer.progress import CancelledError, Progress
 from faceposer.training import frames as frames_module
 from faceposer.training.frames import Frames, chunk_ranges, sample_of, spooled, steady_vertices, sum_of
-from faceposer.training.progress import Progress, TrainingCancelled
 from tests.training.example_meshes import moving, reader_of, sequence_of, shaken, surface
 
 
@@ -105,9 +105,9 @@ def test_nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert not list(scratch.iterdir())
 
     def stop(stage: str, share: float) -> None:
-        raise TrainingCancelled(stage)
+        raise CancelledError(stage)
 
-    with pytest.raises(TrainingCancelled), spooled(reader, Progress(stop)):
+    with pytest.raises(CancelledError), spooled(reader, Progress(stop)):
         pass
     assert not list(scratch.iterdir())
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from faceposer.progress import Progress
 from faceposer.training.frames import spooled
 from faceposer.training.modes import KEEP, learn_modes, local_metric
-from faceposer.training.progress import Progress
 from faceposer.training.segments import Segments, whole_face
 from tests.training.example_meshes import SIDE, moving, reader_of, sequence_of, surface
 

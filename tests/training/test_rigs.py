@@ -14,8 +14,8 @@ from faceposer.geometry.polygon_mesh import Group, MorphMesh, PolygonMesh
 from faceposer.interchange.meshes import write_posed_obj
 from faceposer.model.face_model import build_face_model
 from faceposer.model.subject_file import load_subject, save_subject
+from faceposer.progress import CancelledError, Progress
 from faceposer.solve.problem import PoseProblem
-from faceposer.training.progress import Progress, TrainingCancelled
 from faceposer.training.rigs import RigOptions, subject_from_morphs, subject_from_rig
 from tests.training.faces import base, morph_mesh, rotation
 
@@ -205,7 +205,7 @@ def test_rigs_of_few_shapes_are_refused() -> None:
 
 
 def test_a_training_can_be_stopped() -> None:
-    with pytest.raises(TrainingCancelled, match="nothing was written"):
+    with pytest.raises(CancelledError, match="nothing was written"):
         subject_from_morphs(morph_mesh(), "me.glb", OPTIONS, Progress(cancelled=lambda: True))
 
 

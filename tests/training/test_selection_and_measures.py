@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from faceposer.progress import Progress
 from faceposer.training.measures import contiguous_blocks, curves_of
-from faceposer.training.progress import Progress
 from faceposer.training.selection import block_folds, choose_mixture
 
 

@@ -9,13 +9,14 @@ from faceposer.errors import FacePoserError
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
 from faceposer.model.subject_file import load_subject
+from faceposer.progress import CancelledError, Progress
 from faceposer.solve.constraints.gaze import gaze_direction
 from faceposer.solve.problem import PoseProblem
 from faceposer.transfer.distances import DistanceTransfer
 from faceposer.transfer.pairs import DEFAULT_PAIRS, PAPER_PAIRS, Pair
 from faceposer.transfer.ranges import measure_ranges, scaled
 from faceposer.transfer.terms import PairPoints, RigWeightTerm, SpaceDistanceTerm
-from faceposer.transfer.transfer import TransferCancelled, make_transfer, transfer_performance
+from faceposer.transfer.transfer import make_transfer, transfer_performance
 from faceposer.transfer.weights import WeightMap, WeightTransfer
 from tests.rigs import with_wholes
 
@@ -209,7 +210,7 @@ def test_a_performance_follows_frame_by_frame_with_news_and_can_be_stopped(model
     shares = np.concatenate([np.linspace(0.0, 1.0, 8), np.linspace(1.0, 0.0, 8)])
     source = Performance(shares[:, None] * model.coefficients_of(SMILE), 25.0)
     news: list[float] = []
-    result = transfer_performance(make_transfer(model, low), source, news.append)
+    result = transfer_performance(make_transfer(model, low), source, Progress(lambda stage, share: news.append(share)))
     assert result.rate == 25.0
     assert news == [pytest.approx((i + 1) / 16) for i in range(16)]
     truth = shares[:, None] * low.coefficients_of(SMILE)
@@ -217,5 +218,5 @@ def test_a_performance_follows_frame_by_frame_with_news_and_can_be_stopped(model
     # A frame does not depend on how it was reached.
     alone = make_transfer(model, low).pose(source.coefficients[10])
     np.testing.assert_allclose(low.instance(result.coefficients[10]), low.instance(alone), atol=0.02)
-    with pytest.raises(TransferCancelled):
-        transfer_performance(make_transfer(model, low), source, should_stop=lambda: True)
+    with pytest.raises(CancelledError):
+        transfer_performance(make_transfer(model, low), source, Progress(cancelled=lambda: True))

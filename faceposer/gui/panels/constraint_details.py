@@ -19,6 +19,12 @@ LARGEST_WEIGHT, LARGEST_HOLD = 100.0, 1000.0
 
 def draw_details(context: EditorContext, index: int) -> None:
     """Draw what can be set on constraint ``index``."""
+    imgui.push_id(f"constraint {index}")
+    _draw_details(context, index)
+    imgui.pop_id()
+
+
+def _draw_details(context: EditorContext, index: int) -> None:
     constraint = context.session.document.constraints[index]
     conflict = context.drawn_constraints.conflicts.get(index)
     if conflict is not None:

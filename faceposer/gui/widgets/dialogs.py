@@ -7,7 +7,8 @@ from imgui_bundle import imgui
 
 from faceposer.gui.actions import Actions
 from faceposer.gui.widgets.basic import WidgetRects, caption
-from faceposer.gui.widgets.theme import ACCENT_DARK, BAD, FAINT, Fonts, Icon, em, u32
+from faceposer.gui.widgets.modal import modal, modal_buttons, modal_title
+from faceposer.gui.widgets.theme import FAINT, Fonts, em, u32
 
 _MOUSE = (
     ("Drag on the face", "pull that point; it stays pinned"),
@@ -93,38 +94,21 @@ class Dialogs:
         elif self.keys_shown:
             self._draw_keys(actions, navigation)
 
-    def _begin(self, name: str, width: float) -> bool:
-        if not imgui.is_popup_open(name):
-            imgui.open_popup(name)
-        view = imgui.get_main_viewport()
-        imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
-        imgui.set_next_window_size_constraints((min(width, view.size.x - em(1)), 0.0), (view.size.x, view.size.y))
-        imgui.push_style_var(imgui.StyleVar_.window_padding, (em(1.4), em(1.2)))
-        flags = (
-            imgui.WindowFlags_.no_title_bar
-            | imgui.WindowFlags_.no_resize
-            | imgui.WindowFlags_.no_move
-            | imgui.WindowFlags_.always_auto_resize
-            | imgui.WindowFlags_.no_saved_settings
-        )
-        shown = imgui.begin_popup_modal(name, None, flags)[0]
-        imgui.pop_style_var()
-        return shown
-
-    def _title(self, text: str, bad: bool = False) -> None:
-        if bad:
-            imgui.text_colored(BAD, Icon.WARNING)
-            imgui.same_line()
-        imgui.push_font(self.fonts.bold, 0.0)
-        imgui.text_unformatted(text)
-        imgui.pop_font()
-        imgui.dummy((0.0, em(0.2)))
-
     def _draw_question(self, question: Question) -> None:
-        if not self._begin("##question", em(27)):
-            return
+        taken: Choice | None = None
+        with modal("##question", 27.0, widens=True) as shown:
+            if shown:
+                taken = self._draw_content(question)
+                if taken is not None:
+                    self.waiting.remove(question)
+                    imgui.close_current_popup()
+        if taken is not None:
+            taken.run()
+
+    def _draw_content(self, question: Question) -> Choice | None:
+        """Draw ``question`` and return the choice that was taken."""
         fresh = imgui.is_window_appearing()
-        self._title(question.title, question.bad)
+        modal_title(self.fonts, question.title, question.bad)
         imgui.push_text_wrap_pos(em(28))
         imgui.text_unformatted(question.text)
         imgui.pop_text_wrap_pos()
@@ -133,36 +117,10 @@ class Dialogs:
             imgui.input_text_multiline(
                 "##details", question.details, (em(34), em(10)), imgui.InputTextFlags_.read_only.value
             )
-        imgui.dummy((0.0, em(0.7)))
-        taken = self._buttons(question, fresh)
-        if taken is not None:
-            self.waiting.remove(question)
-            imgui.close_current_popup()
-        imgui.end_popup()
-        if taken is not None:
-            taken.run()
-
-    def _buttons(self, question: Question, fresh: bool) -> Choice | None:
-        """Draw the buttons from the right and return the one that was taken."""
-        taken: Choice | None = None
-        style = imgui.get_style()
-        widths = [
-            max(imgui.calc_text_size(choice.label).x + 2.0 * style.frame_padding.x, em(5.5))
-            for choice in question.choices
-        ]
-        room = imgui.get_content_region_avail().x
-        left = room - sum(widths) - style.item_spacing.x * (len(widths) - 1)
-        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(left, 0.0))
-        for i, choice in enumerate(question.choices):
-            if i:
-                imgui.same_line()
-            else:
-                imgui.push_style_color(imgui.Col_.button, ACCENT_DARK)
-            if imgui.button(choice.label, (widths[i], 0.0)):
-                taken = choice
-            if not i:
-                imgui.pop_style_color()
-            self.rects.record(f"choice:{i}")
+        imgui.dummy((0.0, em(0.4)))
+        labels = [(str(i), choice.label) for i, choice in enumerate(question.choices)]
+        pressed = modal_buttons(self.rects, "choice", labels, least=5.5)
+        taken = question.choices[int(pressed)] if pressed else None
         if not fresh:
             if _pressed(imgui.Key.enter, imgui.Key.keypad_enter):
                 taken = question.choices[0]
@@ -172,27 +130,27 @@ class Dialogs:
 
     def _draw_keys(self, actions: Actions, navigation: str) -> None:
         room = imgui.get_main_viewport().size.x - em(4)
-        if not self._begin("##keys", em(40)):
-            return
-        fresh = imgui.is_window_appearing()
-        self._title("Keys and mouse")
-        if imgui.begin_table("##columns", 3, imgui.TableFlags_.sizing_stretch_same.value, (min(em(66), room), 0.0)):
-            menus = actions.menus
-            imgui.table_next_column()
-            _section(self.fonts, "Mouse", (*_MOUSE, *_NAVIGATION[navigation]))
-            for menu in (menus[0], menus[-1]):
-                _section(self.fonts, menu, _rows(actions, menu))
-            for column in (menus[1:3], menus[3:-1]):
+        with modal("##keys", 40.0, widens=True) as shown:
+            if not shown:
+                return
+            fresh = imgui.is_window_appearing()
+            modal_title(self.fonts, "Keys and mouse")
+            if imgui.begin_table("##columns", 3, imgui.TableFlags_.sizing_stretch_same.value, (min(em(66), room), 0.0)):
+                menus = actions.menus
                 imgui.table_next_column()
-                for menu in column:
+                _section(self.fonts, "Mouse", (*_MOUSE, *_NAVIGATION[navigation]))
+                for menu in (menus[0], menus[-1]):
                     _section(self.fonts, menu, _rows(actions, menu))
-            imgui.end_table()
-        caption("Esc or F1 closes this.")
-        outside = imgui.is_mouse_clicked(imgui.MouseButton_.left.value) and not imgui.is_window_hovered()
-        if not fresh and (_pressed(imgui.Key.escape, imgui.Key.f1) or outside):
-            self.keys_shown = False
-            imgui.close_current_popup()
-        imgui.end_popup()
+                for column in (menus[1:3], menus[3:-1]):
+                    imgui.table_next_column()
+                    for menu in column:
+                        _section(self.fonts, menu, _rows(actions, menu))
+                imgui.end_table()
+            caption("Esc or F1 closes this.")
+            outside = imgui.is_mouse_clicked(imgui.MouseButton_.left.value) and not imgui.is_window_hovered()
+            if not fresh and (_pressed(imgui.Key.escape, imgui.Key.f1) or outside):
+                self.keys_shown = False
+                imgui.close_current_popup()
 
 
 def _pressed(*keys: imgui.Key) -> bool:

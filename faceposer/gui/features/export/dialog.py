@@ -1,13 +1,16 @@
 """The dialog that exports: which format, how pictures are to be, and how far a film is."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.basic import caption, tooltip
-from faceposer.gui.widgets.theme import ACCENT_DARK, FAINT, em
+from faceposer.gui.widgets.basic import tooltip
+from faceposer.gui.widgets.modal import draw_job, modal, modal_buttons, modal_title
+from faceposer.gui.widgets.theme import FAINT, em
 from faceposer.interchange.formats import FORMATS
+from faceposer.session.jobs import Job
 
 if TYPE_CHECKING:
     from faceposer.gui.features.export.feature import ExportFeature
@@ -19,11 +22,23 @@ _FASTEST, _LONGEST = 50, 60.0
 
 def draw_form(context: EditorContext, exchange: "ExportFeature") -> None:
     """Draw what can be exported and how."""
-    if not _begin():
-        return
+    pressed = ""
+    with modal("##export", _WIDTH) as shown:
+        if shown:
+            pressed = _draw_form(context, exchange)
+            if pressed:
+                imgui.close_current_popup()
+    if pressed == "accept":
+        exchange.choose_file()
+    elif pressed == "cancel":
+        exchange.end()
+
+
+def _draw_form(context: EditorContext, exchange: "ExportFeature") -> str:
+    """Draw the form and return the button that was pressed, by pointer or key, or ""."""
     fresh = imgui.is_window_appearing()
     form, rects = exchange.form, context.widget_rects
-    _title(context, "Export as")
+    modal_title(context.fonts, "Export as")
     for suffix, offered in FORMATS.items():
         missing = offered.missing()
         left = imgui.get_cursor_pos_x()
@@ -39,20 +54,13 @@ def draw_form(context: EditorContext, exchange: "ExportFeature") -> None:
     imgui.separator()
     imgui.dummy((0.0, em(0.1)))
     _draw_options(context, exchange)
-    pressed = _foot(context, (("accept", "Export..."), ("cancel", "Cancel")))
-    typing = imgui.get_io().want_text_input
-    if not fresh and not typing:
+    pressed = modal_buttons(rects, "export", (("accept", "Export..."), ("cancel", "Cancel")))
+    if not fresh and not imgui.get_io().want_text_input:
         if imgui.is_key_pressed(imgui.Key.escape, False):
             pressed = "cancel"
         if imgui.is_key_pressed(imgui.Key.enter, False) or imgui.is_key_pressed(imgui.Key.keypad_enter, False):
             pressed = "accept"
-    if pressed:
-        imgui.close_current_popup()
-    imgui.end_popup()
-    if pressed == "accept":
-        exchange.choose_file()
-    elif pressed == "cancel":
-        exchange.end()
+    return pressed
 
 
 def _draw_options(context: EditorContext, exchange: "ExportFeature") -> None:
@@ -109,53 +117,15 @@ def _draw_options(context: EditorContext, exchange: "ExportFeature") -> None:
     imgui.text_disabled("frames a second")
 
 
-def draw_progress(context: EditorContext, exchange: "ExportFeature") -> None:
-    """Draw how far the film is, with a button that ends it."""
-    filming = exchange.filming
-    if filming is None or not _begin():
-        return
-    _title(context, f"Writing {filming.path.name}")
-    imgui.push_style_color(imgui.Col_.plot_histogram, ACCENT_DARK)
-    imgui.progress_bar(filming.share, (-1.0, em(1.5)), f"{100.0 * filming.share:.0f} %")
-    imgui.pop_style_color()
-    context.widget_rects.record("export:progress")
-    caption("Nothing is written before it is done.")
-    pressed = _foot(context, (("cancel", "Cancel"),), lit=False)
-    if imgui.is_key_pressed(imgui.Key.escape, False):
-        pressed = "cancel"
-    if pressed:
-        imgui.close_current_popup()
-    imgui.end_popup()
-    if pressed:
-        exchange.end()
-
-
-def _begin() -> bool:
-    name = "##export"
-    if not imgui.is_popup_open(name):
-        imgui.open_popup(name)
-    view = imgui.get_main_viewport()
-    width = min(em(_WIDTH), view.size.x - em(1))
-    imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
-    imgui.set_next_window_size_constraints((width, 0.0), (width, view.size.y))
-    imgui.push_style_var(imgui.StyleVar_.window_padding, (em(1.4), em(1.2)))
-    flags = (
-        imgui.WindowFlags_.no_title_bar
-        | imgui.WindowFlags_.no_resize
-        | imgui.WindowFlags_.no_move
-        | imgui.WindowFlags_.always_auto_resize
-        | imgui.WindowFlags_.no_saved_settings
-    )
-    shown = imgui.begin_popup_modal(name, None, flags)[0]
-    imgui.pop_style_var()
-    return shown
-
-
-def _title(context: EditorContext, text: str) -> None:
-    imgui.push_font(context.fonts.bold, 0.0)
-    imgui.text_unformatted(text)
-    imgui.pop_font()
-    imgui.dummy((0.0, em(0.2)))
+def draw_progress(context: EditorContext, exchange: "ExportFeature", job: Job[Path]) -> None:
+    """Draw the progress of what is being written, with a button that cancels it."""
+    with modal("##export", _WIDTH) as shown:
+        if not shown:
+            return
+        text = "Nothing is written before it is done."
+        draw_job(context.fonts, context.widget_rects, "export", f"Writing {exchange.target.name}", job, text)
+        if job.cancelled:
+            imgui.close_current_popup()
 
 
 def _label(text: str) -> None:
@@ -164,23 +134,3 @@ def _label(text: str) -> None:
     imgui.text_unformatted(text)
     imgui.same_line(left + em(_LABEL))
     imgui.align_text_to_frame_padding()
-
-
-def _foot(context: EditorContext, buttons: tuple[tuple[str, str], ...], lit: bool = True) -> str:
-    """Draw buttons at the right, the first one lit, and return the name of the one that was pressed, or ""."""
-    width, gap = em(6), imgui.get_style().item_spacing.x
-    imgui.dummy((0.0, em(0.3)))
-    room = imgui.get_content_region_avail().x - len(buttons) * width - (len(buttons) - 1) * gap
-    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(room, 0.0))
-    pressed = ""
-    for i, (name, label) in enumerate(buttons):
-        if i:
-            imgui.same_line()
-        if lit and not i:
-            imgui.push_style_color(imgui.Col_.button, ACCENT_DARK)
-        if imgui.button(f"{label}##foot", (width, 0.0)):
-            pressed = name
-        if lit and not i:
-            imgui.pop_style_color()
-        context.widget_rects.record(f"export:{name}")
-    return pressed

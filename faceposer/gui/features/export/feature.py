@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,7 +21,8 @@ from faceposer.interchange.formats import FORMATS, Output, write_sequence_steps,
 from faceposer.render.options import OutputOptions
 
 if TYPE_CHECKING:
-    from faceposer.model.performance import Performance
+    from faceposer.session.jobs import StepJob
+from faceposer.model.performance import Performance
 
 # For which frames of a film are drawn before the window's next.
 _DRAW_SECONDS = 0.15
@@ -52,28 +53,14 @@ class ExportForm:
     rate: int = 25
 
 
-@dataclass
-class Filming:
-    """A film or a sequence of meshes that is being written.
-
-    Attributes:
-        path: The file, or the folder of a sequence of meshes.
-        steps: Draws or writes a frame each time, and gives the share that is done.
-        share: How far it is, 0 to 1.
-    """
-
-    path: Path
-    steps: Iterator[float]
-    share: float = 0.0
-
-
 class ExportFeature(Feature):
     """The File menu's entries for other programs' files.
 
     Attributes:
         form: What the dialog holds.
         open: Whether the dialog is shown.
-        filming: The film that is being written, if any.
+        job: What is being written, if anything; its result is the path.
+        target: That path.
         performance: Gives the animation of the window, if there is one.
     """
 
@@ -81,18 +68,19 @@ class ExportFeature(Feature):
         super().__init__(context)
         self.form = ExportForm()
         self.open = False
-        self.filming: Filming | None = None
+        self.job: StepJob[Path] | None = None
+        self.target = Path()
         self.performance: Callable[[], Performance | None] = lambda: None
 
     @property
     def patience(self) -> float:
         """Seconds for which the loop may sleep: none while a film is drawn."""
-        return 0.0 if self.filming is not None else super().patience
+        return 0.0 if self.job is not None else super().patience
 
     @property
     def is_modal(self) -> bool:
         """Whether the dialog is shown, or a film is drawn."""
-        return self.open or self.filming is not None
+        return self.open or self.job is not None
 
     def actions(self) -> Sequence[Action | Submenu]:
         """Return the entries of the File menu."""
@@ -134,7 +122,7 @@ class ExportFeature(Feature):
     def end(self) -> None:
         """Put the dialog away, or end the film, of which nothing is kept."""
         self.open = False
-        self._stop_filming()
+        self._cancel_job()
         self.context.redraw()
 
     def choose_file(self) -> None:
@@ -168,13 +156,16 @@ class ExportFeature(Feature):
             )
             if written.sequence is not None and not still:
                 output = Output(path.with_suffix(""), model, motion, options, context.gl)
-                self.filming = Filming(output.path, write_sequence_steps(output, form.suffix))
+                self.target = output.path
+                self.job = StepJob(write_sequence_steps(output, form.suffix), output.path)
             else:
                 output = Output(path, model, motion, options, context.gl)
-                self.filming = Filming(path, write_steps(output))
+                self.target = path
+                self.job = StepJob(write_steps(output), path)
                 if not written.drawn:
                     # Soon done: no progress appears.
-                    self._write_on(math.inf)
+                    self.job.advance(math.inf)
+                    self._finish()
         except FacePoserError as error:
             context.dialogs.report("The face is not exported", str(error))
         context.redraw()
@@ -188,37 +179,36 @@ class ExportFeature(Feature):
 
     def update(self) -> None:
         """Draw the next frames of the film, as many as the progress may wait for."""
-        if self.filming is not None:
+        if self.job is not None:
             self.context.redraw(1)
-            self._write_on(time.perf_counter() + _DRAW_SECONDS)
+            self.job.advance(time.perf_counter() + _DRAW_SECONDS)
+            self._finish()
 
-    def _write_on(self, until: float) -> None:
-        """Go on with what is being written until it is done or the clock says ``until``."""
-        filming = self.filming
-        assert filming is not None
-        try:
-            filming.share = next(filming.steps)
-            while time.perf_counter() < until:
-                filming.share = next(filming.steps)
-        except StopIteration:
-            self.filming = None
-            self._written(filming.path)
-        except FacePoserError as error:
-            self.filming = None
-            self.context.dialogs.report("The face is not exported", str(error))
-        except BaseException:
-            self.filming = None
-            raise
+    def _finish(self) -> None:
+        """Report the end of what was being written, if it has ended.
+
+        Raises:
+            Exception: What went wrong, unless the user can mend it.
+        """
+        job = self.job
+        if job is None or not job.done:
+            return
+        self.job = None
+        if isinstance(job.error, FacePoserError):
+            self.context.dialogs.report("The face is not exported", str(job.error))
+        elif job.error is not None:
+            raise job.error
+        elif job.result is not None:
+            self._written(job.result)
 
     def _written(self, path: Path) -> None:
         self.context.settings.export_path = str(path.resolve())
         self.context.notify(f"Saved {path.name}")
 
-    def _stop_filming(self) -> None:
-        if self.filming is not None:
-            # Closing a generator lets it clear away what it has begun.
-            self.filming.steps.close()  # type: ignore[attr-defined]
-            self.filming = None
+    def _cancel_job(self) -> None:
+        if self.job is not None:
+            self.job.cancel()
+            self.job = None
 
     # In
 
@@ -261,11 +251,11 @@ class ExportFeature(Feature):
         """Draw the form or how far the film is, unless another dialog is above."""
         if self.context.dialogs.open or self.context.file_dialogs.browsing:
             return
-        if self.filming is not None:
-            draw_progress(self.context, self)
+        if self.job is not None:
+            draw_progress(self.context, self, self.job)
         elif self.open:
             draw_form(self.context, self)
 
     def close(self) -> None:
         """End the film that is being written."""
-        self._stop_filming()
+        self._cancel_job()

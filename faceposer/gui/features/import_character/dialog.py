@@ -12,7 +12,8 @@ from faceposer.gui.features.import_character.summary import draw_summary
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.basic import WidgetRects, caption, choice, tooltip
 from faceposer.gui.widgets.file_dialogs import FileRequest, Purpose
-from faceposer.gui.widgets.theme import ACCENT_DARK, BAD, Fonts, Icon, em
+from faceposer.gui.widgets.modal import draw_job, modal, modal_buttons, modal_title
+from faceposer.gui.widgets.theme import BAD, Icon, em
 
 if TYPE_CHECKING:
     from faceposer.gui.features.import_character.feature import ImportCharacterFeature
@@ -62,42 +63,23 @@ class ImportDialog:
     def draw(self, draw_above: Callable[[], None]) -> None:
         """Draw the page that is shown; ``draw_above`` draws the dialogs that lie over it."""
         importing = self._importing
-        name = "##import"
-        if not imgui.is_popup_open(name):
-            imgui.open_popup(name)
-        view = imgui.get_main_viewport()
-        width = min(em(_WIDTH), view.size.x - em(1))
-        imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
-        imgui.set_next_window_size_constraints((width, 0.0), (width, view.size.y))
-        imgui.push_style_var(imgui.StyleVar_.window_padding, (em(1.4), em(1.2)))
-        flags = (
-            imgui.WindowFlags_.no_title_bar
-            | imgui.WindowFlags_.no_resize
-            | imgui.WindowFlags_.no_move
-            | imgui.WindowFlags_.always_auto_resize
-            | imgui.WindowFlags_.no_scrollbar
-            | imgui.WindowFlags_.no_saved_settings
-        )
-        shown = imgui.begin_popup_modal(name, None, flags)[0]
-        imgui.pop_style_var()
-        if not shown:
+        with modal("##import", _WIDTH, scrolls=False) as shown:
+            if not shown:
+                draw_above()
+                return
+            # Keys are those of the dialog above, if there is one.
+            context = importing.context
+            alone = not (context.dialogs.open or context.file_dialogs.open or imgui.is_window_appearing())
+            {"form": self._form, "running": self._running, "summary": self._summary}[importing.page](importing, alone)
+            if not importing.open:
+                imgui.close_current_popup()
             draw_above()
-            return
-        # Keys are those of the dialog above, if there is one.
-        alone = not (
-            importing.context.dialogs.open or importing.context.file_dialogs.open or imgui.is_window_appearing()
-        )
-        {"form": self._form, "running": self._running, "summary": self._summary}[importing.page](importing, alone)
-        if not importing.open:
-            imgui.close_current_popup()
-        draw_above()
-        imgui.end_popup()
 
     # What to learn from
 
     def _form(self, importing: "ImportCharacterFeature", alone: bool) -> None:
         form, rects = importing.form, importing.context.widget_rects
-        _title(importing.context.fonts, "Import a character")
+        modal_title(importing.context.fonts, "Import a character")
         error_height = 0.0
         if importing.error:
             # As much narrower than the dialog as the icon before it is wide, and a little more.
@@ -137,7 +119,7 @@ class ImportDialog:
         imgui.end_child()
         if importing.error:
             _sentence(BAD, importing.error)
-        pressed = _foot(rects, (("start", "Import"), ("cancel", "Cancel")))
+        pressed = modal_buttons(rects, "import", (("start", "Import"), ("cancel", "Cancel")))
         typing = imgui.get_io().want_text_input
         if alone and imgui.is_key_pressed(imgui.Key.escape, False) and not typing:
             pressed = "cancel"
@@ -233,23 +215,12 @@ class ImportDialog:
     # How far it is
 
     def _running(self, importing: "ImportCharacterFeature", _alone: bool) -> None:
-        training = importing.training
+        training, context = importing.training, importing.context
         assert training is not None
-        _title(importing.context.fonts, f"Learning {training.output.stem}")
-        imgui.text_unformatted("Stopping..." if training.stopping else f"{training.stage}...")
-        moving = -0.35 * imgui.get_time()
-        share = min(training.share, 1.0) if training.share > 0.0 else moving
-        text = f"{100.0 * training.share:.0f} %" if training.share > 0.0 else ""
-        imgui.push_style_color(imgui.Col_.plot_histogram, ACCENT_DARK)
-        imgui.progress_bar(share, (-1.0, em(1.5)), text)
-        imgui.pop_style_color()
-        importing.context.widget_rects.record("import:progress")
-        caption("With many meshes this takes minutes. Nothing is written before it is done.")
-        imgui.dummy((0.0, em(0.4)))
-        imgui.begin_disabled(training.stopping)
-        if _foot(importing.context.widget_rects, (("stop", "Cancel"),), lit=False) == "stop":
-            importing.stop()
-        imgui.end_disabled()
+        stage = "Stopping..." if training.cancelled else f"{training.stage}..."
+        text = f"{stage} With many meshes this takes minutes; nothing is written before it is done."
+        title = f"Learning {importing.output.stem}"
+        draw_job(context.fonts, context.widget_rects, "import", title, training, text, escapes=False)
 
     # What was learned
 
@@ -258,7 +229,7 @@ class ImportDialog:
         _begin_body()
         draw_summary(importing.context.fonts, importing.about)
         imgui.end_child()
-        pressed = _foot(importing.context.widget_rects, (("open", "Open"), ("close", "Close")))
+        pressed = modal_buttons(importing.context.widget_rects, "import", (("open", "Open"), ("close", "Close")))
         if alone and _enter():
             pressed = "open"
         if alone and imgui.is_key_pressed(imgui.Key.escape, False):
@@ -267,13 +238,6 @@ class ImportDialog:
             importing.open_learned()
         elif pressed == "close":
             importing.close_dialog()
-
-
-def _title(fonts: Fonts, text: str) -> None:
-    imgui.push_font(fonts.bold, 0.0)
-    imgui.text_unformatted(text)
-    imgui.pop_font()
-    imgui.dummy((0.0, em(0.2)))
 
 
 def _begin_body(below: float = 0.0) -> None:
@@ -367,26 +331,6 @@ def _sentence(colour: tuple[float, float, float, float], text: str) -> None:
     imgui.text_unformatted(text)
     imgui.pop_style_color()
     imgui.pop_text_wrap_pos()
-
-
-def _foot(rects: WidgetRects, buttons: tuple[tuple[str, str], ...], lit: bool = True) -> str:
-    """Draw buttons at the right, the first one lit, and return the name of the one that was pressed, or ""."""
-    width, gap = em(6), imgui.get_style().item_spacing.x
-    imgui.dummy((0.0, em(0.3)))
-    room = imgui.get_content_region_avail().x - len(buttons) * width - (len(buttons) - 1) * gap
-    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(room, 0.0))
-    pressed = ""
-    for i, (name, label) in enumerate(buttons):
-        if i:
-            imgui.same_line()
-        if lit and not i:
-            imgui.push_style_color(imgui.Col_.button, ACCENT_DARK)
-        if imgui.button(f"{label}##foot", (width, 0.0)):
-            pressed = name
-        if lit and not i:
-            imgui.pop_style_color()
-        rects.record(f"import:{name}")
-    return pressed
 
 
 def _enter() -> bool:

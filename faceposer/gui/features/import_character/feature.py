@@ -1,6 +1,8 @@
 """Custom characters in the window: the form, learning in the background, and the summary of what was learned."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,9 +12,10 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.import_character.dialog import ImportDialog
 from faceposer.gui.features.import_character.form import ImportForm
-from faceposer.gui.features.import_character.training import Training
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.dialogs import Choice, Question
+from faceposer.progress import Progress
+from faceposer.session.jobs import ThreadJob
 
 Page = Literal["form", "running", "summary"]
 
@@ -24,7 +27,8 @@ class ImportCharacterFeature(Feature):
         open: Whether the dialog is shown.
         form: What the user has entered; kept until a character came of it.
         error: What was wrong with it, one sentence, or "".
-        training: The learning under way, or the last one.
+        training: The learning under way, which returns what was learned (``description_of``).
+        output: The file that it writes.
         about: What was learned last.
     """
 
@@ -34,7 +38,8 @@ class ImportCharacterFeature(Feature):
         self.open = False
         self.form = ImportForm()
         self.error = ""
-        self.training: Training | None = None
+        self.training: ThreadJob[dict[str, Any]] | None = None
+        self.output = Path()
         self.about: dict[str, Any] | None = None
 
     @property
@@ -158,13 +163,15 @@ class ImportCharacterFeature(Feature):
 
     def _train(self, output: Path) -> None:
         self.form.output = str(output)
-        self.training = Training(self.form, output, self.context.wake)
+        self.output = output
+        form = replace(self.form, captures=list(self.form.captures))
+        self.training = ThreadJob(partial(_learn, form, output), self.context.wake, "Getting ready")
         self.context.redraw()
 
     def stop(self) -> None:
         """Stop learning; nothing is written."""
         if self.training is not None:
-            self.training.stop()
+            self.training.cancel()
 
     def update(self) -> None:
         """Show what there is to be known of the learning under way.
@@ -181,15 +188,10 @@ class ImportCharacterFeature(Feature):
             return
         self.training = None
         self.context.redraw()
-        if training.about is not None:
-            self.about = training.about | {"path": str(training.output)}
+        if training.result is not None:
+            self.about = training.result | {"path": str(self.output)}
             self.form = ImportForm()
-            return
-        from faceposer.training.progress import TrainingCancelled
-
-        if isinstance(training.error, TrainingCancelled):
-            return
-        if isinstance(training.error, FacePoserError):
+        elif isinstance(training.error, FacePoserError):
             self.error = str(training.error)
         elif isinstance(training.error, MemoryError):
             self.error = "There is not enough memory for this; learn from fewer or from smaller meshes."
@@ -206,5 +208,18 @@ class ImportCharacterFeature(Feature):
     def close(self) -> None:
         """Stop what is under way and wait for it, so that it can clear away what it has begun."""
         if self.training is not None:
-            self.training.stop()
+            self.training.cancel()
             self.training.join()
+
+
+def _learn(form: ImportForm, output: Path, progress: Progress) -> dict[str, Any]:
+    # Here and not above: the libraries behind take more than a second to load.
+    from faceposer.model.subject_file import save_subject
+    from faceposer.training.request import train
+    from faceposer.training.summary import description_of
+
+    progress.at("Getting ready")
+    subject = train(form.request(output), progress)
+    progress.at("Saving")
+    save_subject(output, subject)
+    return description_of(subject)

@@ -7,6 +7,7 @@ from imgui_bundle import imgui
 from faceposer.errors import FacePoserError
 from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.basic import lit_button
+from faceposer.gui.widgets.modal import modal, modal_title
 from faceposer.gui.widgets.theme import ACCENT_DARK, WARNING, em
 from faceposer.poses.library import PoseExistsError
 from faceposer.poses.pose_file import LONGEST_NAME
@@ -39,33 +40,16 @@ class NameDialog:
         """Draw the dialog if it is open."""
         if self._done is None:
             return
-        if not imgui.is_popup_open("##pose-name"):
-            imgui.open_popup("##pose-name")
-        imgui.set_next_window_pos(imgui.get_main_viewport().get_center(), imgui.Cond_.always, (0.5, 0.5))
-        imgui.push_style_var(imgui.StyleVar_.window_padding, (em(1.4), em(1.2)))
-        flags = (
-            imgui.WindowFlags_.no_title_bar
-            | imgui.WindowFlags_.no_resize
-            | imgui.WindowFlags_.no_move
-            | imgui.WindowFlags_.always_auto_resize
-            | imgui.WindowFlags_.no_saved_settings
-        )
-        shown = imgui.begin_popup_modal("##pose-name", None, flags)[0]
-        imgui.pop_style_var()
-        if not shown:
-            return
-        self._draw_content()
-        if not self.open:
-            imgui.close_current_popup()
-        imgui.end_popup()
+        with modal("##pose-name", 24.8) as shown:
+            if shown:
+                self._draw_content()
+                if not self.open:
+                    imgui.close_current_popup()
 
     def _draw_content(self) -> None:
         context = self._context
         fresh = imgui.is_window_appearing()
-        imgui.push_font(context.fonts.bold, 0.0)
-        imgui.text_unformatted(self._title)
-        imgui.pop_font()
-        imgui.dummy((0.0, em(0.2)))
+        modal_title(context.fonts, self._title)
         if fresh:
             imgui.set_keyboard_focus_here()
         imgui.set_next_item_width(em(22))

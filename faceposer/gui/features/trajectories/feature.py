@@ -1,9 +1,8 @@
 """Trajectories in the window: drawn over the face, then solved beside the frames into keys of the timeline."""
 
-import threading
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -17,11 +16,13 @@ from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.timeline.feature import TimelineFeature, counted
-from faceposer.gui.features.trajectories.dialog import draw_following
 from faceposer.gui.features.trajectories.overlay import TrajectoryPainter
 from faceposer.gui.features.trajectories.panel import draw_trajectory_options
+from faceposer.gui.widgets.modal import draw_job, modal
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
+from faceposer.progress import Progress
+from faceposer.session.jobs import ThreadJob
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.priors import Prior
 from faceposer.solve.problem import RECORDED_SPREAD, SPREAD
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Timing = Literal["pen", "even"]
 
-# Seconds between two wakings of the frame loop: a short animation has hundreds of frames a second.
-_WAKE_EVERY = 0.07
 # Seconds after which a dialog tells how far it is.
 _DIALOG_AFTER = 0.3
 
@@ -84,86 +83,21 @@ class FollowingRequest:
     spread: float = SPREAD
 
 
-@dataclass
-class FollowingJob:
-    """The solve of a request, in a thread of its own.
+def _solve(request: FollowingRequest, progress: Progress) -> Performance:
+    # Here and not above: the libraries behind take a good part of a second to load.
+    from faceposer.animation.following import follow
 
-    Attributes:
-        request: What is solved.
-        done_frames: How many frames have been found; what is left then is to make them smooth together.
-        performance: What came of it, or None.
-        error: What ended it early, or None.
-    """
-
-    request: FollowingRequest
-    wake: Callable[[], None]
-    done_frames: int = 0
-    performance: Performance | None = None
-    error: Exception | None = None
-    _stop: threading.Event = field(default_factory=threading.Event)
-
-    def __post_init__(self) -> None:
-        self._woken = 0.0
-        self._begun = time.monotonic()
-        self._thread = threading.Thread(target=self._run, name="following")
-        self._thread.start()
-
-    @property
-    def done(self) -> bool:
-        """Whether it has ended, in whatever way."""
-        return not self._thread.is_alive()
-
-    @property
-    def seconds(self) -> float:
-        """How long it has gone on."""
-        return time.monotonic() - self._begun
-
-    @property
-    def stopping(self) -> bool:
-        """Whether the user has stopped it."""
-        return self._stop.is_set()
-
-    @property
-    def share(self) -> float:
-        """How much of it is done, 0 to 1."""
-        return self.done_frames / len(self.request.trajectories)
-
-    def stop(self) -> None:
-        """Let it end soon, with nothing."""
-        self._stop.set()
-
-    def join(self) -> None:
-        """Wait for the end."""
-        self._thread.join()
-
-    def _run(self) -> None:
-        request = self.request
-        try:
-            # Here and not above: the libraries behind take a good part of a second to load.
-            from faceposer.animation.following import follow
-
-            self.performance = follow(
-                request.model,
-                request.trajectories,
-                smoothness=request.options.smoothness,
-                prior_weight=request.prior_weight,
-                prior=request.prior,
-                spread=request.spread,
-                start=request.start,
-                constraints=request.constraints,
-                on_frame=self._note,
-                should_stop=self._stop.is_set,
-            )
-        except Exception as error:  # it is told in the window, not here
-            self.error = error
-        self.wake()
-
-    def _note(self, frame: int, _pose: Array) -> None:
-        self.done_frames = frame + 1
-        now = time.monotonic()
-        if now - self._woken > _WAKE_EVERY:
-            self._woken = now
-            self.wake()
+    return follow(
+        request.model,
+        request.trajectories,
+        smoothness=request.options.smoothness,
+        prior_weight=request.prior_weight,
+        prior=request.prior,
+        spread=request.spread,
+        start=request.start,
+        constraints=request.constraints,
+        progress=progress,
+    )
 
 
 class TrajectoriesFeature(Feature):
@@ -181,7 +115,8 @@ class TrajectoriesFeature(Feature):
         super().__init__(context)
         self.options = FollowingOptions()
         self.first = 0
-        self.job: FollowingJob | None = None
+        self.job: ThreadJob[Performance] | None = None
+        self._request: FollowingRequest | None = None
         self._painter = TrajectoryPainter(context)
 
     @property
@@ -254,12 +189,12 @@ class TrajectoriesFeature(Feature):
             return
         self.job = None
         self.context.redraw()
-        if job.performance is not None:
-            if not job.stopping:
-                self._take(job.request, job.performance)
+        if job.cancelled:
             return
-        if not job.stopping and job.error is not None:
+        if job.error is not None:
             raise job.error
+        if job.result is not None and self._request is not None:
+            self._take(self._request, job.result)
 
     # What is solved
 
@@ -314,7 +249,8 @@ class TrajectoriesFeature(Feature):
             # Drawn by hand, the ways of a few points mean what a drag means; from a file they are a real face's.
             RECORDED_SPREAD if first is None else document.spread,
         )
-        self.job = FollowingJob(request, self.context.wake)
+        self._request = request
+        self.job = ThreadJob(partial(_solve, request), self.context.wake)
         self.context.redraw()
 
     def _take(self, request: FollowingRequest, performance: Performance) -> None:
@@ -336,15 +272,10 @@ class TrajectoriesFeature(Feature):
         self.timeline.present()
         self.context.notify(f"{len(performance)} frames, kept as {counted(solved.keys)}")
 
-    def stop(self) -> None:
-        """Give up the solve under way."""
-        if self.job is not None:
-            self.job.stop()
-
     def end(self) -> None:
         """Give up the solve under way and wait for its end."""
         if self.job is not None:
-            self.job.stop()
+            self.job.cancel()
             self.job.join()
             self.job = None
 
@@ -361,8 +292,12 @@ class TrajectoriesFeature(Feature):
 
     def draw_dialog(self) -> None:
         """Draw how far the solve is, unless another dialog is above."""
-        if not self.context.dialogs.open:
-            draw_following(self)
+        if self.job is None or not self.is_modal or self.context.dialogs.open:
+            return
+        with modal("##following", 26.0) as shown:
+            if shown:
+                context, title = self.context, "The face follows the trajectories"
+                draw_job(context.fonts, context.widget_rects, "following", title, self.job, self.progress)
 
     @property
     def progress(self) -> str:
@@ -370,9 +305,6 @@ class TrajectoriesFeature(Feature):
         job = self.job
         if job is None:
             return ""
-        if job.stopping:
+        if job.cancelled:
             return "Stopping..."
-        total = len(job.request.trajectories)
-        if job.done_frames >= total:
-            return "Making all frames smooth together..."
-        return f"Frame {job.done_frames + 1} of {total}"
+        return f"{job.stage}..." if job.share < 1.0 else "Making all frames smooth together..."

@@ -11,6 +11,7 @@ from faceposer.geometry.camera import OrbitView
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.basic import caption, choice, tooltip
 from faceposer.gui.widgets.file_dialogs import FileRequest
+from faceposer.gui.widgets.modal import modal, modal_title
 from faceposer.gui.widgets.theme import ACCENT_DARK, BAD, FAINT, INK, Icon, em
 from faceposer.model.face_model import FaceModel
 from faceposer.render.scene import Scene
@@ -44,40 +45,21 @@ class TransferDialog:
     def draw(self) -> None:
         """Draw the dialog."""
         context = self._state.context
-        name = "##transfer"
-        if not imgui.is_popup_open(name):
-            imgui.open_popup(name)
-        view = imgui.get_main_viewport()
-        imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
-        imgui.set_next_window_size_constraints((0.0, 0.0), (view.size.x, view.size.y))
-        imgui.push_style_var(imgui.StyleVar_.window_padding, (em(1.4), em(1.2)))
-        flags = (
-            imgui.WindowFlags_.no_title_bar
-            | imgui.WindowFlags_.no_resize
-            | imgui.WindowFlags_.no_move
-            | imgui.WindowFlags_.always_auto_resize
-            | imgui.WindowFlags_.no_saved_settings
-        )
-        shown = imgui.begin_popup_modal(name, None, flags)[0]
-        imgui.pop_style_var()
-        if not shown:
-            return
-        fresh = imgui.is_window_appearing()
-        imgui.push_font(context.fonts.bold, 0.0)
-        imgui.text_unformatted("Transfer expression")
-        imgui.pop_font()
-        imgui.dummy((0.0, em(0.2)))
-        imgui.begin_child("##form", (em(_FORM), 0.0), imgui.ChildFlags_.auto_resize_y.value)
-        self._draw_form()
-        imgui.end_child()
-        imgui.same_line(0.0, em(1.0))
-        imgui.begin_child("##pictures", (em(_PICTURE), 0.0), imgui.ChildFlags_.auto_resize_y.value)
-        self._draw_pictures()
-        imgui.end_child()
-        self._draw_foot(fresh)
-        if not self._state.open:
-            imgui.close_current_popup()
-        imgui.end_popup()
+        with modal("##transfer", _FORM + _PICTURE + 3.8) as shown:
+            if not shown:
+                return
+            fresh = imgui.is_window_appearing()
+            modal_title(context.fonts, "Transfer expression")
+            imgui.begin_child("##form", (em(_FORM), 0.0), imgui.ChildFlags_.auto_resize_y.value)
+            self._draw_form()
+            imgui.end_child()
+            imgui.same_line(0.0, em(1.0))
+            imgui.begin_child("##pictures", (em(_PICTURE), 0.0), imgui.ChildFlags_.auto_resize_y.value)
+            self._draw_pictures()
+            imgui.end_child()
+            self._draw_foot(fresh)
+            if not self._state.open:
+                imgui.close_current_popup()
 
     # Choices
 

@@ -1,0 +1,119 @@
+"""Modal windows: their frame, title and buttons, and the one that shows the progress of a job."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from imgui_bundle import imgui
+
+from faceposer.gui.widgets.basic import WidgetRects, caption
+from faceposer.gui.widgets.theme import ACCENT_DARK, BAD, Fonts, Icon, em
+from faceposer.session.jobs import Job
+
+_FLAGS = (
+    imgui.WindowFlags_.no_title_bar
+    | imgui.WindowFlags_.no_resize
+    | imgui.WindowFlags_.no_move
+    | imgui.WindowFlags_.always_auto_resize
+    | imgui.WindowFlags_.no_saved_settings
+)
+
+
+@contextmanager
+def modal(name: str, width: float, scrolls: bool = True, widens: bool = False) -> Iterator[bool]:
+    """Open the modal window ``name`` in the middle; the block draws its content if it is given True.
+
+    Args:
+        name: Identifier for Dear ImGui, which begins with "##".
+        width: In units of the font's size, as far as the window has room.
+        scrolls: Whether it has a scroll bar where the window is too low for it.
+        widens: Whether it becomes wider than ``width`` where its content is.
+    """
+    if not imgui.is_popup_open(name):
+        imgui.open_popup(name)
+    view = imgui.get_main_viewport()
+    across = min(em(width), view.size.x - em(1))
+    imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
+    imgui.set_next_window_size_constraints((across, 0.0), (view.size.x if widens else across, view.size.y))
+    imgui.push_style_var(imgui.StyleVar_.window_padding, (em(1.4), em(1.2)))
+    flags = _FLAGS if scrolls else _FLAGS | imgui.WindowFlags_.no_scrollbar
+    shown = imgui.begin_popup_modal(name, None, flags)[0]
+    imgui.pop_style_var()
+    try:
+        yield shown
+    finally:
+        if shown:
+            imgui.end_popup()
+
+
+def modal_title(fonts: Fonts, text: str, bad: bool = False) -> None:
+    """Draw the title of a modal window, with a warning sign if it reports something ``bad``."""
+    if bad:
+        imgui.text_colored(BAD, Icon.WARNING)
+        imgui.same_line()
+    imgui.push_font(fonts.bold, 0.0)
+    imgui.text_unformatted(text)
+    imgui.pop_font()
+    imgui.dummy((0.0, em(0.2)))
+
+
+def modal_buttons(
+    rects: WidgetRects, prefix: str, buttons: Sequence[tuple[str, str]], default: bool = True, least: float = 6.0
+) -> str:
+    """Draw buttons at the right of a modal window's foot and return the name of the one that was pressed, or "".
+
+    Args:
+        rects: Records each as ``prefix``:name.
+        prefix: Of their names.
+        buttons: Name and label of each.
+        default: Whether the first is shown as what Enter takes.
+        least: Least width, in units of the font's size.
+    """
+    style = imgui.get_style()
+    widths = [max(imgui.calc_text_size(label).x + 2.0 * style.frame_padding.x, em(least)) for _, label in buttons]
+    imgui.dummy((0.0, em(0.3)))
+    room = imgui.get_content_region_avail().x - sum(widths) - style.item_spacing.x * (len(widths) - 1)
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(room, 0.0))
+    pressed = ""
+    for i, (name, label) in enumerate(buttons):
+        if i:
+            imgui.same_line()
+        elif default:
+            imgui.push_style_color(imgui.Col_.button, ACCENT_DARK)
+        if imgui.button(f"{label}##{prefix}", (widths[i], 0.0)):
+            pressed = name
+        if default and not i:
+            imgui.pop_style_color()
+        rects.record(f"{prefix}:{name}")
+    return pressed
+
+
+def draw_job(
+    fonts: Fonts, rects: WidgetRects, prefix: str, title: str, job: Job[object], text: str, escapes: bool = True
+) -> None:
+    """Draw the progress of ``job`` into a modal window, with a button that cancels it; Esc does it too.
+
+    Args:
+        fonts: The window's.
+        rects: Records the bar as ``prefix``:progress and the button as ``prefix``:cancel.
+        prefix: Of their names.
+        title: What is done.
+        job: Whose progress is shown.
+        text: In small print.
+        escapes: Whether Esc cancels.
+    """
+    modal_title(fonts, title)
+    known = job.share > 0.0
+    imgui.push_style_color(imgui.Col_.plot_histogram, ACCENT_DARK)
+    imgui.progress_bar(
+        min(job.share, 1.0) if known else -0.35 * imgui.get_time(),
+        (-1.0, em(1.5)),
+        f"{100.0 * job.share:.0f} %" if known else "",
+    )
+    imgui.pop_style_color()
+    rects.record(f"{prefix}:progress")
+    caption(text)
+    imgui.begin_disabled(job.cancelled)
+    pressed = modal_buttons(rects, prefix, (("cancel", "Cancel"),), default=False)
+    imgui.end_disabled()
+    if pressed or (escapes and imgui.is_key_pressed(imgui.Key.escape, False)):
+        job.cancel()
