@@ -64,7 +64,7 @@ def save_film(robot: Robot, folder: Path, path: Path) -> None:
     robot.key("Ctrl+A")
     robot.type("smile")
     robot.click_widget("files:accept")
-    while exchange.filming is not None:
+    while exchange.job is not None:
         robot.frames()
     with Image.open(folder / "smile.gif") as film:
         frames = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(film)]

@@ -23,6 +23,7 @@ from faceposer.poses import applying, library
 from faceposer.poses.pose_file import Pose, checked_name, read_pose
 from faceposer.session.opening import open_session
 from faceposer.session.session import Session
+from faceposer.solve.constraints.base import LARGEST_WEIGHT
 from faceposer.solve.constraints.curve import CurveConstraint
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.fixed import FixedConstraint
@@ -30,7 +31,6 @@ from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.constraints.stroke import StrokeConstraint, StrokeEnergy
-from faceposer.solve.constraints.switches import LARGEST_WEIGHT
 from faceposer.solve.map_solver import Solution
 from faceposer.solve.priors import PRIORS, Prior
 

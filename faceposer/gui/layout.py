@@ -6,8 +6,10 @@ from contextlib import contextmanager
 from imgui_bundle import ImVec2, imgui
 
 from faceposer.gui.feature import Feature
-from faceposer.gui.overlays.constraint_shapes import ShapePainter
+from faceposer.gui.overlays.marks import Mark, painted_order
+from faceposer.gui.overlays.painter import Painter
 from faceposer.gui.overlays.pins import draw_badge, draw_label, draw_overlay
+from faceposer.gui.overlays.tool_previews import draw_tool_preview
 from faceposer.gui.panels.menu_bar import draw_menu_bar
 from faceposer.gui.panels.status_bar import draw_status_bar, status_height
 from faceposer.gui.panels.tool_bar import STRIP_WIDTH, draw_tool_options, draw_tool_strip
@@ -189,14 +191,27 @@ def _draw_constraints(context: Shell, draw: imgui.ImDrawList) -> None:
     hover = toolbox.hover
     pointed = context.highlighted if hover is None else hover.pin
     shown = context.points_shown or pointed is not None or toolbox.posing
-    painter = ShapePainter(draw, context.viewport, toolbox, pointed)
-    shapes = context.drawn_constraints.shapes
+    painter = Painter(draw, context.viewport, toolbox.selection | ({pointed} if pointed is not None else set()))
+    marks = context.drawn_constraints.marks
     if shown:
-        painter.paint(shapes, [constraint.enabled for constraint in context.session.document.constraints])
+        _paint_marks(context, painter, marks)
     pins = context.drawn_constraints.pins if shown else []
     draw_overlay(draw, context.viewport, toolbox, pins, pointed)
-    painter.paint_begun()
+    draw_tool_preview(painter, context.viewport, toolbox)
     if pointed is not None and not toolbox.active:
-        at = next((pin.handle for pin in pins if pin.index == pointed), None) or shapes.anchor(pointed)
+        at = next((pin.handle for pin in pins if pin.index == pointed), None) or (
+            marks[pointed].anchor if pointed in marks else None
+        )
         if at is not None:
             draw_label(draw, context.viewport, at, context.point_name(pointed))
+
+
+def _paint_marks(context: Shell, painter: Painter, marks: dict[int | None, Mark]) -> None:
+    """Draw ``marks``; constraints that are not enabled are faint, and so are others where some stand out."""
+    constraints = context.session.document.constraints
+    order = sorted((i for i in marks if i is not None), key=lambda i: painted_order(constraints[i].kind))
+    for i in order:
+        dimmed = 1.0 if i in painter.lit or not painter.lit else 0.8
+        marks[i].paint(painter, (1.0 if constraints[i].enabled else 0.35) * dimmed)
+    if None in marks:
+        marks[None].paint(painter, 1.0)

@@ -4,9 +4,6 @@ import numpy as np
 
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints, surface_positions
 from faceposer.model.subject import Subject
-from faceposer.solve.constraints.distance import DistanceConstraint
-from faceposer.solve.constraints.fixed import FixedConstraint
-from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.constraints.registry import Constraint
 
 # Farther from a feature point than this share of the head's height, a place is named by its region.
@@ -40,15 +37,8 @@ class PointNames:
         self._known: dict[SurfacePoint | int, str] = {}
 
     def of(self, constraint: Constraint) -> str:
-        """Return what people call the place that ``constraint`` speaks of."""
-        if isinstance(constraint, GazeConstraint):
-            return "both eyes"
-        if isinstance(constraint, DistanceConstraint):
-            return self.pair(constraint.anchors)
-        if isinstance(constraint, FixedConstraint):
-            return self.area(constraint.points)
-        points = constraint.points
-        return self.name(points[len(points) // 2]) if len(points) else "nothing"
+        """Return the name of the place that ``constraint`` speaks of."""
+        return constraint.place(self)
 
     def pair(self, anchors: tuple[SurfacePoint | int, SurfacePoint | int]) -> str:
         """Return what people call the distance between two places."""

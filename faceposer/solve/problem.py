@@ -9,7 +9,6 @@ from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.muscles import dependent_pairs
-from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.constraints.point import PointTerm
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
 from faceposer.solve.least_motion import Evidence, LeastMotion
@@ -123,8 +122,7 @@ class PoseProblem:
                 group = [self.constraints[i] for i in chosen]
                 terms = kind.terms(group, [slots[i] for i in chosen], model)
                 self.terms += terms
-                # Where the eyes look tells nothing of the face.
-                pulls += terms if kind is not GazeConstraint else []
+                pulls += terms if kind.informs_prior else []
         self.terms += [*evidence, *held]
         centred = mixture is None and prior != "plain"
         # Nothing pulls: seen from the start, the start is the least of all energies.

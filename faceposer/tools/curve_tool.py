@@ -27,6 +27,7 @@ class CurveTool(PosingTool):
 
     name = "curve"
     cursor = "pick"
+    handle_order = 3
 
     def __init__(self, bench: Workbench) -> None:
         """Share ``bench``."""
@@ -98,6 +99,11 @@ class CurveTool(PosingTool):
             or self.handle_at(at, context) is not None
             or self.line_at(at, context) is not None
         )
+
+    def handle_under(self, position: Pixel, context: ToolContext) -> int | None:
+        """Return the curve whose control point a press at ``position`` would take, or None."""
+        found = self.handle_at(position, context) if not self.points else None
+        return None if found is None else found[0]
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
         """Set or adjust a control point of the source, or drag one of a target."""

@@ -31,25 +31,26 @@ class PairMark:
     goal: NDArray[np.float64] | None
 
 
+def pair_mark(index: int, constraint: DistanceConstraint, context: ToolContext) -> PairMark:
+    """Return how the view shows a distance of the session."""
+    session, camera = context.session, context.camera
+    ends = camera.project(session.model.positions_at(constraint.points, session.coefficients))
+    goal = None
+    # Distances are the same in two windows that show the same view at the same size.
+    if constraint.camera.transferred((0.0, 0.0), camera) is not None:
+        along = ends[1] - ends[0]
+        length = float(np.hypot(*along))
+        unit = along / length if length > 1e-6 else np.array([0.0, 1.0])
+        half = 0.5 * constraint.target * camera.focal / constraint.camera.focal * unit
+        middle = ends.mean(axis=0)
+        goal = np.stack([middle - half, middle + half])
+    return PairMark(index, ends, goal)
+
+
 def pair_marks(context: ToolContext) -> list[PairMark]:
     """Return how the view shows each distance of the session."""
-    session, camera = context.session, context.camera
-    marks = []
-    for i, constraint in enumerate(session.document.constraints):
-        if not isinstance(constraint, DistanceConstraint):
-            continue
-        ends = camera.project(session.model.positions_at(constraint.points, session.coefficients))
-        goal = None
-        # Distances are the same in two windows that show the same view at the same size.
-        if constraint.camera.transferred((0.0, 0.0), camera) is not None:
-            along = ends[1] - ends[0]
-            length = float(np.hypot(*along))
-            unit = along / length if length > 1e-6 else np.array([0.0, 1.0])
-            half = 0.5 * constraint.target * camera.focal / constraint.camera.focal * unit
-            middle = ends.mean(axis=0)
-            goal = np.stack([middle - half, middle + half])
-        marks.append(PairMark(i, ends, goal))
-    return marks
+    constraints = enumerate(context.session.document.constraints)
+    return [pair_mark(i, c, context) for i, c in constraints if isinstance(c, DistanceConstraint)]
 
 
 def under_this_camera(constraint: DistanceConstraint, context: ToolContext) -> DistanceConstraint:
@@ -73,6 +74,7 @@ class DistanceTool(PosingTool):
 
     name = "distance"
     cursor = "pick"
+    handle_order = 2
 
     def __init__(self, bench: Workbench) -> None:
         """Share ``bench``."""
@@ -107,6 +109,11 @@ class DistanceTool(PosingTool):
         if event.button != "left" or event.modifiers:
             return False
         return self.handle_at(event.position, context) is not None or context.pick(event.position) is not None
+
+    def handle_under(self, position: Pixel, context: ToolContext) -> int | None:
+        """Return the distance whose end a press at ``position`` would take, or None."""
+        found = self.handle_at(position, context) if self.first is None else None
+        return None if found is None else found[0]
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
         """Drag a handle, or join two points by a drag or by two clicks."""

@@ -61,6 +61,8 @@ class GazeTool(PosingTool):
 
     name = "gaze"
     cursor = "press"
+    drag_cursor = "grab"
+    handle_order = 0
 
     def constraint(self, context: ToolContext) -> tuple[int, GazeConstraint] | None:
         """Return the gaze constraint of the session with its index, or None."""
@@ -105,6 +107,12 @@ class GazeTool(PosingTool):
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
         """Whether the press ``event`` takes hold of the handle."""
         return event.button == "left" and not event.modifiers and self._reached(event.position, context)
+
+    def handle_under(self, position: Pixel, context: ToolContext) -> int | None:
+        """Return the gaze constraint if a press at ``position`` would take its handle, or None."""
+        found = self.constraint(context)
+        press = PointerEvent("press", position, "left")
+        return found[0] if found is not None and self.grips(press, context) else None
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
         """Drag the handle while the eyes follow."""

@@ -28,6 +28,7 @@ class PhotoTool(PosingTool):
 
     name = "photo"
     cursor = "press"
+    drag_hint = "Move: shift the pin, and the camera with it   ·   release: keep   ·   Esc: take back"
 
     def __init__(self, bench: Workbench) -> None:
         """Share ``bench``; no photo is looked through."""
@@ -73,6 +74,11 @@ class PhotoTool(PosingTool):
         if event.button != "left" or event.modifiers - {"shift"} or self.photo(context) is None:
             return False
         return self.place is not None or bool(event.modifiers) or self.pin_at(event.position, context) is not None
+
+    @property
+    def works_beside(self) -> bool:
+        """Whether a press beside the face does something, too: it sets the pin that is asked for."""
+        return self.place is not None
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
         """Drag a pin, which a press beside all others sets first."""

@@ -47,6 +47,8 @@ class PointTool(PosingTool):
 
     name = "point"
     cursor = "press"
+    drag_cursor = "grab"
+    handle_order = 1
 
     def __init__(self, bench: Workbench, threshold: float = CLICK_THRESHOLD) -> None:
         """Share ``bench``; a gesture of less than ``threshold`` pixels is a click."""
@@ -84,6 +86,10 @@ class PointTool(PosingTool):
 
     def _fits(self, event: PointerEvent) -> bool:
         return event.button == "left" and not event.modifiers - {"shift"}
+
+    def handle_under(self, position: Pixel, context: ToolContext) -> int | None:
+        """Return the pin that a press at ``position`` would take, or None."""
+        return self.pin_at(position, context)
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
         """Place or select a pin, and drag it with the rest of the selection."""

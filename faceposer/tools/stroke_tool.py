@@ -72,6 +72,11 @@ class StrokeTool(PosingTool):
             return self._target_at(event.position, context) is not None
         return self.draws_target or context.pick(event.position) is not None
 
+    @property
+    def works_beside(self) -> bool:
+        """Whether a press beside the face does something, too: a target may lie there."""
+        return self.draws_target
+
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
         """Draw a source or a target, or move a target."""
         if "shift" in event.modifiers:
@@ -156,7 +161,8 @@ class StrokeTool(PosingTool):
                     break
                 # on move
                 moved = True
-                stroke = begun.moved(np.subtract(event.position, press) * scale)
+                du, dv = (np.subtract(event.position, press) * scale).tolist()
+                stroke = begun.nudged((du, dv))
                 session.replace(mirroring.applied(session.document.with_constraint(index, stroke), [index]))
             if not moved:
                 session.restore()

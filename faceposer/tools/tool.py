@@ -162,10 +162,16 @@ class PosingTool:
     Attributes:
         name: By which panels and keys refer to it.
         cursor: Name of the pointer's shape over the view; see ``faceposer.gui.cursors``.
+        drag_cursor: Likewise during its gesture; "" for the same.
+        drag_hint: What the mouse does during its gesture.
+        handle_order: Of handles at the same place, that of the tool with the lowest is taken.
     """
 
     name = ""
     cursor = "press"
+    drag_cursor = ""
+    drag_hint = "Move: pull the face   ·   release: keep   ·   Esc: take back"
+    handle_order = 9
 
     def __init__(self, bench: Workbench) -> None:
         """Share ``bench`` with the other tools."""
@@ -173,6 +179,15 @@ class PosingTool:
 
     def grips(self, event: PointerEvent, context: ToolContext) -> bool:
         """Whether the press ``event`` takes hold of a handle of this tool, which goes before what others would do."""
+        return False
+
+    def handle_under(self, position: tuple[float, float], context: ToolContext) -> int | None:
+        """Return the constraint whose handle a press at ``position`` would take, or None."""
+        return None
+
+    @property
+    def works_beside(self) -> bool:
+        """Whether a press beside the face does something, too."""
         return False
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:

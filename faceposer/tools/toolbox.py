@@ -1,20 +1,15 @@
 """Sends each pointer event to the tool that it belongs to."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from faceposer.geometry.picture_view import PictureView
-from faceposer.solve.constraints.curve import CurveConstraint
-from faceposer.solve.constraints.distance import DistanceConstraint
-from faceposer.solve.constraints.point import PointConstraint
-from faceposer.solve.constraints.stroke import StrokeConstraint
 from faceposer.tools.camera_tool import CameraTool
 from faceposer.tools.curve_tool import CurveTool
 from faceposer.tools.distance_tool import DistanceTool
 from faceposer.tools.fix_tool import FixTool
 from faceposer.tools.gaze_tool import GazeTool
 from faceposer.tools.photo_tool import PhotoTool
-from faceposer.tools.point_tool import PointTool, shifted
+from faceposer.tools.point_tool import PointTool
 from faceposer.tools.stroke_tool import StrokeTool
 from faceposer.tools.symmetry import Mirroring
 from faceposer.tools.tool import Button, Gesture, Hover, PointerEvent, PosingTool, Tool, ToolContext, Workbench
@@ -47,6 +42,8 @@ class Toolbox:
             self.trajectory_tool,
         )
         self.tools: dict[str, PosingTool] = {tool.name: tool for tool in everything}
+        # Of handles that lie at the same place, the one of the first is taken.
+        self._by_handle = sorted(everything, key=lambda tool: tool.handle_order)
         # It sets pins on photos, not constraints: only with a photo it is of use.
         self.photo_tool = PhotoTool(self.bench)
         self.chosen: PosingTool = self.point_tool
@@ -81,15 +78,12 @@ class Toolbox:
         if self._active is self.camera_tool:
             return "orbit"
         if self._active is not None:
-            return "grab" if self._active in (self.point_tool, self.gaze_tool) else self.chosen.cursor
+            return self.chosen.drag_cursor or self.chosen.cursor if self._active is self.chosen else "grab"
         if self.hover is None:
             return "arrow"
         if self.hover.pin is not None:
             return "grab"
-        draws_beside = self.chosen is self.stroke_tool and self.stroke_tool.draws_target
-        if self.hover.surface or draws_beside or (self.chosen is self.photo_tool and self.photo_tool.place is not None):
-            return self.chosen.cursor
-        return "arrow"
+        return self.chosen.cursor if self.hover.surface or self.chosen.works_beside else "arrow"
 
     def choose(self, name: str) -> None:
         """Take up the tool ``name``; what another has begun is forgotten."""
@@ -202,8 +196,8 @@ class Toolbox:
         if self._gesture is not None or not chosen:
             return False
         chosen = self.bench.symmetry.with_partners(session, chosen)
-        kinds = {constraints[i].kind for i in chosen}
-        noun = KIND_NOUNS[kinds.pop()] if len(kinds) == 1 else "constraint"
+        nouns = {constraints[i].noun for i in chosen}
+        noun = nouns.pop() if len(nouns) == 1 else "constraint"
         self.bench.selection.set()
         article = "an" if noun[0] in "aeiou" else "a"
         label = f"Remove {article} {noun}" if len(chosen) == 1 else f"Remove {len(chosen)} {noun}s"
@@ -229,13 +223,9 @@ class Toolbox:
                 camera = constraint.camera
                 assert camera is not None
                 scale = camera.focal / context.camera.focal
-                if isinstance(constraint, PointConstraint):
-                    document = shifted(document, [i], (dx * scale, dy * scale))
-                elif isinstance(constraint, StrokeConstraint | CurveConstraint):
-                    document = document.with_constraint(i, constraint.moved((dx * scale, dy * scale)))
-                elif isinstance(constraint, DistanceConstraint):
-                    target = max(constraint.target + (dx - dy) * scale, 0.0)
-                    document = document.with_constraint(i, replace(constraint, target=target))
+                nudged = constraint.nudged((dx * scale, dy * scale))
+                if nudged is not None:
+                    document = document.with_constraint(i, nudged)
             session.replace(mirroring.applied(document, chosen))
         return True
 
@@ -247,26 +237,10 @@ class Toolbox:
     def _handle_under(self, position: tuple[float, float]) -> int | None:
         """Return the constraint whose handle a press at ``position`` would take, or None."""
         context, chosen = self._context, self.chosen
-        if chosen in (self.stroke_tool, self.fix_tool, self.trajectory_tool) or chosen is self.photo_tool:
-            return None
-        if chosen in (self.point_tool, self.gaze_tool):
-            press = PointerEvent("press", position, "left")
-            found = self.gaze_tool.constraint(context)
-            if found is not None and self.gaze_tool.grips(press, context):
-                return found[0]
         if chosen is self.point_tool:
-            pin = self.point_tool.pin_at(position, context)
-            if pin is not None:
-                return pin
-        if chosen in (self.point_tool, self.distance_tool) and self.distance_tool.first is None:
-            pair = self.distance_tool.handle_at(position, context)
-            if pair is not None:
-                return pair[0]
-        if chosen in (self.point_tool, self.curve_tool) and not self.curve_tool.points:
-            handle = self.curve_tool.handle_at(position, context)
-            if handle is not None:
-                return handle[0]
-        return None
+            found = (tool.handle_under(position, context) for tool in self._by_handle)
+            return next((index for index in found if index is not None), None)
+        return chosen.handle_under(position, context)
 
     def leave(self) -> None:
         """Note that the pointer has left the view."""
@@ -276,10 +250,8 @@ class Toolbox:
         """Return what the mouse will do now, for the status bar."""
         if self._active is self.camera_tool:
             return "Move: turn the view   ·   release: keep   ·   Esc: back to where it was"
-        if self._active is self.photo_tool:
-            return "Move: shift the pin, and the camera with it   ·   release: keep   ·   Esc: take back"
         if self._active is not None:
-            return "Move: pull the face   ·   release: keep   ·   Esc: take back"
+            return self.chosen.drag_hint
         if self.chosen is not self.point_tool:
             if self.hover is not None and self.hover.pin is not None:
                 return "Drag: change it   ·   right click: remove it"
@@ -294,14 +266,3 @@ class Toolbox:
         if isinstance(view, PictureView) and view.locked:
             return "Wheel: zoom the photo   ·   Shift+middle: pan   ·   the view is locked to the photo"
         return "Drag: orbit   ·   wheel: zoom   ·   Shift+middle: pan"
-
-
-#: What people call one constraint of each kind.
-KIND_NOUNS = {
-    "point": "point",
-    "distance": "distance",
-    "stroke": "stroke",
-    "curve": "curve",
-    "fixed": "fixed area",
-    "gaze": "gaze",
-}

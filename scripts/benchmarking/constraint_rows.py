@@ -93,7 +93,7 @@ def dragged_stroke(model: FaceModel, camera: Camera, pixels: int, moves: int) ->
     """Yield a stroke of ``pixels`` pixels whose target is dragged by about a pixel at each move."""
     stroke = brow_stroke(model, camera, pixels)
     for offset in circle(moves):
-        yield [stroke.moved(offset)]
+        yield [stroke.nudged(offset)]
 
 
 def dragged_curve(model: FaceModel, camera: Camera, moves: int) -> Iterator[list[CurveConstraint]]:

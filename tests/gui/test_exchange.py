@@ -116,13 +116,13 @@ def test_a_film_is_drawn_between_frames(robot: Robot, tmp_path: Path, monkeypatc
     form.suffix, form.width, form.height, form.seconds, form.rate = ".gif", 64, 48, 1.0, 8
     exchange.export(tmp_path / "a.gif")
     robot.frames(3)
-    assert exchange.filming is not None
-    assert 0.1 < exchange.filming.share < 0.9
+    assert exchange.job is not None
+    assert 0.1 < exchange.job.share < 0.9
     assert app.is_modal
     assert exchange.patience == 0.0
     assert "export:progress" in app.widget_rects
     robot.frames(10)
-    assert exchange.filming is None
+    assert exchange.job is None
     assert app.notice == "Saved a.gif"
     with Image.open(tmp_path / "a.gif") as film:
         assert film.n_frames == 8
@@ -137,7 +137,7 @@ def test_a_film_can_be_stopped(robot: Robot, tmp_path: Path, monkeypatch: pytest
     exchange.export(tmp_path / "a.gif")
     robot.frames(3)
     robot.click_widget("export:cancel")
-    assert exchange.filming is None
+    assert exchange.job is None
     assert not robot.app.is_modal
     assert not [*tmp_path.iterdir()]
 

@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 
-from faceposer.gui.overlays.constraint_marks import ShapeMarks, shape_marks
+from faceposer.gui.overlays.marks import Mark, MarkView, mark_of
+from faceposer.gui.overlays.marks.gaze import handle_mark
 from faceposer.gui.overlays.pins import PinMark, pin_marks
 from faceposer.gui.viewport import Viewport
 from faceposer.render.scene import Scene
@@ -29,7 +30,7 @@ class DrawnConstraints:
         self._busy = busy
         self.names = PointNames(session.model.subject)
         self._pins: tuple[object, list[PinMark]] = (None, [])
-        self._shapes: tuple[object, ShapeMarks] = (None, ShapeMarks())
+        self._marks: tuple[object, dict[int | None, Mark]] = (None, {})
         self._conflicts: tuple[object, dict[int, str]] = (None, {})
 
     def _key(self) -> tuple[object, ...]:
@@ -44,18 +45,22 @@ class DrawnConstraints:
         return self._pins[1]
 
     @property
-    def shapes(self) -> ShapeMarks:
-        """How all other constraints appear in the view."""
+    def marks(self) -> dict[int | None, Mark]:
+        """How all other constraints appear in the view, by index; None is the key of the offered handle of the gaze."""
         toolbox = self._toolbox
         offers_gaze = toolbox.chosen is toolbox.gaze_tool
         key = (*self._key(), offers_gaze)
-        if key != self._shapes[0]:
-            moving = toolbox.active
-            self._shapes = (
-                key,
-                shape_marks(self._viewport, self._scene, toolbox.gaze_tool, offers_gaze, moving),
-            )
-        return self._shapes[1]
+        if key != self._marks[0]:
+            view = MarkView(self._viewport, self._scene, toolbox.active)
+            made = ((i, mark_of(i, c, view)) for i, c in enumerate(self._session.document.constraints))
+            marks: dict[int | None, Mark] = {i: mark for i, mark in made if mark is not None}
+            gaze = toolbox.gaze_tool
+            if offers_gaze and gaze.constraint(self._viewport) is None:
+                offered = handle_mark(None, gaze.direction(self._viewport), view)
+                if offered is not None:
+                    marks[None] = offered
+            self._marks = (key, marks)
+        return self._marks[1]
 
     @property
     def conflicts(self) -> dict[int, str]:

@@ -6,7 +6,7 @@ from typing import Any
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.panels.constraint_details import draw_details
+from faceposer.gui.panels.details import draw_details
 from faceposer.gui.panels.tool_bar import TOOL_ICONS
 from faceposer.gui.widgets.basic import action_button, button_width, caption, heading, tooltip
 from faceposer.gui.widgets.theme import FAINT, INK, WARNING, Icon, em, u32
@@ -14,7 +14,6 @@ from faceposer.solve.conflicts import NOTABLE_PX
 from faceposer.solve.constraints.registry import Constraint
 
 _MOST_ROWS = 8
-_ICONS = TOOL_ICONS | {"fixed": TOOL_ICONS["fix"]}
 
 
 class ConstraintsPanel:
@@ -112,7 +111,7 @@ class ConstraintsPanel:
         draw = imgui.get_window_draw_list()
         baseline = top + (height - imgui.get_font_size()) / 2.0
         tint = INK if constraint.enabled else FAINT
-        draw.add_text(ImVec2(left + height + em(0.1), baseline), u32(tint, 0.75), _ICONS[constraint.kind])
+        draw.add_text(ImVec2(left + height + em(0.1), baseline), u32(tint, 0.75), TOOL_ICONS[constraint.icon])
         name_left = left + height + em(1.5)
         fights = index in context.drawn_constraints.conflicts
         if fights:

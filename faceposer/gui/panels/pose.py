@@ -6,7 +6,7 @@ from dataclasses import replace
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.panels.constraint_details import LARGEST_HOLD
+from faceposer.gui.panels.details.fixed import LARGEST_HOLD
 from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, tooltip
 from faceposer.gui.widgets.theme import FIELD, RAISED, Icon, em
 from faceposer.model.subject_file import available_subjects

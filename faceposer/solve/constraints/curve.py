@@ -15,9 +15,9 @@ from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera, mirrored_p
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
+from faceposer.solve.constraints.base import KEYS, ConstraintBase, switches_from_json
 from faceposer.solve.constraints.point import SIGMA_PX
 from faceposer.solve.constraints.stroke import Pixels, as_pixels
-from faceposer.solve.constraints.switches import KEYS, Switches, switches_from_json
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 
 MOST_POINTS = 64
@@ -29,7 +29,7 @@ _ALONG = 0.25
 
 
 @dataclass(frozen=True)
-class CurveConstraint(Switches):
+class CurveConstraint(ConstraintBase):
     """The points of the face under the relaxed curve through ``source`` lie under that through ``target``.
 
     Attributes:
@@ -41,6 +41,8 @@ class CurveConstraint(Switches):
     """
 
     kind: ClassVar[str] = "curve"
+    noun: ClassVar[str] = "curve"
+    icon: ClassVar[str] = "curve"
 
     source: Pixels
     target: Pixels
@@ -96,8 +98,8 @@ class CurveConstraint(Switches):
         """Return the constraint with control point ``index`` of the target at ``pixel``."""
         return replace(self, target=(*self.target[:index], pixel, *self.target[index + 1 :]))
 
-    def moved(self, offset: ArrayLike) -> "CurveConstraint":
-        """Return the constraint with its target moved by ``offset`` pixels, shape (2,)."""
+    def nudged(self, offset: tuple[float, float]) -> "CurveConstraint":
+        """Return the constraint with its target moved by ``offset`` pixels."""
         return replace(self, target=as_pixels(np.add(self.target, offset)))
 
     def with_point_at(self, parameter: float) -> "CurveConstraint":

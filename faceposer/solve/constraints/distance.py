@@ -13,8 +13,8 @@ from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
+from faceposer.solve.constraints.base import KEYS, ConstraintBase, PlaceNames, switches_from_json
 from faceposer.solve.constraints.point import SIGMA_PX
-from faceposer.solve.constraints.switches import KEYS, Switches, switches_from_json
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 
 # Pixels below which two points have no direction from one to the other.
@@ -22,7 +22,7 @@ _COINCIDENT = 1e-6
 
 
 @dataclass(frozen=True)
-class DistanceConstraint(Switches):
+class DistanceConstraint(ConstraintBase):
     """The two ``anchors`` appear ``target`` pixels apart under ``camera``.
 
     Attributes:
@@ -32,6 +32,8 @@ class DistanceConstraint(Switches):
     """
 
     kind: ClassVar[str] = "distance"
+    noun: ClassVar[str] = "distance"
+    icon: ClassVar[str] = "distance"
 
     anchors: tuple[SurfacePoint | int, SurfacePoint | int]
     target: float
@@ -57,6 +59,14 @@ class DistanceConstraint(Switches):
         What it can do is taken to be any shape of its rig, and any two together, at full strength.
         """
         return _reach(model, self.points, self.camera)
+
+    def nudged(self, offset: tuple[float, float]) -> "DistanceConstraint":
+        """Return the constraint with a distance that is larger by what ``offset`` goes right and up, in pixels."""
+        return replace(self, target=max(self.target + offset[0] - offset[1], 0.0))
+
+    def place(self, names: PlaceNames) -> str:
+        """Return the name of the distance."""
+        return names.pair(self.anchors)
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return by how many pixels the distance is missed on the face ``p``, shape (r,)."""

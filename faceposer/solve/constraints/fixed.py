@@ -12,8 +12,8 @@ from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
+from faceposer.solve.constraints.base import KEYS, ConstraintBase, PlaceNames, switches_from_json
 from faceposer.solve.constraints.point import SIGMA_PX
-from faceposer.solve.constraints.switches import KEYS, Switches, switches_from_json
 from faceposer.solve.term import Array, Indices, PoseState, Term
 
 #: How many pixels a centimetre takes in an ordinary view: a distance in space counts like one in such a picture.
@@ -23,7 +23,7 @@ _AS_MANY_POINTS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class FixedConstraint(Switches):
+class FixedConstraint(ConstraintBase):
     """The points ``anchors`` of the face stay at ``positions``.
 
     Attributes:
@@ -33,6 +33,8 @@ class FixedConstraint(Switches):
     """
 
     kind: ClassVar[str] = "fixed"
+    noun: ClassVar[str] = "fixed area"
+    icon: ClassVar[str] = "fix"
     camera: ClassVar[None] = None
 
     anchors: SurfacePoints
@@ -74,6 +76,10 @@ class FixedConstraint(Switches):
         """
         self.points.check(model.triangles)
         return self if self.positions is not None else replace(self, positions=model.positions_at(self.points, p))
+
+    def place(self, names: PlaceNames) -> str:
+        """Return the name of the area that is held."""
+        return names.area(self.points)
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return how far the points of the face ``p`` are off on average, in the pixels of an ordinary view."""

@@ -12,8 +12,8 @@ from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
+from faceposer.solve.constraints.base import KEYS, ConstraintBase, PlaceNames, switches_from_json
 from faceposer.solve.constraints.fixed import PX_PER_CM
-from faceposer.solve.constraints.switches import KEYS, Switches, switches_from_json
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 
 #: Degrees that an eye turns when its shape is at full strength: outwards or inwards, up or down.
@@ -26,7 +26,7 @@ _NO_POINTS = SurfacePoints(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
 
 
 @dataclass(frozen=True)
-class GazeConstraint(Switches):
+class GazeConstraint(ConstraintBase):
     """Both eyes look in ``direction``.
 
     Gaze is kept apart from the statistics of the rest of the face: it moves the start pose that the prior is seen from,
@@ -37,6 +37,10 @@ class GazeConstraint(Switches):
     """
 
     kind: ClassVar[str] = "gaze"
+    noun: ClassVar[str] = "gaze"
+    icon: ClassVar[str] = "gaze"
+    # Where the eyes look tells nothing of the rest of the face.
+    informs_prior: ClassVar[bool] = False
     camera: ClassVar[None] = None
 
     direction: tuple[float, float] = (0.0, 0.0)
@@ -66,6 +70,10 @@ class GazeConstraint(Switches):
             if name in model.subject.shape_names:
                 weights[model.subject.shape_names.index(name)] = value
         return model.coefficients_of(weights)
+
+    def place(self, names: PlaceNames) -> str:
+        """Return what it turns."""
+        return "both eyes"
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return how far the gaze of the face ``p`` passes by the handle, in the pixels of an ordinary view."""

@@ -1,7 +1,7 @@
 """A point of the face that should lie under a pixel (Lau et al. 2009, section 4.1)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -13,7 +13,7 @@ from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera, mirrored_p
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
-from faceposer.solve.constraints.switches import KEYS, Switches, switches_from_json
+from faceposer.solve.constraints.base import KEYS, ConstraintBase, switches_from_json
 from faceposer.solve.reach import reach_of_rows
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 
@@ -24,7 +24,7 @@ _SLACK, _FEW = 0.15, 3.0
 
 
 @dataclass(frozen=True)
-class PointConstraint(Switches):
+class PointConstraint(ConstraintBase):
     """The point ``anchor`` of the face projects onto the pixel ``target``.
 
     Attributes:
@@ -34,6 +34,8 @@ class PointConstraint(Switches):
     """
 
     kind: ClassVar[str] = "point"
+    noun: ClassVar[str] = "point"
+    icon: ClassVar[str] = "point"
 
     anchor: SurfacePoint | int
     target: tuple[float, float]
@@ -43,6 +45,10 @@ class PointConstraint(Switches):
     def points(self) -> SurfacePoints:
         """The point of the surface, as a batch of one."""
         return SurfacePoints.of([self.anchor])
+
+    def nudged(self, offset: tuple[float, float]) -> "PointConstraint":
+        """Return the constraint with its target moved by ``offset`` pixels."""
+        return replace(self, target=(self.target[0] + offset[0], self.target[1] + offset[1]))
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return the distance to the target in pixels on the face ``p``, shape (r,)."""

@@ -11,6 +11,7 @@ from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
+from faceposer.solve.constraints.base import PlaceNames
 from faceposer.solve.constraints.curve import CurveConstraint
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.fixed import FixedConstraint
@@ -24,6 +25,9 @@ class Constraint(Protocol):
     """What every kind of constraint offers; see ``PointConstraint``."""
 
     kind: ClassVar[str]
+    noun: ClassVar[str]
+    icon: ClassVar[str]
+    informs_prior: ClassVar[bool]
 
     @property
     def camera(self) -> Camera | None:
@@ -75,6 +79,14 @@ class Constraint(Protocol):
         """Return what does the same on the other side of the face ``p``, or None where there is no such thing."""
         ...
 
+    def nudged(self, offset: tuple[float, float]) -> Self | None:
+        """Return the constraint with its target moved by ``offset`` pixels of its camera, or None if it has none."""
+        ...
+
+    def place(self, names: PlaceNames) -> str:
+        """Return the name of the place that the constraint speaks of."""
+        ...
+
     def to_json(self) -> dict[str, Any]:
         """Return the constraint as the session file has it."""
         ...
@@ -96,6 +108,17 @@ CONSTRAINTS: dict[str, type[Constraint]] = {
         GazeConstraint,
     )
 }
+
+
+def register(kind: type[Constraint]) -> None:
+    """Make ``kind`` known to sessions, the solver and the window.
+
+    Raises:
+        ValueError: If there is a kind of that name.
+    """
+    if kind.kind in CONSTRAINTS:
+        raise ValueError(f"there is a kind of constraint '{kind.kind}'")
+    CONSTRAINTS[kind.kind] = kind
 
 
 def constraint_from_json(data: Any, where: str) -> Constraint:

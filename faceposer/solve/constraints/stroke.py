@@ -14,8 +14,8 @@ from faceposer.geometry.picking import SurfacePoints
 from faceposer.geometry.strokes import STROKE_SHAPES, StrokeShape, stroke_pixels
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
+from faceposer.solve.constraints.base import KEYS, ConstraintBase, switches_from_json
 from faceposer.solve.constraints.stroke_terms import StrokeDistanceTerm, StrokeImageTerm
-from faceposer.solve.constraints.switches import KEYS, Switches, switches_from_json
 from faceposer.solve.term import Array, Indices, Term
 
 Pixels = tuple[tuple[float, float], ...]
@@ -27,7 +27,7 @@ _SAMPLES = 200
 
 
 @dataclass(frozen=True)
-class StrokeConstraint(Switches):
+class StrokeConstraint(ConstraintBase):
     """The points ``source`` of the face cover together the pixels of the stroke ``target``.
 
     Attributes:
@@ -42,6 +42,8 @@ class StrokeConstraint(Switches):
     """
 
     kind: ClassVar[str] = "stroke"
+    noun: ClassVar[str] = "stroke"
+    icon: ClassVar[str] = "stroke"
 
     source: SurfacePoints | Pixels
     target: Pixels
@@ -111,8 +113,8 @@ class StrokeConstraint(Switches):
             for constraint, points in zip(constraints, slots, strict=True)
         ]
 
-    def moved(self, offset: ArrayLike) -> "StrokeConstraint":
-        """Return the constraint with its target moved by ``offset`` pixels, shape (2,)."""
+    def nudged(self, offset: tuple[float, float]) -> "StrokeConstraint":
+        """Return the constraint with its target moved by ``offset`` pixels."""
         return replace(self, target=as_pixels(np.add(self.target, offset)))
 
     def mirrored(self, mirror: SurfaceMirror, model: FaceModel, p: ArrayLike) -> "StrokeConstraint | None":

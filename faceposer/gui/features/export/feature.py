@@ -19,10 +19,10 @@ from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.file_dialogs import FileRequest
 from faceposer.interchange.formats import FORMATS, Output, write_sequence_steps, write_steps
 from faceposer.render.options import OutputOptions
+from faceposer.session.jobs import StepJob
 
 if TYPE_CHECKING:
-    from faceposer.session.jobs import StepJob
-from faceposer.model.performance import Performance
+    from faceposer.model.performance import Performance
 
 # For which frames of a film are drawn before the window's next.
 _DRAW_SECONDS = 0.15

@@ -1,0 +1,39 @@
+"""What can be set on a constraint, one file a kind; a kind without a line here has its weight."""
+
+from collections.abc import Callable
+from typing import Any
+
+from imgui_bundle import imgui
+
+from faceposer.gui.context import EditorContext
+from faceposer.gui.panels.details import distance, fixed, gaze, stroke
+from faceposer.gui.panels.details.sliders import weight_slider
+from faceposer.gui.widgets.basic import tooltip
+from faceposer.gui.widgets.theme import WARNING
+
+DETAILS: dict[str, Callable[[EditorContext, int, Any], None]] = {
+    "distance": distance.draw,
+    "stroke": stroke.draw,
+    "fixed": fixed.draw,
+    "gaze": gaze.draw,
+}
+
+
+def draw_details(context: EditorContext, index: int) -> None:
+    """Draw what can be set on constraint ``index``."""
+    constraint = context.session.document.constraints[index]
+    imgui.push_id(f"constraint {index}")
+    conflict = context.drawn_constraints.conflicts.get(index)
+    if conflict is not None:
+        imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*WARNING))
+        imgui.text_wrapped(conflict)
+        imgui.pop_style_color()
+    imgui.begin_disabled(constraint.locked or context.toolbox.active)
+    DETAILS.get(constraint.kind, weight_slider)(context, index, constraint)
+    imgui.end_disabled()
+    if constraint.camera is not None and constraint.camera.transferred((0.0, 0.0), context.viewport.camera) is None:
+        if imgui.button("Go to its view", (-1.0, 0.0)):
+            context.viewport.look_through(constraint.camera)
+        context.widget_rects.record("its-view")
+        tooltip("Turn to the view that it was drawn in, where its target can be seen and changed")
+    imgui.pop_id()
