@@ -43,7 +43,7 @@ from faceposer.animation import following
 from faceposer.animation.following import follow
 from faceposer.animation.terms import CHANGE
 from faceposer.animation.trajectories import Trajectories
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.takes import FOLDS
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
@@ -69,7 +69,7 @@ Change = Callable[[Trajectories], Trajectories]
 class Study:
     """A face, its prior, and what is measured on it."""
 
-    def __init__(self, setting: Setting) -> None:
+    def __init__(self, setting: StudyContext) -> None:
         """Measure on the face of ``setting``."""
         self.setting = setting
         self.model = setting.model
@@ -186,7 +186,7 @@ class Case:
 
 
 def jump_free_runs(
-    setting: Setting, path: Path, n_frames: int, part: tuple[float, float] = (0.0, 1.0)
+    setting: StudyContext, path: Path, n_frames: int, part: tuple[float, float] = (0.0, 1.0)
 ) -> list[tuple[int, Array]]:
     """Return the runs of ``n_frames`` in a part of a take in which the tracker never jumps: first frame and weights."""
     recipe = setting.recipe
@@ -276,7 +276,7 @@ def shown(name: str, found: dict[str, float]) -> str:
 
 def study(folder: Path) -> dict[str, Any]:
     """Print the tables and return what is in them."""
-    setting = Setting.of(load_subject("man"), [read_capture(folder / TRAIN).with_shapes(ARKIT_SHAPES)])
+    setting = StudyContext.of(load_subject("man"), [read_capture(folder / TRAIN).with_shapes(ARKIT_SHAPES)])
     studied = Study(setting)
     first, lively = liveliest(studied, folder / TEST)
     runs = [weights for _, weights in jump_free_runs(setting, folder / TEST, N_FRAMES)]
@@ -308,7 +308,7 @@ def tune(folder: Path) -> dict[str, Any]:
     folds = []
     for (begin, end), tested in FOLDS.values():
         part = slice(round(begin * len(take.weights)), round(end * len(take.weights)))
-        setting = Setting.of(load_subject("man"), [replace(take, weights=take.weights[part])])
+        setting = StudyContext.of(load_subject("man"), [replace(take, weights=take.weights[part])])
         runs = [weights for _, weights in jump_free_runs(setting, folder / TRAIN, N_FRAMES, tested)]
         folds.append((Study(setting), runs))
     result: dict[str, Any] = {}
@@ -342,7 +342,7 @@ def filmstrip(folder: Path, path: Path, n_pictures: int = 8) -> None:
     from faceposer.geometry.camera import OrbitView
     from faceposer.render.offscreen import render_subject
 
-    setting = Setting.of(load_subject("man"), [read_capture(folder / TRAIN).with_shapes(ARKIT_SHAPES)])
+    setting = StudyContext.of(load_subject("man"), [read_capture(folder / TRAIN).with_shapes(ARKIT_SHAPES)])
     studied = Study(setting)
     model = studied.model
     _, weights = liveliest(studied, folder / TEST)

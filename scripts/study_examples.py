@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Judge characters that are learned from a few example meshes by examples that were left out.
+"""Evaluator characters that are learned from a few example meshes by examples that were left out.
 
     python -m scripts.build_assets --examples goblin          # thirty examples of the program's own goblin
     python scripts/study_examples.py goblin --json examples.json

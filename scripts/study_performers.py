@@ -15,7 +15,7 @@ share of trials that end worse than the neutral face. Targets are off by 1.5 px.
 and below them all folds together, and all performers together. Against the variant --base, * says that a cell is lower
 and ! that it is higher, by the 95 % interval of the difference over the same trials.
 
-A file of variants has a dictionary VARIANTS: name → function from a Setting to a model, the weight of its prior, and
+A file of variants has a dictionary VARIANTS: name → function from a StudyContext to a model, the weight of its prior, and
 further keyword arguments of PoseProblem as a dictionary:
 
     VARIANTS = {"twice as strong": lambda setting: (setting.model, 2.0, {})}
@@ -51,7 +51,7 @@ from faceposer.errors import FacePoserError
 from faceposer.evaluation.methods.method import posed, prepared
 from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.performers import Performer, leave_one_out
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.takes import FOLDS, Source
 from faceposer.evaluation.trials import Cell, Trial, TrialMaker
 from faceposer.model.expression_statistics import load_expression_statistics
@@ -63,7 +63,7 @@ from faceposer.training.expressions import Recipe
 Array = NDArray[np.float64]
 #: A model, the weight of its prior, and further arguments of ``PoseProblem``.
 Made = tuple[FaceModel, float, dict[str, Any]]
-Variant = Callable[[Setting], Made]
+Variant = Callable[[StudyContext], Made]
 #: By cell: error, neutral face's error and milliseconds of each trial, shape (n, 3).
 Errors = dict[Cell, Array]
 

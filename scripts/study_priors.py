@@ -27,10 +27,10 @@ ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
-from faceposer.evaluation.measures import Judge
+from faceposer.evaluation.measures import Evaluator
 from faceposer.evaluation.methods.method import posed, prepared
 from faceposer.evaluation.methods.registry import METHODS
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.takes import Source
 from faceposer.evaluation.trials import Cell, Trial, TrialMaker
 from faceposer.model.face_model import FaceModel, build_face_model
@@ -139,7 +139,7 @@ class Fold:
 
     def __init__(self, source: Source) -> None:
         self.setting, self.frames = source.load()
-        self.judge = Judge(self.setting, self.frames)
+        self.judge = Evaluator(self.setting, self.frames)
         self._maker = TrialMaker(self.setting)
 
     def trials(self, cell: Cell, number: int) -> list[Trial]:
@@ -156,25 +156,25 @@ class Fold:
         return lambda trial: (model, solve(PoseProblem(model, trial.constraints, prior_weight=weight)).coefficients)
 
 
-def _model(setting: Setting, **changes: object) -> FaceModel:
+def _model(setting: StudyContext, **changes: object) -> FaceModel:
     density = setting.model.rig_density
     plain = {name: getattr(density, name) for name in RigDensity.__dataclass_fields__}
     return replace(setting.model, rig_density=StudiedDensity(**(plain | changes)))  # type: ignore[arg-type]
 
 
-def _coupled(setting: Setting, part: float) -> FaceModel:
+def _coupled(setting: StudyContext, part: float) -> FaceModel:
     """Return the model with ``part`` of the damping left: 0 for none, 1 for what ships."""
     coupling = setting.model.rig_density.coupling
     return _model(setting, coupling=part * coupling + (1.0 - part))
 
 
-def _apart(setting: Setting) -> FaceModel:
+def _apart(setting: StudyContext) -> FaceModel:
     density = setting.model.rig_density
     names = np.array(density.regions)
     return _model(setting, coupling=(names[:, None] == names).astype(float))
 
 
-def _examples(setting: Setting, number: int) -> FaceModel:
+def _examples(setting: StudyContext, number: int) -> FaceModel:
     """Return the model with examples of the take in place of draws from the mixture."""
     subject = setting.subject
     moving = [i for i, name in enumerate(subject.shape_names) if makers(name, ARKIT_SHAPES)]
@@ -186,7 +186,7 @@ def _examples(setting: Setting, number: int) -> FaceModel:
     return _model(setting, given=examples)
 
 
-def _analyzers(setting: Setting, number: int, factors: int) -> FaceModel:
+def _analyzers(setting: StudyContext, number: int, factors: int) -> FaceModel:
     recipe = replace(setting.recipe, n_components=number, n_factors=factors)
     statistics = setting.statistics
     fitted = fit_statistics(setting.examples, ARKIT_SHAPES, recipe, "", statistics.coupling)
@@ -194,7 +194,7 @@ def _analyzers(setting: Setting, number: int, factors: int) -> FaceModel:
 
 
 #: Each returns a model and the weight of its prior.
-VARIANTS: dict[str, Callable[[Setting], tuple[FaceModel, float]]] = {
+VARIANTS: dict[str, Callable[[StudyContext], tuple[FaceModel, float]]] = {
     "ships": lambda s: (s.model, 1.0),
     "prior weight 0.5": lambda s: (s.model, 0.5),
     "prior weight 1.5": lambda s: (s.model, 1.5),

@@ -312,11 +312,11 @@ class Face(InMotion):
     def mirror(self, source: Literal["left", "right"] = "left") -> None:
         """Make the other side of the face the image of the side ``source``; constraints have then done their part."""
         checks.one_of(source, ("left", "right"), "The source of a mirror")
-        self.session.settle(applying.mirrored(self.model, self.coefficients, source), "Mirror the face")
+        self.session.rebase_pose(applying.mirrored(self.model, self.coefficients, source), "Mirror the face")
 
     def flip(self) -> None:
         """Exchange left and right of the face; its constraints have then done their part."""
-        self.session.settle(applying.flipped(self.model, self.coefficients), "Flip the face")
+        self.session.rebase_pose(applying.flipped(self.model, self.coefficients), "Flip the face")
 
     def pose(self, name: str) -> Pose:
         """Return the present pose under a ``name``."""

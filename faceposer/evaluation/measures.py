@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.trials import Trial, region_vertices, skin_vertices
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.point import PointConstraint
@@ -44,11 +44,11 @@ class Score:
     ms: float
 
 
-class Judge:
+class Evaluator:
     """Compares faces with the truth."""
 
-    def __init__(self, setting: Setting, frames: Array) -> None:
-        """Judge on the face of a ``setting``, by the rig weights of the test take's ``frames``, shape (F, S)."""
+    def __init__(self, setting: StudyContext, frames: Array) -> None:
+        """Evaluator on the face of a ``setting``, by the rig weights of the test take's ``frames``, shape (F, S)."""
         self._setting = setting
         self._frames = frames
 
@@ -116,7 +116,7 @@ class Judge:
         )
 
 
-def residual_px(setting: Setting, constraint: Constraint, vertices: ArrayLike) -> float:
+def residual_px(setting: StudyContext, constraint: Constraint, vertices: ArrayLike) -> float:
     """Return how many pixels ``constraint`` is from being met by any ``vertices``, shape (N, 3), of the subject.
 
     Raises:

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.evaluation.measures import Judge, Score
+from faceposer.evaluation.measures import Evaluator, Score
 from faceposer.evaluation.methods.method import Method, prepared
 from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.plan import Plan, Task
 from faceposer.evaluation.processes import processes
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.takes import Source
 from faceposer.evaluation.trial_log import TrialLog
 from faceposer.evaluation.trials import Cell, Trial, TrialMaker
@@ -50,7 +50,7 @@ class Bench:
         frames: Frames to test on, as weights of the subject's shapes, shape (F, S).
     """
 
-    setting: Setting
+    setting: StudyContext
     frames: Array
     _methods: dict[str, Method] = field(default_factory=dict)
     _skipped: dict[str, str] = field(default_factory=dict)
@@ -60,7 +60,7 @@ class Bench:
     def __post_init__(self) -> None:
         """Get ready to make and judge trials."""
         self._maker = TrialMaker(self.setting)
-        self._judge = Judge(self.setting, self.frames)
+        self._judge = Evaluator(self.setting, self.frames)
 
     def method(self, name: str) -> Method | None:
         """Return the technique ``name``, prepared when it is first asked for, or None if it cannot be run here."""

@@ -25,7 +25,7 @@ SIZE = (800, 800)
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
+class StudyContext:
     """A face, a camera, and what may be learned from.
 
     Attributes:
@@ -51,7 +51,7 @@ class Setting:
         captures: Sequence[Capture],
         recipe: Recipe | None = None,
         performers: Sequence[str] = (),
-    ) -> "Setting":
+    ) -> "StudyContext":
         """Return the setting with a front view of all of the ``subject``.
 
         Args:

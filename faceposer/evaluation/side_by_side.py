@@ -12,7 +12,7 @@ from faceposer.evaluation.methods.method import prepared
 from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.rows import Row
 from faceposer.evaluation.running import unavailable
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.study import Outcome, Study
 from faceposer.evaluation.tables import targets
 from faceposer.evaluation.trials import Cell, Trial, TrialMaker
@@ -113,7 +113,7 @@ def _unnatural(sheet: "_Sheet", study: Study) -> tuple[Cell, Key, str, str] | No
 class _Sheet:
     """Draws pictures of trials."""
 
-    def __init__(self, setting: Setting, frames: NDArray[np.float64], study: Study, outcome: Outcome) -> None:
+    def __init__(self, setting: StudyContext, frames: NDArray[np.float64], study: Study, outcome: Outcome) -> None:
         self._setting, self._frames, self._study, self._outcome = setting, frames, study, outcome
         self._maker = TrialMaker(setting)
         self._font = ImageFont.truetype(str(fonts_folder() / "Roboto" / "Roboto-Regular.ttf"), _FONT)

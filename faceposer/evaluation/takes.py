@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.model.subject import ARKIT_SHAPES, Subject
 from faceposer.model.subject_file import load_subject
 from faceposer.training.capture import Capture, read_capture
@@ -67,7 +67,7 @@ class Source:
     within: str | None = None
     contact: bool = False
 
-    def load(self) -> tuple[Setting, Array]:
+    def load(self) -> tuple[StudyContext, Array]:
         """Return the setting, and the frames to test on as weights of the subject's shapes, shape (F, S).
 
         Raises:
@@ -84,7 +84,7 @@ class Source:
             split = [self.within in (None, name) for name in self._owners]
             tests = [_part(take, second) for take, parts in zip(learned, split, strict=True) if parts]
             learned = [_part(take, first) if parts else take for take, parts in zip(learned, split, strict=True)]
-        setting = replace(Setting.of(subject, learned, recipe, self.performers), contact=self.contact)
+        setting = replace(StudyContext.of(subject, learned, recipe, self.performers), contact=self.contact)
         return setting, setting.rig_weights(np.concatenate([clean(take, recipe) for take in tests]))
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.evaluation.feature_lines import FEATURE_LINES, feature_line, width_of
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.geometry.strokes import resampled, smoothed
@@ -84,7 +84,7 @@ class Trial:
 class TrialMaker:
     """Makes trials on one face; they depend on its geometry alone, on no prior."""
 
-    def __init__(self, setting: Setting) -> None:
+    def __init__(self, setting: StudyContext) -> None:
         """Look at the neutral face of the ``setting`` for places that its camera sees."""
         self._setting = setting
 
@@ -263,7 +263,7 @@ def skin_vertices(subject: Subject) -> NDArray[np.intp]:
     return np.concatenate(runs).astype(np.intp) if runs else np.arange(len(subject.vertices), dtype=np.intp)
 
 
-def visible_vertices(setting: Setting) -> NDArray[np.intp]:
+def visible_vertices(setting: StudyContext) -> NDArray[np.intp]:
     """Return the vertices of the skin, shape (n,), that the camera sees on the neutral face, well turned to it."""
     subject, camera = setting.subject, setting.camera
     vertices = subject.vertices

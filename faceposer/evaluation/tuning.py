@@ -13,7 +13,7 @@ from faceposer.evaluation.methods.method import Method, Parameters
 from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.processes import processes
 from faceposer.evaluation.running import unavailable
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.takes import FOLDS, Source
 from faceposer.evaluation.trials import Cell, Trial, TrialMaker
 from faceposer.files.atomic import write_text
@@ -48,7 +48,7 @@ class Fold:
         trials: By cell.
     """
 
-    setting: Setting
+    setting: StudyContext
     trials: dict[Cell, list[Trial]]
 
     @classmethod

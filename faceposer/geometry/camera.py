@@ -126,13 +126,13 @@ class Camera:
         Cameras of one view in windows of different sizes, or that show another part of one photo, differ only by scale
         and by where the optical axis meets the picture.
         """
-        if not self.stands_with(other):
+        if not self.same_viewpoint(other):
             return None
         offset = np.asarray(pixel, dtype=np.float64) - self.principal_point
         u, v = (offset * (other.focal / self.focal) + other.principal_point).tolist()
         return (u, v)
 
-    def stands_with(self, other: "Camera") -> bool:
+    def same_viewpoint(self, other: "Camera") -> bool:
         """Whether both look from one place in one direction, however large their pictures are."""
         # A view that was written to a file and taken up again differs in the last digits.
         turned = np.abs(self.rotation - other.rotation).max()

@@ -300,7 +300,7 @@ class App:
         self.session = self.viewport.session = session
         session.mode = self._mode
         self.scene.set_model(session.model)
-        self.toolbox = Toolbox(self.viewport, self.toolbox.bench)
+        self.toolbox = Toolbox(self.viewport, self.toolbox.tool_settings)
         self.drawn_constraints = self._constraints_drawn(session)
         self.comparing = False
         camera = session.document.camera

@@ -57,7 +57,7 @@ class Commands:
 
     def toggle_symmetry(self) -> None:
         """Mirror what is drawn, or not."""
-        symmetry = self._context.toolbox.bench.symmetry
+        symmetry = self._context.toolbox.tool_settings.symmetry
         symmetry.on = not symmetry.on
 
     def accept_pose(self) -> None:
@@ -67,7 +67,7 @@ class Commands:
 
     def widen_brush(self, factor: float) -> None:
         """Make the brush of the chosen tool wider or thinner."""
-        options = self._context.toolbox.bench.options
+        options = self._context.toolbox.tool_settings.options
         if self._context.toolbox.chosen is self._context.toolbox.fix_tool:
             options.fix_brush = min(max(options.fix_brush * factor, 4.0), 160.0)
         else:
@@ -199,7 +199,7 @@ def _tool_actions(context: Shell, do: Commands, free: Callable[[], bool]) -> lis
         do.toggle_symmetry,
         ("X",),
         free,
-        lambda: context.toolbox.bench.symmetry.on,
+        lambda: context.toolbox.tool_settings.symmetry.on,
         separated=True,
         help="Mirror what is drawn to the other side; what is uneven already stays so",
     )

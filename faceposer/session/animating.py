@@ -25,7 +25,7 @@ Shown = Literal["unkeyed", "key", "between", "changed"]
 _SAME_WEIGHT = 1e-4
 
 
-class Animating:
+class AnimationController:
     """What panels and files do with the animation of one session.
 
     Attributes:
@@ -109,15 +109,15 @@ class Animating:
             session.wait()
         document = session.document
         if document.keyframes is None or not document.keyframes.keys:
-            session.put(replace(document, frame=frame))
+            session.set_without_history(replace(document, frame=frame))
             return False
         there = document.animated_at(frame, self._pose_at(document.keyframes, frame))
         if document.animated:
-            session.put(there)
+            session.set_without_history(there)
             return False
         lost = self.shown == "changed"
         with session.edit("Go to another frame"):
-            session.put(there)
+            session.set_without_history(there)
         return lost
 
     # Keys
@@ -127,7 +127,7 @@ class Animating:
         document = self._session.document
         keyframes = self.keyframes.with_key(document.frame, self._pose_of(document))
         with self._session.edit("Set a key"):
-            self._session.put(replace(document, keyframes=keyframes, animated=not document.constraints))
+            self._session.set_without_history(replace(document, keyframes=keyframes, animated=not document.constraints))
 
     def change(self, keyframes: Keyframes, label: str, merges: bool = False) -> None:
         """Exchange the animation as one step; the face follows, unless it has been changed and has no key.
@@ -144,15 +144,15 @@ class Animating:
             if not self._near(pose, self._pose_of(document)):
                 changed = changed.animated_at(document.frame, pose)
         with self._session.edit(label, merges):
-            self._session.put(changed)
+            self._session.set_without_history(changed)
 
     def load(self, keyframes: Keyframes, label: str, frame: int = 0) -> None:
         """Exchange the animation as one step and show ``frame`` of it, whatever was on the screen."""
         document = replace(self._session.document, keyframes=keyframes)
         with self._session.edit(label):
-            self._session.put(document.animated_at(frame, self._pose_at(keyframes, frame)))
+            self._session.set_without_history(document.animated_at(frame, self._pose_at(keyframes, frame)))
 
-    def keyed(self, document: Document) -> Document:
+    def with_auto_key(self, document: Document) -> Document:
         """Return ``document``, whose pose has changed, as it is to be kept: with a key, if poses become keys."""
         keyframes = document.keyframes
         if keyframes is None or not keyframes.keys or not document.solved:

@@ -29,7 +29,7 @@ def with_photo(document: Document, index: int, photo: Photo) -> Document:
 def _followed(constraint: Constraint, before: Camera, after: Camera) -> Constraint:
     """Return ``constraint`` under ``after`` if it was drawn under ``before``: on the photo it stays."""
     camera = constraint.camera
-    if camera is None or not camera.stands_with(before):
+    if camera is None or not camera.same_viewpoint(before):
         return constraint
     focal = camera.focal * after.focal / before.focal
     drawn: Any = constraint
@@ -63,5 +63,5 @@ def _told(constraint: Constraint, photo: Photo, pinned: AbstractSet[object]) -> 
         anchors = constraint.anchors
     else:
         return False
-    through = photo.camera is not None and constraint.camera.stands_with(photo.camera)
+    through = photo.camera is not None and constraint.camera.same_viewpoint(photo.camera)
     return through and not constraint.locked and pinned >= set(anchors)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
-from faceposer.session.animating import Animating
+from faceposer.session.animating import AnimationController
 from faceposer.session.document import Document, path_from, subject_from, write_document
 from faceposer.session.history import History
 from faceposer.session.solver_worker import InlineWorker, Job, Worker
@@ -65,9 +65,9 @@ class Session:
         self._editing = False
         self._before_edit = document
         self._residuals: tuple[int, tuple[float, ...]] | None = None
-        self.animation = Animating(self)
+        self.animation = AnimationController(self)
         if document.keyframes is not None and document.solved and document.coefficients is not None:
-            self._document = self._saved = self.animation.keyed(document)
+            self._document = self._saved = self.animation.with_auto_key(document)
             self._history.amend_head(self._document)
         if document.constraints and document.coefficients is None:
             self._document = replace(document, solved=False)
@@ -163,7 +163,7 @@ class Session:
             raise
         self._editing = False
         if self._document.coefficients is not before.coefficients:
-            self._document = self.animation.keyed(self._document)
+            self._document = self.animation.with_auto_key(self._document)
             self.revision += 1
         if not self._document.same_input(before) or self._document.coefficients is not before.coefficients:
             self._history.commit(label, self._document, merges)
@@ -181,7 +181,7 @@ class Session:
         self.revision += 1
         self._follow()
 
-    def put(self, document: Document) -> None:
+    def set_without_history(self, document: Document) -> None:
         """Show ``document``, whose pose is what it asks for or what the present one has, as it is; keep no step."""
         self.epoch += document.coefficients is not self._document.coefficients
         self._document = document
@@ -227,7 +227,7 @@ class Session:
             self.replace(document)
 
     def set_prior(self, prior: Prior) -> None:
-        """Judge the face by regions or as a whole, as one step."""
+        """Evaluator the face by regions or as a whole, as one step."""
         with self.edit("Change the prior"):
             self.replace(replace(self._document, prior=prior))
 
@@ -235,7 +235,7 @@ class Session:
         """Turn the contact step on or off, as one step; the pose stays."""
         if contact != self._document.contact:
             with self.edit("Turn contact on" if contact else "Turn contact off"):
-                self.put(replace(self._document, contact=contact))
+                self.set_without_history(replace(self._document, contact=contact))
 
     def change_constraint(self, index: int, constraint: Constraint, label: str) -> None:
         """Exchange constraint ``index`` inside an open edit (a slider being dragged), or else as one step."""
@@ -259,9 +259,9 @@ class Session:
 
     def accept_pose(self) -> None:
         """Make the current face the one that editing starts from, without constraints, as one step."""
-        self.settle(self.coefficients, "Accept the pose")
+        self.rebase_pose(self.coefficients, "Accept the pose")
 
-    def settle(self, pose: NDArray[np.float64], label: str) -> None:
+    def rebase_pose(self, pose: NDArray[np.float64], label: str) -> None:
         """Make ``pose``, shape (r,), the one that editing starts from, without constraints, as one step."""
         with self.edit(label):
             self.epoch += 1
@@ -351,7 +351,7 @@ class Session:
         self.solution = result.solution
         self._document = self._document.posed(result.solution.coefficients)
         if not self._editing:
-            self._document = self.animation.keyed(self._document)
+            self._document = self.animation.with_auto_key(self._document)
             self._history.amend_head(self._document)
         self.revision += 1
         return True

@@ -11,7 +11,7 @@ from faceposer.solve.constraints.curve import MOST_POINTS, CurveConstraint
 from faceposer.solve.constraints.stroke import as_pixels
 from faceposer.tools.stroke_tool import seen_pixels
 from faceposer.tools.symmetry import Mirroring
-from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, Workbench
+from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
 _REACH = 9.0
 _NEAR_LINE = 6.0
@@ -29,9 +29,9 @@ class CurveTool(PosingTool):
     cursor = "pick"
     handle_order = 3
 
-    def __init__(self, bench: Workbench) -> None:
-        """Share ``bench``."""
-        super().__init__(bench)
+    def __init__(self, tool_settings: ToolSettings) -> None:
+        """Share ``tool_settings``."""
+        super().__init__(tool_settings)
         self.points: list[SurfacePoint] = []
         self._steps: list[list[SurfacePoint]] = []
 
@@ -76,7 +76,7 @@ class CurveTool(PosingTool):
 
     def _curves(self, context: ToolContext) -> list[tuple[int, CurveConstraint]]:
         """Return the curves that may be edited with their indices, the selected one first, then the newest."""
-        chosen = self._bench.selection.indices
+        chosen = self._settings.selection.indices
         found = [
             (i, constraint)
             for i, constraint in enumerate(context.session.document.constraints)
@@ -84,7 +84,7 @@ class CurveTool(PosingTool):
         ]
         return sorted(found, key=lambda item: (item[0] not in chosen, -item[0]))
 
-    def grips(self, event: PointerEvent, context: ToolContext) -> bool:
+    def hits_handle(self, event: PointerEvent, context: ToolContext) -> bool:
         """Whether the press ``event`` takes hold of a control point."""
         return event.button == "left" and not event.modifiers and self.handle_at(event.position, context) is not None
 
@@ -163,10 +163,10 @@ class CurveTool(PosingTool):
         # on press
         index, point = handle
         session, press = context.session, event.position
-        self._bench.selection.set(index)
+        self._settings.selection.set(index)
         inserted = begun is not None
         with session.edit("Add a point to a curve" if inserted else "Edit a curve"):
-            mirroring = Mirroring(self._bench.symmetry, session)
+            mirroring = Mirroring(self._settings.symmetry, session)
             if begun is None:
                 constraint = session.document.constraints[index]
                 assert isinstance(constraint, CurveConstraint)
@@ -202,12 +202,12 @@ class CurveTool(PosingTool):
             curve = curve.resolved(session.model, session.coefficients)
         except ValueError:
             return True
-        self.drop()
+        self.discard()
         with session.edit("Draw a curve"):
             document, index = session.document, len(session.document.constraints)
             document = replace(document, constraints=(*document.constraints, curve))
-            session.replace(Mirroring(self._bench.symmetry, session).applied(document, [index]))
-        self._bench.selection.set(index)
+            session.replace(Mirroring(self._settings.symmetry, session).applied(document, [index]))
+        self._settings.selection.set(index)
         return True
 
     def remove_at(self, position: Pixel, context: ToolContext) -> bool:
@@ -232,7 +232,7 @@ class CurveTool(PosingTool):
             self._remove(index, "Remove a curve", context)
             return True
         with session.edit("Remove a point of a curve"):
-            mirroring = Mirroring(self._bench.symmetry, session)
+            mirroring = Mirroring(self._settings.symmetry, session)
             # What lies across is found while both have all their points.
             mirroring.find(session.document, index)
             document = session.document.with_constraint(index, shorter)
@@ -246,7 +246,7 @@ class CurveTool(PosingTool):
         self.points = self._steps.pop()
         return True
 
-    def drop(self) -> bool:
+    def discard(self) -> bool:
         """Forget the source that is not accepted; return whether there was one."""
         had = bool(self.points)
         self.points, self._steps = [], []

@@ -9,7 +9,7 @@ from faceposer.geometry.picking import SurfacePoint
 from faceposer.session.document import Document
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.tools.symmetry import Mirroring
-from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, Workbench
+from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
 _REACH = 9.0
 _CLICK = 4.0
@@ -76,9 +76,9 @@ class DistanceTool(PosingTool):
     cursor = "pick"
     handle_order = 2
 
-    def __init__(self, bench: Workbench) -> None:
-        """Share ``bench``."""
-        super().__init__(bench)
+    def __init__(self, tool_settings: ToolSettings) -> None:
+        """Share ``tool_settings``."""
+        super().__init__(tool_settings)
         self.first: SurfacePoint | None = None
         self.pointer: Pixel | None = None
 
@@ -100,7 +100,7 @@ class DistanceTool(PosingTool):
                 best, found = float(distances[end]), (mark.index, end)
         return found
 
-    def grips(self, event: PointerEvent, context: ToolContext) -> bool:
+    def hits_handle(self, event: PointerEvent, context: ToolContext) -> bool:
         """Whether the press ``event`` takes hold of the end of a distance."""
         return event.button == "left" and not event.modifiers and self.handle_at(event.position, context) is not None
 
@@ -152,16 +152,16 @@ class DistanceTool(PosingTool):
 
     def _join(self, first: SurfacePoint, second: SurfacePoint, context: ToolContext) -> None:
         if first != second:
-            add_distance((first, second), context, self._bench)
+            add_distance((first, second), context, self._settings)
 
     def _drag(self, handle: tuple[int, int], event: PointerEvent, context: ToolContext) -> Gesture:
         """Pull one end along the line: the other stays, and the distance changes by as much."""
         # on press
         index, end = handle
         session, press = context.session, event.position
-        self._bench.selection.set(index)
+        self._settings.selection.set(index)
         with session.edit("Change a distance"):
-            mirroring = Mirroring(self._bench.symmetry, session)
+            mirroring = Mirroring(self._settings.symmetry, session)
             constraint = session.document.constraints[index]
             if not isinstance(constraint, DistanceConstraint):
                 return
@@ -194,9 +194,9 @@ class DistanceTool(PosingTool):
 
     def step_back(self) -> bool:
         """Forget the first point; return whether there was one."""
-        return self.drop()
+        return self.discard()
 
-    def drop(self) -> bool:
+    def discard(self) -> bool:
         """Forget the first point; return whether there was one."""
         had = self.first is not None
         self.first = self.pointer = None
@@ -210,13 +210,13 @@ class DistanceTool(PosingTool):
 
 
 def add_distance(
-    anchors: tuple[SurfacePoint | int, SurfacePoint | int], context: ToolContext, bench: Workbench
+    anchors: tuple[SurfacePoint | int, SurfacePoint | int], context: ToolContext, tool_settings: ToolSettings
 ) -> None:
     """Add the distance between two places as it appears now, as one step, and select it; one that is there is kept."""
     session = context.session
     for i, constraint in enumerate(session.document.constraints):
         if isinstance(constraint, DistanceConstraint) and set(constraint.anchors) == set(anchors):
-            bench.selection.set(i)
+            tool_settings.selection.set(i)
             return
     pair = DistanceConstraint(anchors, 0.0, context.camera)
     pair = replace(pair, target=pair.measured(session.model, session.coefficients))
@@ -224,5 +224,5 @@ def add_distance(
         document: Document = session.document
         index = len(document.constraints)
         document = replace(document, constraints=(*document.constraints, pair))
-        session.replace(Mirroring(bench.symmetry, session).applied(document, [index]))
-        bench.selection.set(index)
+        session.replace(Mirroring(tool_settings.symmetry, session).applied(document, [index]))
+        tool_settings.selection.set(index)

@@ -10,7 +10,7 @@ from faceposer.geometry.strokes import enclosed
 from faceposer.session.document import Document
 from faceposer.solve.constraints.fixed import FixedConstraint
 from faceposer.tools.symmetry import Mirroring, mirror_of
-from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, Workbench
+from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
 Pixel = tuple[float, float]
 Vertices = NDArray[np.int64]
@@ -26,26 +26,26 @@ class FixTool(PosingTool):
     name = "fix"
     cursor = "draw"
 
-    def __init__(self, bench: Workbench) -> None:
-        """Share ``bench``."""
-        super().__init__(bench)
+    def __init__(self, tool_settings: ToolSettings) -> None:
+        """Share ``tool_settings``."""
+        super().__init__(tool_settings)
         self.lasso: list[Pixel] = []
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
         """Whether the press ``event`` begins to paint or to encircle."""
         if event.button != "left" or event.modifiers - {"ctrl", "shift"}:
             return False
-        return self._bench.options.fix_mode == "lasso" or context.pick(event.position) is not None
+        return self._settings.options.fix_mode == "lasso" or context.pick(event.position) is not None
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
         """Paint, encircle or click vertices."""
         # on press
         session, erase = context.session, "ctrl" in event.modifiers
-        encircle = self._bench.options.fix_mode == "lasso"
+        encircle = self._settings.options.fix_mode == "lasso"
         candidates, pixels = self._visible(context)
         try:
             with session.edit("Let vertices go" if erase else "Fix vertices"):
-                mirroring = Mirroring(self._bench.symmetry, session)
+                mirroring = Mirroring(self._settings.symmetry, session)
                 begun, index = self._opened(session.document, erase)
                 if index is not None:
                     mirroring.find(begun, index)
@@ -80,13 +80,13 @@ class FixTool(PosingTool):
         if not len(pixels):
             return np.zeros(0, dtype=bool)
         distances = np.hypot(*(pixels - position).T)
-        radius = 0.5 * self._bench.options.fix_brush * context.ui_scale
+        radius = 0.5 * self._settings.options.fix_brush * context.ui_scale
         nearest: NDArray[np.bool_] = distances <= max(radius, min(float(distances.min()), 12.0 * context.ui_scale))
         return nearest
 
     def _opened(self, document: Document, erase: bool) -> tuple[Document, int | None]:
         """Return the document and the index of the constraint that grows: the selected one, if it is of this kind."""
-        for i in sorted(self._bench.selection.within(len(document.constraints))):
+        for i in sorted(self._settings.selection.within(len(document.constraints))):
             constraint = document.constraints[i]
             if isinstance(constraint, FixedConstraint) and not constraint.locked:
                 return document, None if erase else i
@@ -103,7 +103,7 @@ class FixTool(PosingTool):
     ) -> None:
         session = context.session
         if erase:
-            if self._bench.symmetry.on:
+            if self._settings.symmetry.on:
                 across = mirror_of(session.model).vertices[vertices]
                 vertices = np.union1d(vertices, across[across >= 0])
             session.replace(_without(begun, vertices))
@@ -124,11 +124,11 @@ class FixTool(PosingTool):
             fixed = FixedConstraint(points, positions)
             document, place = replace(begun, constraints=(*begun.constraints, fixed)), len(begun.constraints)
         session.replace(mirroring.applied(document, [place]))
-        self._bench.selection.set(place)
+        self._settings.selection.set(place)
 
     def hint(self, context: ToolContext) -> str:
         """Return what a press will do."""
-        verb = "Encircle" if self._bench.options.fix_mode == "lasso" else "Paint"
+        verb = "Encircle" if self._settings.options.fix_mode == "lasso" else "Paint"
         return f"{verb} what should stay   ·   Ctrl: let it go   ·   [ ]: brush width"
 
 
@@ -149,7 +149,7 @@ def _without(document: Document, vertices: Vertices) -> Document:
     return replace(document, constraints=tuple(constraints))
 
 
-def toggle_region(names: tuple[str, ...], context: ToolContext, bench: Workbench) -> None:
+def toggle_region(names: tuple[str, ...], context: ToolContext, tool_settings: ToolSettings) -> None:
     """Hold the regions ``names`` of the face where they are, or let them go if just they are held, as one step."""
     session = context.session
     regions = session.model.subject.regions
@@ -160,14 +160,14 @@ def toggle_region(names: tuple[str, ...], context: ToolContext, bench: Workbench
     index = region_held(names, context)
     if index is not None:
         if not session.document.constraints[index].locked:
-            bench.selection.set()
+            tool_settings.selection.set()
             session.remove_constraints({index}, "Let a region go")
         return
     held = FixedConstraint(points, session.model.positions_at(points, session.coefficients))
     with session.edit("Hold a region"):
         document = session.document
         session.replace(replace(document, constraints=(*document.constraints, held)))
-        bench.selection.set(len(document.constraints))
+        tool_settings.selection.set(len(document.constraints))
 
 
 def region_held(names: tuple[str, ...], context: ToolContext) -> int | None:

@@ -99,7 +99,7 @@ class GazeTool(PosingTool):
         surface = session.model.positions_at(found, session.coefficients)
         return bool(camera.to_camera(place[None])[0, 2] < camera.to_camera(surface)[0, 2])
 
-    def grips(self, event: PointerEvent, context: ToolContext) -> bool:
+    def hits_handle(self, event: PointerEvent, context: ToolContext) -> bool:
         """Whether the press ``event`` takes hold of the handle of a gaze constraint."""
         found = self.constraint(context)
         return found is not None and not found[1].locked and self.begins(event, context)
@@ -112,7 +112,7 @@ class GazeTool(PosingTool):
         """Return the gaze constraint if a press at ``position`` would take its handle, or None."""
         found = self.constraint(context)
         press = PointerEvent("press", position, "left")
-        return found[0] if found is not None and self.grips(press, context) else None
+        return found[0] if found is not None and self.hits_handle(press, context) else None
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
         """Drag the handle while the eyes follow."""
@@ -147,7 +147,7 @@ class GazeTool(PosingTool):
             if not moved:
                 session.restore()
             else:
-                self._bench.selection.set(index)
+                self._settings.selection.set(index)
 
     def remove_at(self, position: Pixel, context: ToolContext) -> bool:
         """Let the eyes go if ``position`` is on the handle; return whether it was."""

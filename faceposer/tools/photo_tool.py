@@ -8,7 +8,7 @@ from faceposer.photo.photo import Photo, Pin, Place
 from faceposer.photo.places import guided
 from faceposer.session.photos import with_photo
 from faceposer.tools.point_tool import CLICK_THRESHOLD
-from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, Workbench
+from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
 Pixel = tuple[float, float]
 # In pixels of a display at normal density.
@@ -30,9 +30,9 @@ class PhotoTool(PosingTool):
     cursor = "press"
     drag_hint = "Move: shift the pin, and the camera with it   ·   release: keep   ·   Esc: take back"
 
-    def __init__(self, bench: Workbench) -> None:
-        """Share ``bench``; no photo is looked through."""
-        super().__init__(bench)
+    def __init__(self, tool_settings: ToolSettings) -> None:
+        """Share ``tool_settings``; no photo is looked through."""
+        super().__init__(tool_settings)
         self.active: int | None = None
         self.place: Place | None = None
         self.selected: int | None = None
@@ -161,7 +161,7 @@ class PhotoTool(PosingTool):
         """Go on to the next place, and after the last one to the first that was skipped."""
         self.place = self.next_place(context, self.place) or self.next_place(context)
 
-    def drop(self) -> bool:
+    def discard(self) -> bool:
         """Set no more pins until a place is chosen."""
         had, self.place = self.place is not None, None
         return had

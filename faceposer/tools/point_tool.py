@@ -9,7 +9,7 @@ from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.session.document import Document
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.tools.symmetry import Mirroring
-from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, Workbench
+from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
 # In pixels of a display at normal density; a pen trembles more than a mouse.
 CLICK_THRESHOLD = 3.0
@@ -50,9 +50,9 @@ class PointTool(PosingTool):
     drag_cursor = "grab"
     handle_order = 1
 
-    def __init__(self, bench: Workbench, threshold: float = CLICK_THRESHOLD) -> None:
-        """Share ``bench``; a gesture of less than ``threshold`` pixels is a click."""
-        super().__init__(bench)
+    def __init__(self, tool_settings: ToolSettings, threshold: float = CLICK_THRESHOLD) -> None:
+        """Share ``tool_settings``; a gesture of less than ``threshold`` pixels is a click."""
+        super().__init__(tool_settings)
         self.threshold = threshold
 
     def pin_at(self, position: Pixel, context: ToolContext) -> int | None:
@@ -74,7 +74,7 @@ class PointTool(PosingTool):
             return None if context.hidden(points)[0] else nearest
         return nearest
 
-    def grips(self, event: PointerEvent, context: ToolContext) -> bool:
+    def hits_handle(self, event: PointerEvent, context: ToolContext) -> bool:
         """Whether the press ``event`` takes hold of a pin."""
         return self._fits(event) and self.pin_at(event.position, context) is not None
 
@@ -94,7 +94,7 @@ class PointTool(PosingTool):
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
         """Place or select a pin, and drag it with the rest of the selection."""
         # on press
-        session, selection, press = context.session, self._bench.selection, event.position
+        session, selection, press = context.session, self._settings.selection, event.position
         pin = self.pin_at(press, context)
         if pin is not None and "shift" in event.modifiers:
             selection.toggle(pin)
@@ -103,7 +103,7 @@ class PointTool(PosingTool):
         is_new = pin is None
         try:
             with session.edit("Place a point" if is_new else "Move a point"):
-                mirroring = Mirroring(self._bench.symmetry, session)
+                mirroring = Mirroring(self._settings.symmetry, session)
                 if pin is None:
                     pin = self._place(press, context)
                     if pin is None:
@@ -139,7 +139,7 @@ class PointTool(PosingTool):
 
     def _movable(self, document: Document) -> list[int]:
         """Return the selected pins that are not locked."""
-        chosen = sorted(self._bench.selection.within(len(document.constraints)))
+        chosen = sorted(self._settings.selection.within(len(document.constraints)))
         found = [(i, document.constraints[i]) for i in chosen]
         return [i for i, c in found if isinstance(c, PointConstraint) and not c.locked]
 

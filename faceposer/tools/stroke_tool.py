@@ -10,7 +10,7 @@ from faceposer.geometry.picking import SurfacePoints
 from faceposer.geometry.strokes import smoothed, stroke_pixels
 from faceposer.solve.constraints.stroke import WIDEST, Pixels, StrokeConstraint, as_pixels
 from faceposer.tools.symmetry import Mirroring
-from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, Workbench
+from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
 _REACH = 9.0
 # More pixels than this are thinned out before they are looked up.
@@ -38,9 +38,9 @@ class StrokeTool(PosingTool):
     name = "stroke"
     cursor = "draw"
 
-    def __init__(self, bench: Workbench) -> None:
-        """Share ``bench``."""
-        super().__init__(bench)
+    def __init__(self, tool_settings: ToolSettings) -> None:
+        """Share ``tool_settings``."""
+        super().__init__(tool_settings)
         self.source: SourceStroke | None = None
         self.redrawn: SurfacePoints | None = None
         self.drawing: tuple[list[Pixel], float] | None = None
@@ -97,7 +97,7 @@ class StrokeTool(PosingTool):
             width = self._width(pressures, context)
         finally:
             self.drawing = None
-        shape = self._bench.options.shape
+        shape = self._settings.options.shape
         line = smoothed(way, closed=shape != "line")
         if self.draws_target:
             self._finish(as_pixels(line), width, context)
@@ -109,12 +109,12 @@ class StrokeTool(PosingTool):
 
     def _width(self, pressures: list[float], context: ToolContext) -> float:
         """Return the brush's width: a pen that presses lightly makes it thinner, and a mouse knows no pressure."""
-        width = self._bench.options.brush * context.ui_scale * float(np.mean(pressures))
+        width = self._settings.options.brush * context.ui_scale * float(np.mean(pressures))
         return min(max(width, 1.0), WIDEST)
 
     def _finish(self, target: Pixels, width: float, context: ToolContext) -> None:
         """Make the constraint, or give it its new target."""
-        session, options = context.session, self._bench.options
+        session, options = context.session, self._settings.options
         document = session.document
         redrawn, source = self.redrawn, self.source
         self.redrawn = self.source = None
@@ -130,15 +130,15 @@ class StrokeTool(PosingTool):
             stroke = replace(old, target=target, width=width, camera=context.camera, shape=options.shape)
             with session.edit("Redraw a target"):
                 document = document.with_constraint(index, stroke)
-                session.replace(Mirroring(self._bench.symmetry, session).applied(document, [index]))
-            self._bench.selection.set(index)
+                session.replace(Mirroring(self._settings.symmetry, session).applied(document, [index]))
+            self._settings.selection.set(index)
         elif source is not None:
             stroke = StrokeConstraint(source.points, target, width, context.camera, options.shape, options.energy)
             index = len(document.constraints)
             with session.edit("Draw a stroke"):
                 document = replace(document, constraints=(*document.constraints, stroke))
-                session.replace(Mirroring(self._bench.symmetry, session).applied(document, [index]))
-            self._bench.selection.set(index)
+                session.replace(Mirroring(self._settings.symmetry, session).applied(document, [index]))
+            self._settings.selection.set(index)
 
     def _move(self, event: PointerEvent, context: ToolContext) -> Gesture:
         """Move a target while the face follows."""
@@ -147,9 +147,9 @@ class StrokeTool(PosingTool):
         index = self._target_at(press, context)
         if index is None:
             return
-        self._bench.selection.set(index)
+        self._settings.selection.set(index)
         with session.edit("Move a target"):
-            mirroring = Mirroring(self._bench.symmetry, session)
+            mirroring = Mirroring(self._settings.symmetry, session)
             begun = session.document.constraints[index]
             assert isinstance(begun, StrokeConstraint)
             scale = begun.camera.focal / context.camera.focal
@@ -177,9 +177,9 @@ class StrokeTool(PosingTool):
 
     def step_back(self) -> bool:
         """Forget the source; return whether there was one."""
-        return self.drop()
+        return self.discard()
 
-    def drop(self) -> bool:
+    def discard(self) -> bool:
         """Forget the source that waits, or that a target was to be redrawn; return whether there was either."""
         had = self.draws_target
         self.source = self.redrawn = None

@@ -148,7 +148,7 @@ class ToolOptions:
 
 
 @dataclass
-class Workbench:
+class ToolSettings:
     """What the tools share: their options, the selection and symmetry."""
 
     options: ToolOptions = field(default_factory=ToolOptions)
@@ -173,11 +173,11 @@ class PosingTool:
     drag_hint = "Move: pull the face   ·   release: keep   ·   Esc: take back"
     handle_order = 9
 
-    def __init__(self, bench: Workbench) -> None:
-        """Share ``bench`` with the other tools."""
-        self._bench = bench
+    def __init__(self, tool_settings: ToolSettings) -> None:
+        """Share ``tool_settings`` with the other tools."""
+        self._settings = tool_settings
 
-    def grips(self, event: PointerEvent, context: ToolContext) -> bool:
+    def hits_handle(self, event: PointerEvent, context: ToolContext) -> bool:
         """Whether the press ``event`` takes hold of a handle of this tool, which goes before what others would do."""
         return False
 
@@ -204,8 +204,8 @@ class PosingTool:
 
     def _remove(self, index: int, label: str, context: ToolContext) -> None:
         """Remove constraint ``index``, with symmetry also what lies across, as the step ``label``."""
-        self._bench.selection.set()
-        context.session.remove_constraints(self._bench.symmetry.with_partners(context.session, {index}), label)
+        self._settings.selection.set()
+        context.session.remove_constraints(self._settings.symmetry.with_partners(context.session, {index}), label)
 
     def accept(self, context: ToolContext) -> bool:
         """Finish what was begun (Enter); return whether there was anything."""
@@ -215,7 +215,7 @@ class PosingTool:
         """Take back the last step of what was begun (undo); return whether there was anything."""
         return False
 
-    def drop(self) -> bool:
+    def discard(self) -> bool:
         """Forget what was begun (Esc); return whether there was anything."""
         return False
 

@@ -12,26 +12,26 @@ from faceposer.tools.photo_tool import PhotoTool
 from faceposer.tools.point_tool import PointTool
 from faceposer.tools.stroke_tool import StrokeTool
 from faceposer.tools.symmetry import Mirroring
-from faceposer.tools.tool import Button, Gesture, Hover, PointerEvent, PosingTool, Tool, ToolContext, Workbench
+from faceposer.tools.tool import Button, Gesture, Hover, PointerEvent, PosingTool, Tool, ToolContext, ToolSettings
 from faceposer.tools.trajectory_tool import TrajectoryTool
 
 
 class Toolbox:
     """The tools, the one that is chosen, and the gesture under way."""
 
-    def __init__(self, context: ToolContext, bench: Workbench | None = None) -> None:
-        """Serve ``context`` with the options and the symmetry of ``bench``; the selection starts empty."""
+    def __init__(self, context: ToolContext, tool_settings: ToolSettings | None = None) -> None:
+        """Serve ``context`` with the options and the symmetry of ``tool_settings``; the selection starts empty."""
         self._context = context
-        self.bench = bench or Workbench()
-        self.bench.selection.set()
+        self.tool_settings = tool_settings or ToolSettings()
+        self.tool_settings.selection.set()
         self.camera_tool = CameraTool()
-        self.point_tool = PointTool(self.bench)
-        self.distance_tool = DistanceTool(self.bench)
-        self.stroke_tool = StrokeTool(self.bench)
-        self.curve_tool = CurveTool(self.bench)
-        self.fix_tool = FixTool(self.bench)
-        self.gaze_tool = GazeTool(self.bench)
-        self.trajectory_tool = TrajectoryTool(self.bench)
+        self.point_tool = PointTool(self.tool_settings)
+        self.distance_tool = DistanceTool(self.tool_settings)
+        self.stroke_tool = StrokeTool(self.tool_settings)
+        self.curve_tool = CurveTool(self.tool_settings)
+        self.fix_tool = FixTool(self.tool_settings)
+        self.gaze_tool = GazeTool(self.tool_settings)
+        self.trajectory_tool = TrajectoryTool(self.tool_settings)
         everything: tuple[PosingTool, ...] = (
             self.point_tool,
             self.distance_tool,
@@ -45,7 +45,7 @@ class Toolbox:
         # Of handles that lie at the same place, the one of the first is taken.
         self._by_handle = sorted(everything, key=lambda tool: tool.handle_order)
         # It sets pins on photos, not constraints: only with a photo it is of use.
-        self.photo_tool = PhotoTool(self.bench)
+        self.photo_tool = PhotoTool(self.tool_settings)
         self.chosen: PosingTool = self.point_tool
         self._gesture: Gesture | None = None
         self._gesture_button: Button | None = None
@@ -55,7 +55,7 @@ class Toolbox:
     @property
     def selection(self) -> frozenset[int]:
         """Indices of the selected constraints."""
-        return self.bench.selection.within(len(self._context.session.document.constraints))
+        return self.tool_settings.selection.within(len(self._context.session.document.constraints))
 
     @property
     def active(self) -> bool:
@@ -89,15 +89,15 @@ class Toolbox:
         """Take up the tool ``name``; what another has begun is forgotten."""
         tool = self.photo_tool if name == self.photo_tool.name else self.tools[name]
         if self._gesture is None and self.chosen is not tool:
-            self.chosen.drop()
+            self.chosen.discard()
             self.chosen = tool
 
     def select(self, index: int, extend: bool = False) -> None:
         """Select the constraint ``index``, or with ``extend`` change only whether it is selected."""
         if extend:
-            self.bench.selection.toggle(index)
+            self.tool_settings.selection.toggle(index)
         else:
-            self.bench.selection.set(index)
+            self.tool_settings.selection.set(index)
 
     def dispatch(self, event: PointerEvent) -> None:
         """Handle ``event``: begin, continue or end a gesture, zoom, remove something, or note what it is over."""
@@ -132,7 +132,7 @@ class Toolbox:
         """
         if self.chosen is self.point_tool:
             for tool in self.tools.values():
-                if tool.grips(event, self._context):
+                if tool.hits_handle(event, self._context):
                     return tool
         return self.chosen if self.chosen.begins(event, self._context) else None
 
@@ -168,10 +168,10 @@ class Toolbox:
             gesture, self._gesture, self._active = self._gesture, None, None
             gesture.close()
             return True
-        if self.chosen.drop():
+        if self.chosen.discard():
             return True
         had_selection = bool(self.selection)
-        self.bench.selection.set()
+        self.tool_settings.selection.set()
         return had_selection
 
     def accept(self) -> bool:
@@ -195,10 +195,10 @@ class Toolbox:
         chosen = {i for i in self.selection if not constraints[i].locked}
         if self._gesture is not None or not chosen:
             return False
-        chosen = self.bench.symmetry.with_partners(session, chosen)
+        chosen = self.tool_settings.symmetry.with_partners(session, chosen)
         nouns = {constraints[i].noun for i in chosen}
         noun = nouns.pop() if len(nouns) == 1 else "constraint"
-        self.bench.selection.set()
+        self.tool_settings.selection.set()
         article = "an" if noun[0] in "aeiou" else "a"
         label = f"Remove {article} {noun}" if len(chosen) == 1 else f"Remove {len(chosen)} {noun}s"
         session.remove_constraints(chosen, label)
@@ -216,7 +216,7 @@ class Toolbox:
         if self._gesture is not None or session.editing or not chosen:
             return False
         with session.edit("Nudge", merges=True):
-            mirroring = Mirroring(self.bench.symmetry, session)
+            mirroring = Mirroring(self.tool_settings.symmetry, session)
             document = session.document
             for i in chosen:
                 constraint = document.constraints[i]

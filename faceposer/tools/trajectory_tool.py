@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.tools.symmetry import mirror_of
-from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, Workbench
+from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
 Array = NDArray[np.float64]
 Pixel = tuple[float, float]
@@ -70,9 +70,9 @@ class TrajectoryTool(PosingTool):
     name = "trajectory"
     cursor = "draw"
 
-    def __init__(self, bench: Workbench) -> None:
-        """Share ``bench``."""
-        super().__init__(bench)
+    def __init__(self, tool_settings: ToolSettings) -> None:
+        """Share ``tool_settings``."""
+        super().__init__(tool_settings)
         self.drawn: tuple[DrawnTrajectory, ...] = ()
         self.drawing: list[Pixel] = []
         self.accepted = False
@@ -139,7 +139,7 @@ class TrajectoryTool(PosingTool):
         if float(np.hypot(*np.diff(pixels, axis=0).T).sum()) < _SHORTEST * context.ui_scale:
             return
         drawn = DrawnTrajectory(anchor, np.array(times) - times[0], pixels, camera)
-        image = self._mirrored(drawn, context) if self._bench.symmetry.on else None
+        image = self._mirrored(drawn, context) if self._settings.symmetry.on else None
         new = (drawn,) if image is None else (drawn, image)
         anchors = {one.anchor for one in new}
         self._change((*(other for other in self.drawn if other.anchor not in anchors), *new))
@@ -192,7 +192,7 @@ class TrajectoryTool(PosingTool):
         """Take note that the face follows what is drawn: what undo takes back next is that."""
         self._steps = []
 
-    def discard(self) -> None:
+    def clear(self) -> None:
         """Remove all trajectories; undo brings them back."""
         if self.drawn:
             self._change(())

@@ -14,7 +14,7 @@ from faceposer.evaluation.methods.arap import Arap
 from faceposer.evaluation.methods.handles import Handles
 from faceposer.evaluation.methods.method import Method, ModelMethod, prepared
 from faceposer.evaluation.methods.registry import METHODS
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.trials import Cell, Trial, TrialMaker
 from faceposer.model.face_model import FaceModel
 from faceposer.model.subject_file import load_subject
@@ -134,7 +134,7 @@ def rival_rows(subject: str, trials: int, names: Iterable[str] = RIVALS) -> list
     if not folder:
         print("without rivals, which learn from captures: set FACEPOSER_CAPTURES to their folder")
         return []
-    setting = Setting.of(load_subject(subject), [read_capture(Path(folder) / _TRAIN)])
+    setting = StudyContext.of(load_subject(subject), [read_capture(Path(folder) / _TRAIN)])
     frames = setting.rig_weights(clean(read_capture(Path(folder) / _TEST), setting.recipe))
     methods: dict[str, Method] = {"mfa": prepared(METHODS["mfa"], setting)}
     for name in names:
@@ -152,7 +152,7 @@ def rival_rows(subject: str, trials: int, names: Iterable[str] = RIVALS) -> list
     return rows
 
 
-def _compared(label: str, setting: Setting, methods: dict[str, Method], trials: Sequence[Trial]) -> list[Row]:
+def _compared(label: str, setting: StudyContext, methods: dict[str, Method], trials: Sequence[Trial]) -> list[Row]:
     rng = np.random.default_rng(0)
     times: dict[str, list[float]] = {name: [] for name in (*methods, *DIFFERENCES)}
     errors: dict[str, list[float]] = {name: [] for name in methods}
@@ -187,7 +187,7 @@ def _compared(label: str, setting: Setting, methods: dict[str, Method], trials: 
     return [*rows, row(f"rivals/{label}/arap-factorised", alone[1:])] if alone else rows
 
 
-def _without_factors(method: Method, setting: Setting, trial: Trial) -> float:
+def _without_factors(method: Method, setting: StudyContext, trial: Trial) -> float:
     """Return the time of as-rigid-as-possible deformation where the handles are those of before."""
     assert isinstance(method, Arap)
     ids, targets = method.held(Handles.of(setting.subject, trial.constraints))

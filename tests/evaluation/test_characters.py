@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from faceposer.cli import main
-from faceposer.evaluation.measures import Judge
+from faceposer.evaluation.measures import Evaluator
 from faceposer.evaluation.methods import method as method_module
 from faceposer.evaluation.methods.method import ModelMethod, prepared
 from faceposer.evaluation.methods.registry import METHODS
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.trials import Cell, TrialMaker, skin_vertices
 from faceposer.model.subject import ARKIT_SHAPES, Subject
 from faceposer.model.subject_file import load_subject, save_subject
@@ -34,8 +34,8 @@ def foreign(**changes: object) -> Subject:
     return replace(low, name="foreign", parts=parts, textures=textures, **changes)  # type: ignore[arg-type]
 
 
-def setting_of(subject: Subject) -> Setting:
-    return Setting.of(subject, [Capture(ARKIT_SHAPES, weights(120, 0))], Recipe(n_examples=300))
+def setting_of(subject: Subject) -> StudyContext:
+    return StudyContext.of(subject, [Capture(ARKIT_SHAPES, weights(120, 0))], Recipe(n_examples=300))
 
 
 def study(capsys: pytest.CaptureFixture[str], folder: Path, subject: Path, *words: str) -> tuple[int, str, str]:
@@ -56,7 +56,7 @@ def test_parts_of_a_face_may_have_any_names() -> None:
         ours, theirs = (list(TrialMaker(setting).trials(cell, frames, 2, 0)) for setting in (low, other))
         assert [trial.constraints for trial in ours] == [trial.constraints for trial in theirs]
     face = low.vertices_of(frames[5])
-    assert Judge(low, frames).naturalness(face) == Judge(other, frames).naturalness(face)
+    assert Evaluator(low, frames).naturalness(face) == Evaluator(other, frames).naturalness(face)
 
 
 def test_without_a_part_of_skin_all_of_it_is_skin() -> None:

@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from faceposer.evaluation.measures import Judge, residual_px
+from faceposer.evaluation.measures import Evaluator, residual_px
 from faceposer.evaluation.methods.method import prepared
 from faceposer.evaluation.methods.registry import METHODS
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.trials import Cell, TrialMaker
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
@@ -32,7 +32,7 @@ def setting():
     # Random frames jump all the time.
     recipe = replace(Recipe(), jump=9.0, n_examples=400, n_components=2, n_factors=3)
     capture = Capture(ARKIT_SHAPES, performance(60, 0))
-    return Setting.of(load_subject("low"), [capture], recipe)
+    return StudyContext.of(load_subject("low"), [capture], recipe)
 
 
 @pytest.fixture(scope="module")
@@ -63,14 +63,14 @@ def test_noise_moves_targets_and_the_seed_repeats_them(setting, unseen):
 
 @pytest.mark.parametrize("name", QUICK)
 def test_each_method_comes_nearer_than_the_neutral_face(setting, unseen, name):
-    method, judge = prepared(METHODS[name], setting), Judge(setting, unseen)
+    method, judge = prepared(METHODS[name], setting), Evaluator(setting, unseen)
     trials = list(TrialMaker(setting).trials(Cell("point", 16, 0.0), unseen, 5, 0))
     scores = [judge.score(trial, method.vertices(method.solve(trial.constraints)), 0.0) for trial in trials]
     assert sum(score.error for score in scores) < 0.7 * sum(score.neutral_error for score in scores)
 
 
 def test_a_real_frame_is_natural_and_a_broken_face_is_not(setting, unseen):
-    judge = Judge(setting, unseen)
+    judge = Evaluator(setting, unseen)
     real = setting.vertices_of(unseen[0])
     nearest, likelihood = judge.naturalness(real)
     assert nearest < 1e-3

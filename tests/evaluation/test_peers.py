@@ -10,7 +10,7 @@ from faceposer.errors import FacePoserError
 from faceposer.evaluation.methods.handles import Handles
 from faceposer.evaluation.methods.method import prepared
 from faceposer.evaluation.methods.registry import METHODS
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
@@ -34,7 +34,7 @@ FEATURES = ("8.3", "8.4", "2.1", "8.1", "8.2", "4.1", "4.2")
 @pytest.fixture(scope="module")
 def setting():
     weights = np.random.default_rng(0).uniform(0.0, 0.6, (80, len(ARKIT_SHAPES)))
-    return Setting.of(load_subject("low"), [Capture(ARKIT_SHAPES, weights)])
+    return StudyContext.of(load_subject("low"), [Capture(ARKIT_SHAPES, weights)])
 
 
 def points(setting, strength, anchors=None):

@@ -332,7 +332,7 @@ def test_accepting_the_pose_keeps_the_face(robot: Robot) -> None:
 
 
 def test_symmetry_by_key_and_button(robot: Robot) -> None:
-    symmetry = robot.app.toolbox.bench.symmetry
+    symmetry = robot.app.toolbox.tool_settings.symmetry
     robot.key("X")
     assert symmetry.on
     place_pin(robot)

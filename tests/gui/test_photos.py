@@ -159,7 +159,7 @@ def test_tools_draw_under_the_photos_camera_and_lead_back_to_it(quick: Robot, ph
     robot.drag((x, y), (x + 12.0, y - 9.0), steps=3)
     drawn = app.session.document.constraints[-1]
     assert drawn.camera is not None
-    assert drawn.camera.stands_with(photo_camera), "tools draw under the photo's camera"
+    assert drawn.camera.same_viewpoint(photo_camera), "tools draw under the photo's camera"
     assert app.session.residuals_px[-1] < np.hypot(12.0, 9.0) - 3.0
     robot.wheel(2)
     assert np.hypot(*(np.subtract(robot.at("5.1"), robot.position))) < 20.0
@@ -193,7 +193,7 @@ def test_photo_and_face_keep_together(quick: Robot, photo: Path) -> None:
         robot.frames(2)
         camera = app.viewport.camera
         assert app.session.document.photos[0].camera is not None
-        assert camera.stands_with(app.session.document.photos[0].camera)
+        assert camera.same_viewpoint(app.session.document.photos[0].camera)
         assert app.scene.photo is not None
         left, top, right, bottom = app.scene.photo.corners(camera)
         corner, end = at(robot, (0.0, 0.0)), at(robot, SIZE)

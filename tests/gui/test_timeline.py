@@ -325,7 +325,7 @@ def test_following_can_be_stopped_and_tells_what_went_wrong(robot: Robot, monkey
     robot.key("J")
     draw(robot, CORNER, 10, -10, 20)
     following.solve_drawn()
-    following.stop()
+    following.job.cancel()
     settle(robot)
     assert frames(robot) == ()
     assert not app.dialogs.open

@@ -61,8 +61,8 @@ def test_what_was_drawn_through_a_photo_follows_its_camera(model: FaceModel, tmp
     assert moved.camera is not None
     followed = after.constraints[0].camera
     assert followed is not None
-    assert followed.stands_with(moved.camera)
-    assert not followed.stands_with(photo.camera)
+    assert followed.same_viewpoint(moved.camera)
+    assert not followed.same_viewpoint(photo.camera)
     on_photo = through.focal / photo.camera.focal
     assert followed.focal / moved.camera.focal == on_photo
     assert after.constraints[1] == constraints[1]

@@ -186,7 +186,7 @@ def test_a_ready_made_distance_is_added_once(context: HeadlessContext) -> None:
     features = context.session.model.subject.feature_points
     for anchors in ((features["2.2"], features["2.3"]), (features["2.3"], features["2.2"])):
         context.toolbox.cancel()
-        add_distance(anchors, context, context.toolbox.bench)
+        add_distance(anchors, context, context.toolbox.tool_settings)
         assert len(context.constraints) == 1
         assert context.toolbox.selection == {0}
     assert context.constraints[0].points.faces.tolist() == [-1 - features["2.2"], -1 - features["2.3"]]

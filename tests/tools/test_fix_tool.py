@@ -49,7 +49,7 @@ def test_painted_vertices_stay_where_they_are(context: HeadlessContext) -> None:
 
 
 def test_only_what_is_seen_is_held(context: HeadlessContext) -> None:
-    options = context.toolbox.bench.options
+    options = context.toolbox.tool_settings.options
     options.fix_mode = "lasso"
     context.follow([(0, 0), (799, 0), (799, 799), (0, 799)])
     (fixed,) = context.constraints
@@ -69,7 +69,7 @@ def test_painting_on_lets_the_selected_area_grow(context: HeadlessContext) -> No
 
 
 def test_a_lasso_holds_what_it_encloses(context: HeadlessContext) -> None:
-    context.toolbox.bench.options.fix_mode = "lasso"
+    context.toolbox.tool_settings.options.fix_mode = "lasso"
     nose = context.feature(NOSE)
     way = around(nose, 40)
     context.send("press", way[0])
@@ -102,7 +102,7 @@ def test_ctrl_lets_go(context: HeadlessContext) -> None:
     check_stages(context, [("press", corner, "left", "ctrl"), ("release", corner, "left", "ctrl")])
     assert held(context) < whole
     assert len(context.constraints[0].positions) == len(held(context))
-    context.toolbox.bench.options.fix_brush = 160.0
+    context.toolbox.tool_settings.options.fix_brush = 160.0
     context.follow(mouth(context), "ctrl")
     assert context.constraints == (), "an area that holds nothing is gone"
 
@@ -123,7 +123,7 @@ def test_a_locked_area_neither_grows_nor_shrinks(context: HeadlessContext) -> No
 def test_the_brush_reaches_as_far_as_it_is_wide(context: HeadlessContext) -> None:
     counts = []
     for width in (20.0, 60.0, 120.0):
-        context.toolbox.bench.options.fix_brush = width
+        context.toolbox.tool_settings.options.fix_brush = width
         context.click(context.feature(NOSE))
         counts.append(len(held(context)))
         context.undo()
@@ -132,14 +132,14 @@ def test_the_brush_reaches_as_far_as_it_is_wide(context: HeadlessContext) -> Non
 
 def test_a_region_is_held_and_let_go_by_a_click(context: HeadlessContext) -> None:
     names = ("mouth", "lip_upper", "lip_lower")
-    bench = context.toolbox.bench
+    tool_settings = context.toolbox.tool_settings
     assert region_held(names, context) is None
-    toggle_region(names, context, bench)
+    toggle_region(names, context, tool_settings)
     assert region_held(names, context) == 0
     assert context.toolbox.selection == {0}
     regions = context.session.model.subject.regions
     assert held(context) == {int(v) for name in names if name in regions for v in regions[name]}
-    toggle_region(names, context, bench)
+    toggle_region(names, context, tool_settings)
     assert context.constraints == ()
     context.undo()
     assert region_held(names, context) == 0
@@ -147,9 +147,9 @@ def test_a_region_is_held_and_let_go_by_a_click(context: HeadlessContext) -> Non
     assert not context.session.can_undo
     context.redo()
     context.change(0, locked=True)
-    toggle_region(names, context, bench)
+    toggle_region(names, context, tool_settings)
     assert region_held(names, context) == 0, "a locked region stays"
-    toggle_region(("no such region",), context, bench)
+    toggle_region(("no such region",), context, tool_settings)
     assert len(context.constraints) == 1
 
 

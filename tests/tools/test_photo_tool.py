@@ -84,7 +84,7 @@ def test_pins_are_removed_and_places_skipped_or_chosen_on_the_face(context: Head
     context.click((500.0, 420.0))
     assert list(pins(context)) != ["3.7"]
     assert tool.place == "3.7"
-    assert tool.drop()
+    assert tool.discard()
     before = context.session.document
     context.click((200.0, 200.0))
     assert context.session.document is before, "no place is chosen, and no pin lies there"

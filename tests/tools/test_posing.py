@@ -315,7 +315,7 @@ def test_hints_tell_what_the_mouse_will_do(context: HeadlessContext) -> None:
 def act_at_random(context: HeadlessContext, action: int, rng: np.random.Generator) -> None:
     """Do what keys and panels do: one thing for each ``action`` from 10 to 17."""
     session, toolbox = context.session, context.toolbox
-    options, share = toolbox.bench.options, rng.random()
+    options, share = toolbox.tool_settings.options, rng.random()
     if action == 10:
         (toolbox.cancel if share < 0.15 else toolbox.accept)()
     elif action == 11:
@@ -329,7 +329,7 @@ def act_at_random(context: HeadlessContext, action: int, rng: np.random.Generato
     elif action == 15:
         toolbox.nudge(*rng.uniform(-9, 9, 2).tolist())
     elif action == 16 and not toolbox.active:
-        toolbox.bench.symmetry.on = bool(rng.integers(2))
+        toolbox.tool_settings.symmetry.on = bool(rng.integers(2))
         options.fix_mode = "lasso" if rng.integers(2) else "brush"
         options.shape = "region" if rng.integers(2) else "line"
     elif action == 17 and share < 0.1 and not session.editing:
@@ -376,7 +376,7 @@ def test_thousands_of_random_events_leave_a_sound_document(context: HeadlessCont
 def test_a_pin_on_skin_that_contact_moved_asks_for_the_pose_as_it_is(context: HeadlessContext) -> None:
     session = context.session
     pose = session.model.coefficients_of({"eyeBlinkLeft": 1.5, "eyeBlinkRight": 1.5})
-    session.settle(pose, "Close the eyes")
+    session.rebase_pose(pose, "Close the eyes")
     assert np.abs(session.vertices - vertices(context)).max() > 0.1
     context.click(context.feature("3.1"))
     (pin,) = session.document.constraints

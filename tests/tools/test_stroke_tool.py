@@ -104,7 +104,7 @@ def test_beside_the_face_there_is_no_source_but_a_target(context: HeadlessContex
 @pytest.mark.parametrize("shape", ["line", "closed", "region"])
 @pytest.mark.parametrize("energy", ["distance", "image"])
 def test_the_options_make_the_stroke(context: HeadlessContext, shape: str, energy: str) -> None:
-    options = context.toolbox.bench.options
+    options = context.toolbox.tool_settings.options
     options.shape, options.energy, options.brush = shape, energy, 5.0  # type: ignore[assignment]
     context.ui_scale = 2.0
     draw(context, 5.0)

@@ -16,7 +16,7 @@ LEFT, RIGHT = "8.3", "8.4"
 @pytest.fixture
 def context(model: FaceModel) -> HeadlessContext:
     context = HeadlessContext(model)
-    context.toolbox.bench.symmetry.on = True
+    context.toolbox.tool_settings.symmetry.on = True
     return context
 
 
@@ -69,7 +69,7 @@ def test_each_kind_is_mirrored_and_removed_together(
     places = own.points.positions(rest, model.triangles) * (-1, 1, 1)
     across = image.points.positions(rest, model.triangles)
     np.testing.assert_allclose(across, places, atol=0.02 * model.subject.height)
-    partner = context.toolbox.bench.symmetry.partner
+    partner = context.toolbox.tool_settings.symmetry.partner
     assert partner(context.session.document, 0, model) == 1
     assert partner(context.session.document, 1, model) == 0
     if own.camera is not None:
@@ -116,7 +116,7 @@ def test_editing_one_side_edits_the_other(context: HeadlessContext) -> None:
 
 
 def test_what_is_uneven_already_stays_so(context: HeadlessContext) -> None:
-    symmetry = context.toolbox.bench.symmetry
+    symmetry = context.toolbox.tool_settings.symmetry
     symmetry.on = False
     context.session.set_prior_weight(0.1)
     context.click(shifted(context.feature(RIGHT), 3, 0))
@@ -144,7 +144,7 @@ def test_a_painted_area_grows_and_shrinks_on_both_sides(context: HeadlessContext
     context.click(cheek(context, 30, 10))
     assert len(context.constraints) == 2
     assert all(len(c.points) > before for c, before in zip(context.constraints, few, strict=True))
-    context.toolbox.bench.options.fix_brush = 80.0
+    context.toolbox.tool_settings.options.fix_brush = 80.0
     context.drag(cheek(context), cheek(context, 30, 10), "left", "ctrl")
     assert context.constraints == (), "what is let go on one side is let go on the other"
 
@@ -157,7 +157,7 @@ def test_in_the_middle_and_for_the_eyes_nothing_is_mirrored(context: HeadlessCon
     assert handle is not None
     context.drag(handle, shifted(handle, 30, 0))
     assert [c.kind for c in context.constraints] == ["point", "gaze"]
-    toggle_region(("nose",), context, context.toolbox.bench)
+    toggle_region(("nose",), context, context.toolbox.tool_settings)
     assert len(context.constraints) == 3
 
 
@@ -174,6 +174,6 @@ def test_a_locked_image_is_left_alone(context: HeadlessContext) -> None:
 
 
 def test_without_symmetry_one_side_is_enough(context: HeadlessContext) -> None:
-    context.toolbox.bench.symmetry.on = False
+    context.toolbox.tool_settings.symmetry.on = False
     draw_pin(context)
     assert len(context.constraints) == 1

@@ -124,7 +124,7 @@ def test_what_the_hand_does_while_the_wheel_turns_is_left_out(context: HeadlessC
 
 def test_symmetry_draws_on_the_other_side_too(context: HeadlessContext) -> None:
     features, tool = context.session.model.subject.feature_points, tool_of(context)
-    context.toolbox.bench.symmetry.on = True
+    context.toolbox.tool_settings.symmetry.on = True
     corner = context.feature(LEFT)
     way = [shifted(corner, 2.0 * i, -i) for i in range(10)]
     for i, position in enumerate(way):

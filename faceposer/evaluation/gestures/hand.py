@@ -186,13 +186,13 @@ class Hand:
         begin, end = camera.project(np.concatenate([model.positions_at(points, pose), goal]))
         before = len(self.session.document.constraints)
         self._toolbox.choose("point")
-        self._toolbox.bench.symmetry.on = pull.both
+        self._toolbox.tool_settings.symmetry.on = pull.both
         self._held = vertex
         try:
             self._drag(np.linspace(begin, end, _MOVES + 1))
         finally:
             self._held = None
-            self._toolbox.bench.symmetry.on = False
+            self._toolbox.tool_settings.symmetry.on = False
         drawn: list[Drawn] = []
         for constraint in self.session.document.constraints[before:]:
             assert isinstance(constraint, PointConstraint)

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from faceposer.evaluation.methods.handles import Handles, missing_package
 from faceposer.evaluation.methods.method import Array, Method, Parameters
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.trials import skin_vertices
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.solve.constraints.registry import Constraint
@@ -48,7 +48,7 @@ class Arap(Method):
     requires: ClassVar[str | None] = "igl"
     max_trials: ClassVar[int | None] = 60
 
-    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+    def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
         """Take the skin of the ``setting``'s face, and find what is held.
 
         Raises:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from faceposer.evaluation.methods.method import Array, ModelMethod, Parameters
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.problem import PoseProblem
 from faceposer.solve.term import ResidualTerm
@@ -28,7 +28,7 @@ class BoundedWeights(ModelMethod):
     parameters = {"ridge": 20.0}
     grid = {"ridge": (1.0, 3.0, 10.0, 14.0, 20.0, 30.0, 50.0, 100.0, 300.0)}
 
-    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+    def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
         """Take the rig of the ``setting``'s face."""
         self.model = setting.full
         subject = self.model.subject

@@ -14,7 +14,7 @@ import numpy as np
 from faceposer.evaluation.methods.gaussian import gaussian_model
 from faceposer.evaluation.methods.handles import Handles, missing_package
 from faceposer.evaluation.methods.method import Array, ModelMethod, Parameters
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.geometry.camera import Camera
 from faceposer.solve.constraints.point import SIGMA_PX
 from faceposer.solve.constraints.registry import Constraint
@@ -41,7 +41,7 @@ class EosPca(ModelMethod):
     natural_ends = {"coefficients": (54,)}
     requires: ClassVar[str | None] = "eos"
 
-    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+    def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
         """Hand the basis over to eos.
 
         Raises:

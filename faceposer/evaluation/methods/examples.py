@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.point import SIGMA_PX, PointConstraint
@@ -29,7 +29,7 @@ class Examples:
         coefficients: Of the examples, shape (n, r).
     """
 
-    def __init__(self, setting: Setting, augmented: bool, most: int | None = None) -> None:
+    def __init__(self, setting: StudyContext, augmented: bool, most: int | None = None) -> None:
         """Take the frames of the ``setting``, or what they were augmented to; at most ``most``, evenly spread."""
         weights = setting.examples if augmented else setting.frames
         if most is not None and len(weights) > most:

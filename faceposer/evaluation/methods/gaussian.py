@@ -4,14 +4,14 @@ from collections.abc import Sequence
 
 from faceposer.evaluation.methods.method import Array, ModelMethod, Parameters
 from faceposer.evaluation.methods.subspace import model_with_energy
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
 
 
-def gaussian_model(setting: Setting, augmented: bool, energy: float) -> FaceModel:
+def gaussian_model(setting: StudyContext, augmented: bool, energy: float) -> FaceModel:
     """Return the face with one Gaussian, in as many principal components as have a share ``energy`` of the variance."""
     return model_with_energy(setting, setting.plain(setting.examples if augmented else setting.frames), energy)
 
@@ -29,7 +29,7 @@ class Ppca(ModelMethod):
     }
     natural_ends = {"energy": (1.0,)}
 
-    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+    def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
         """Learn the subspace from the captures of the ``setting``."""
         self.model = gaussian_model(setting, parameters["augmented"], parameters["energy"])
         self._weight = parameters["prior_weight"]
@@ -50,7 +50,7 @@ class Pca(ModelMethod):
     # The first component alone has more than half.
     natural_ends = {"energy": (0.5, 1.0)}
 
-    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+    def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
         """Learn the subspace from the captures of the ``setting``."""
         self.model = gaussian_model(setting, parameters["augmented"], parameters["energy"])
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from faceposer.evaluation.methods.examples import Examples
 from faceposer.evaluation.methods.method import Array, ModelMethod, Parameters
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.solve.constraints.registry import Constraint
 
 
@@ -18,7 +18,7 @@ class InterpAll(ModelMethod):
     parameters = {"temperature": 4.0, "augmented": True}
     grid = {"augmented": (False, True), "temperature": (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)}
 
-    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+    def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
         """Take the examples of the ``setting``."""
         self._examples = Examples(setting, parameters["augmented"])
         self.model = self._examples.model

@@ -6,7 +6,7 @@ import numpy as np
 
 from faceposer.evaluation.methods.examples import Examples
 from faceposer.evaluation.methods.method import Array, ModelMethod, Parameters
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.model.mixture import GaussianMixture
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import solve
@@ -33,7 +33,7 @@ class Lwr(ModelMethod):
     }
     natural_ends = {"neighbours": (12000,)}
 
-    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+    def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
         """Take the examples of the ``setting``."""
         self._examples = Examples(setting, parameters["augmented"])
         self.model = self._examples.model

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints.registry import Constraint
 
@@ -44,7 +44,7 @@ class Method:
     requires: ClassVar[str | None] = None
     max_trials: ClassVar[int | None] = None
 
-    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+    def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
         """Prepare the method for a ``setting``; ``parameters`` are complete."""
         raise NotImplementedError
 
@@ -79,6 +79,6 @@ class ModelMethod(Method):
         return posed(self.model, found)
 
 
-def prepared(kind: type[Method], setting: Setting, **changes: Any) -> Method:
+def prepared(kind: type[Method], setting: StudyContext, **changes: Any) -> Method:
     """Return the method ``kind`` on a ``setting``, with its tuned parameters but for ``changes``."""
     return kind(setting, {**kind.parameters, **changes})

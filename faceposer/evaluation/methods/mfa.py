@@ -5,7 +5,7 @@ from typing import Any
 
 from faceposer.evaluation.methods.method import Array, ModelMethod, Parameters
 from faceposer.evaluation.methods.subspace import model_with_energy
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
@@ -26,7 +26,7 @@ class ShippedMfa(ModelMethod):
     parameters = {"prior_weight": 1.0}
     grid = {"prior_weight": (0.25, 0.5, 1.0, 1.5, 2.0, 4.0)}
 
-    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+    def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
         """Prepare the method for a ``setting``."""
         self.model = setting.model
         self._weight = parameters["prior_weight"]
@@ -65,7 +65,7 @@ class PlainMfa(ModelMethod):
     }
     natural_ends = {"energy": (1.0,)}
 
-    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+    def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
         """Learn the mixture from the captures of the ``setting``."""
         examples = setting.examples if parameters["augmented"] else setting.frames
         statistics = setting.by_likelihood(examples, parameters["components"], parameters["factors"])

@@ -7,7 +7,7 @@ from scipy.optimize import minimize
 
 from faceposer.evaluation.methods.examples import Examples
 from faceposer.evaluation.methods.method import Array, ModelMethod, Parameters
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.problem import PoseProblem
 
@@ -32,7 +32,7 @@ class OptBlend(ModelMethod):
     }
     natural_ends = {"examples": (12000,)}
 
-    def __init__(self, setting: Setting, parameters: Parameters) -> None:
+    def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
         """Take the examples of the ``setting``."""
         examples = Examples(setting, parameters["augmented"], parameters["examples"])
         self.model = examples.model

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from faceposer.evaluation.setting import Setting
+from faceposer.evaluation.setting import StudyContext
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.face_model import FaceModel, build_face_model
 
 
-def model_with_energy(setting: Setting, statistics: ExpressionStatistics, energy: float) -> FaceModel:
+def model_with_energy(setting: StudyContext, statistics: ExpressionStatistics, energy: float) -> FaceModel:
     """Return the face with the density ``statistics``, in its first components of plain squared distance.
 
     Args:

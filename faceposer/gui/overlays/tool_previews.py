@@ -20,7 +20,7 @@ def draw_tool_preview(painter: Painter, viewport: Viewport, toolbox: Toolbox) ->
 
 
 def _stroke(painter: Painter, _viewport: Viewport, toolbox: Toolbox) -> None:
-    stroke, options = toolbox.stroke_tool, toolbox.bench.options
+    stroke, options = toolbox.stroke_tool, toolbox.tool_settings.options
     if stroke.source is not None:
         painter.dots(painter.project(stroke.source.points), 1.8, ACCENT, 0.85)
     colour = TARGET if stroke.draws_target else ACCENT
@@ -52,7 +52,7 @@ def _distance(painter: Painter, _viewport: Viewport, toolbox: Toolbox) -> None:
 
 
 def _fix(painter: Painter, _viewport: Viewport, toolbox: Toolbox) -> None:
-    fix, options = toolbox.fix_tool, toolbox.bench.options
+    fix, options = toolbox.fix_tool, toolbox.tool_settings.options
     if fix.lasso:
         painter.line(np.array([*fix.lasso, fix.lasso[0]]), HELD, 1.8, 1.0)
     if options.fix_mode == "brush":

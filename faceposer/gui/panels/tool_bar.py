@@ -51,7 +51,7 @@ def draw_tool_strip(context: EditorContext) -> None:
             continue
         _strip_button(context, f"tool-{name}", TOOL_ICONS[name], side, context.toolbox.chosen.name == name)
     imgui.dummy((0.0, em(0.4)))
-    _strip_button(context, "symmetry", Icon.SYMMETRY, side, context.toolbox.bench.symmetry.on)
+    _strip_button(context, "symmetry", Icon.SYMMETRY, side, context.toolbox.tool_settings.symmetry.on)
 
 
 def _strip_button(context: EditorContext, action: str, icon: str, side: float, on: bool) -> None:
@@ -93,13 +93,13 @@ def _distance(context: EditorContext) -> None:
             imgui.same_line()
         width = button_width(2) if not i % 2 else imgui.get_content_region_avail().x
         if imgui.button(title.capitalize(), (width, 0.0)) and not context.busy:
-            add_distance((features[first], features[second]), context.viewport, context.toolbox.bench)
+            add_distance((features[first], features[second]), context.viewport, context.toolbox.tool_settings)
         context.widget_rects.record(f"measure:{title}")
         tooltip(f"Add the {title} as a distance, to be set by a slider")
 
 
 def _stroke(context: EditorContext) -> None:
-    options, tool = context.toolbox.bench.options, context.toolbox.stroke_tool
+    options, tool = context.toolbox.tool_settings.options, context.toolbox.stroke_tool
     tips = ("An open line.", "A line that closes itself.", "A region and all that is in it.")
     labels = [shape.capitalize() for shape in STROKE_SHAPES]
     options.shape = STROKE_SHAPES[
@@ -131,7 +131,7 @@ def _curve(context: EditorContext) -> None:
 
 
 def _fix(context: EditorContext) -> None:
-    options = context.toolbox.bench.options
+    options = context.toolbox.tool_settings.options
     tips = ("Paint over what should stay.", "Draw a line around what should stay.")
     chosen = choice(context.widget_rects, "fix", ("Brush", "Lasso"), int(options.fix_mode == "lasso"), tips)
     options.fix_mode = "lasso" if chosen else "brush"
@@ -146,7 +146,7 @@ def _fix(context: EditorContext) -> None:
         if held:
             imgui.push_style_color(imgui.Col_.button, ImVec4(*HELD[:3], 0.55))
         if imgui.button(title, (width, 0.0)) and not context.busy:
-            toggle_region(names, context.viewport, context.toolbox.bench)
+            toggle_region(names, context.viewport, context.toolbox.tool_settings)
         if held:
             imgui.pop_style_color()
         context.widget_rects.record(f"hold:{title}")

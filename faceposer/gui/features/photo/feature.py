@@ -119,7 +119,7 @@ class PhotoFeature(Feature):
         self.context.scene.photo = None
         self._release()
         camera = self.context.viewport.camera
-        found = [i for i, photo in enumerate(self.photos) if photo.camera and photo.camera.stands_with(camera)]
+        found = [i for i, photo in enumerate(self.photos) if photo.camera and photo.camera.same_viewpoint(camera)]
         self.tool.active = found[0] if found else 0 if self.photos else None
         self._fresh = bool(found)
         troubles = [trouble for trouble in map(_trouble, self.photos) if trouble]
@@ -173,7 +173,7 @@ class PhotoFeature(Feature):
         if not isinstance(view, PictureView) or (self.photo is not None and view.photo.size == self.photo.size):
             return
         for i, photo in enumerate(self.photos):
-            if photo.camera is not None and photo.camera.stands_with(view.photo):
+            if photo.camera is not None and photo.camera.same_viewpoint(view.photo):
                 self.tool.active = i
                 self._look(photo)
 

@@ -191,7 +191,9 @@ def _draw_pins(photos: "PhotoFeature", photo: Photo) -> None:
 def _posed(context: EditorContext, photo: Photo) -> bool:
     """Whether anything was drawn through the photo's camera already."""
     drawn = (constraint.camera for constraint in context.session.document.constraints)
-    return any(photo.camera is not None and camera is not None and camera.stands_with(photo.camera) for camera in drawn)
+    return any(
+        photo.camera is not None and camera is not None and camera.same_viewpoint(photo.camera) for camera in drawn
+    )
 
 
 def _draw_pin(photos: "PhotoFeature", photo: Photo, place: Place, off: float | None) -> None:

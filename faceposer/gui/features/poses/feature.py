@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Application:
+class AppliedPose:
     """A pose that has been put on the face and can still be changed.
 
     Attributes:
@@ -54,12 +54,12 @@ class Application:
     pose: Pose
     before: Array
     after: Array
-    reach: "Reach"
+    reach: "PoseMask"
     strength: float
 
 
 @dataclass(frozen=True)
-class Reach:
+class PoseMask:
     """What of the face a pose reaches.
 
     Attributes:
@@ -93,12 +93,12 @@ class PosesFeature(Feature):
 
     def __init__(self, context: EditorContext) -> None:
         super().__init__(context)
-        self.reach = Reach()
+        self.reach = PoseMask()
         self.category: Category = "all"
         self.filter = ""
         self.portraits = Portraits(context)
         self._panel, self._name_dialog = PosesPanel(self), NameDialog(context)
-        self._application: Application | None = None
+        self._application: AppliedPose | None = None
         self._starters: list[Entry] | None = None
         self._own: tuple[Path, int, list[Entry]] | None = None
 
@@ -224,7 +224,7 @@ class PosesFeature(Feature):
     # Applying
 
     @property
-    def application(self) -> Application | None:
+    def application(self) -> AppliedPose | None:
         """The pose that was applied last, while the face still starts from it."""
         last = self._application
         if last is None or last.session is not self.context.session or not np.array_equal(self._start(), last.after):
@@ -262,12 +262,12 @@ class PosesFeature(Feature):
             with self.context.session.edit(f"Apply {last.pose.name}", merges=True):
                 self.set_strength(1.0)
 
-    def _put(self, pose: Pose, before: Array, reach: Reach, strength: float) -> None:
+    def _put(self, pose: Pose, before: Array, reach: PoseMask, strength: float) -> None:
         session = self.context.session
         regions = None if len(reach.regions) == len(REGIONS) else reach.regions
         after = applied(session.model, before, pose, strength, regions, reach.side, reach.blend)
         session.set_start(after)
-        self._application = Application(session, pose, before, after, reach, strength)
+        self._application = AppliedPose(session, pose, before, after, reach, strength)
 
     def _start(self) -> Array:
         start = self.context.session.document.start
@@ -288,7 +288,7 @@ class PosesFeature(Feature):
             self.context.toolbox.cancel()
             self.context.comparing = False
             self.context.session.wait()
-            self.context.session.settle(pose(), label)
+            self.context.session.rebase_pose(pose(), label)
 
         self._safely(settle)
 

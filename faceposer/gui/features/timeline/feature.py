@@ -13,7 +13,7 @@ from faceposer.gui.features.timeline.panel import draw_timeline, timeline_height
 from faceposer.gui.features.timeline.track import Track
 
 if TYPE_CHECKING:
-    from faceposer.session.animating import Animating
+    from faceposer.session.animating import AnimationController
 
 
 class TimelineFeature(Feature):
@@ -39,7 +39,7 @@ class TimelineFeature(Feature):
     # The animation
 
     @property
-    def animation(self) -> "Animating":
+    def animation(self) -> "AnimationController":
         """What is done with the keys of the session that is edited."""
         return self.context.session.animation
 
@@ -201,7 +201,7 @@ class TimelineFeature(Feature):
         """Select the keys at ``frames``, and no constraint any more."""
         self._selected = frozenset(frames)
         if self._selected:
-            self.context.toolbox.bench.selection.set()
+            self.context.toolbox.tool_settings.selection.set()
             self._pins_selected = frozenset()
         self.context.redraw()
 
@@ -264,7 +264,7 @@ class TimelineFeature(Feature):
         self.select(self.keyframes.frames)
 
     def change(self, keyframes: Keyframes, label: str, merges: bool = False) -> None:
-        """Exchange the animation as one step, unless something is being dragged; see ``Animating.change``."""
+        """Exchange the animation as one step, unless something is being dragged; see ``AnimationController.change``."""
         self.stop()
         self.context.slider_edit.let_go()
         if self.reachable:

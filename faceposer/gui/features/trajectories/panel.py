@@ -60,7 +60,7 @@ def draw_trajectory_options(following: "TrajectoriesFeature") -> None:
     action_button(context.widget_rects, context.actions["follow"], width, "Follow", strong=True)
     imgui.same_line()
     if imgui.button("Clear", (width, 0.0)):
-        tool.discard()
+        tool.clear()
     context.widget_rects.record("clear-trajectories")
     tooltip(f"Remove all trajectories; {context.actions['undo'].shortcut} brings them back")
 
