@@ -15,8 +15,8 @@ share of trials that end worse than the neutral face. Targets are off by 1.5 px.
 and below them all folds together, and all performers together. Against the variant --base, * says that a cell is lower
 and ! that it is higher, by the 95 % interval of the difference over the same trials.
 
-A file of variants has a dictionary VARIANTS: name → function from a StudyContext to a model, the weight of its prior, and
-further keyword arguments of PoseProblem as a dictionary:
+A file of variants has a dictionary VARIANTS: name → function from a StudyContext to a model, the weight of its prior,
+and further keyword arguments of PoseProblem as a dictionary:
 
     VARIANTS = {"twice as strong": lambda setting: (setting.model, 2.0, {})}
 

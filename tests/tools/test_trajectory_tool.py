@@ -93,7 +93,7 @@ def test_taken_back_removed_and_accepted(context: HeadlessContext) -> None:
     assert tool.drawn == ()
     context.undo()
     assert len(tool.drawn) == 1
-    tool.discard()
+    tool.clear()
     context.undo()
     assert len(tool.drawn) == 1
     assert toolbox.accept()
