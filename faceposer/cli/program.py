@@ -44,6 +44,9 @@ class Command(Protocol):
         ...
 
 
+# Poses, meshes and weights do without these.
+_DRAWING = ("moderngl", "glfw", "imgui_bundle")
+
 COMMANDS: tuple[Command, ...] = (
     solve,
     render,
@@ -100,6 +103,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(error, file=sys.stderr)
         # A status of its own, by which scripts/run knows to play the demo instead.
         status = 3 if isinstance(error, NoWindowError) else 2
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.split(".")[0] not in _DRAWING:
+            raise
+        print(
+            f"Drawing needs the package '{error.name}', which is not installed: pip install faceposer.", file=sys.stderr
+        )
+        status = 2
     except KeyboardInterrupt:
         status = 130
     except BrokenPipeError:

@@ -7,9 +7,11 @@ from typing import Any
 
 from faceposer.cli.arguments import add_contact_option, add_spread
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import check_apart, check_output
+from faceposer.files.atomic import check_apart, check_output, write_text
 
 NAME = "solve"
+# Seconds for the solve, whatever is asked of it.
+_PATIENCE = 600.0
 
 
 def add_parser(commands: Any) -> None:
@@ -30,22 +32,32 @@ def run(options: argparse.Namespace) -> int:
     if options.report is not None:
         check_output(options.report, ".json")
         check_apart(options.report, options.session)
-    from faceposer.api import load
-    from faceposer.files.atomic import write_text
+    from dataclasses import replace
+
+    from faceposer.interchange.meshes import write_posed_obj
+    from faceposer.session.document import read_document
+    from faceposer.session.opening import session_of
     from faceposer.session.report import solve_report
 
     if options.session.suffix.lower() != ".json":
         raise FacePoserError(f"'{options.session}' is no session file; give one that ends in '.json'.")
-    face = load(options.session)
+    # Without coefficients, a session is solved as it is opened.
+    document = replace(read_document(options.session), coefficients=None)
     if options.spread is not None:
-        face.spread = options.spread
-    face.contact = face.contact and options.contact
-    solution = face.solve()
-    face.save(options.output)
+        document = replace(document, spread=options.spread)
+    session = session_of(document, options.session)
+    if session.solution is None:
+        session.apply()
+    session.wait(timeout=_PATIENCE)
+    solution = session.solution
+    assert solution is not None
+    contact = document.contact and options.contact
+    write_posed_obj(options.output, session.model, session.coefficients, contact)
     if options.report is not None:
-        report = solve_report(face.model, face.session.document, solution)
+        report = solve_report(session.model, session.document, solution)
         write_text(options.report, json.dumps(report, indent=1) + "\n", "report")
-    for i, (constraint, residual) in enumerate(zip(face.constraints, solution.residuals_px, strict=True)):
+    constraints = session.document.constraints
+    for i, (constraint, residual) in enumerate(zip(constraints, solution.residuals_px, strict=True)):
         print(f"constraint {i} ({constraint.kind}): {residual:.2f} px off")
     print(f"{options.output} written, {solution.seconds * 1e3:.1f} ms, energy {solution.energy:.4g}")
     return 0
