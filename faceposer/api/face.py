@@ -1,5 +1,6 @@
 """A face to pose in Python: what the window does to a session, ``Face`` does to it too (docs/api.md)."""
 
+import warnings
 from collections.abc import Iterable, Mapping
 from os import PathLike, fspath
 from pathlib import Path
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.api import checks
 from faceposer.api.motion import InMotion
 from faceposer.api.places import Pixels, Place, fixed_vertices, pixels_of, point_at
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, FacePoserWarning
 from faceposer.geometry.camera import VIEW_ANGLES, Camera, ViewName
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.strokes import StrokeShape
@@ -45,10 +46,16 @@ _LARGEST_SHAPE = 1000.0
 def load(what: PathName) -> "Face":
     """Return a face: a shipped subject by its name ("man"), a subject's file (.npz), or a saved session (.json).
 
+    A session that was made on another version of its character is made to fit, with a ``FacePoserWarning`` that says
+    what was done and what may be off (docs/session-format.md).
+
     Raises:
         FacePoserError: If it cannot be found or read.
     """
-    return Face(open_session(fspath(what)))
+    session = open_session(fspath(what))
+    if session.remark:
+        warnings.warn(session.remark, FacePoserWarning, stacklevel=2)
+    return Face(session)
 
 
 def subjects() -> list[str]:
