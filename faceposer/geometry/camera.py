@@ -90,6 +90,8 @@ class Camera:
 
     def following(self, frame: Similarity) -> "Camera":
         """Return the camera that sees what ``frame`` moves just where this one sees it before it is moved."""
+        if float(frame.scale) == 1.0 and not frame.translation.any() and np.array_equal(frame.rotation, np.eye(3)):
+            return self
         rotation = self.rotation @ frame.rotation.T
         return replace(
             self, rotation=rotation, translation=float(frame.scale) * self.translation - rotation @ frame.translation

@@ -28,7 +28,7 @@ _NO_WEIGHT = 0.01
 # Share of the character's size from which on a place is taken to lie off its part of the surface.
 _FAR = 0.02
 # So many names are listed in a sentence.
-_NAMED = 6
+_NAMED = 8
 _STILL = Similarity(np.eye(3), np.zeros(3), np.asarray(1.0))
 
 
