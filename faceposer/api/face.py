@@ -105,7 +105,10 @@ class Face(InMotion):
 
     @property
     def contact(self) -> bool:
-        """Whether surfaces are kept apart after the solve: lids, eyeballs, lips and teeth (docs/contact.md)."""
+        """Whether surfaces are kept apart after the solve: lids, eyeballs, lips and teeth (docs/contact.md).
+
+        It shows in ``vertices``, pictures, films and meshes; morph targets of .glb and weights cannot contain it.
+        """
         return self.session.document.contact
 
     @contact.setter
@@ -337,7 +340,10 @@ class Face(InMotion):
     # Files and pictures
 
     def save(self, path: PathName) -> Path:
-        """Write the session (.json), a picture (.png), or the pose as ``export`` does, and return the path."""
+        """Write the session (.json), a picture (.png), or the pose as ``export`` does, and return the path.
+
+        Contact is in pictures and meshes, not in the morph targets of .glb nor in weights.
+        """
         target = Path(path)
         suffix = target.suffix.lower()
         if suffix == ".json":

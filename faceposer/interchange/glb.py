@@ -58,6 +58,8 @@ def write_glb(
 ) -> None:
     """Write the face of ``model`` as GLB, all or nothing.
 
+    Targets add up linearly: the contact step is not in them, which ``asset.extras.contact`` says in the file.
+
     Args:
         path: The file.
         model: Whose subject's parts, textures and shapes are written.
