@@ -131,6 +131,12 @@ class Document:
         theirs = (other.subject, other.constraints, other.prior_weight, other.prior, other.spread)
         return ours == theirs and _same(self.start, other.start)
 
+    def rests_like(self, other: "Document") -> bool:
+        """Whether nothing pulls in either and both start from the same pose under one prior, which is then the pose."""
+        return (
+            not (self.constraints or other.constraints) and self.prior == other.prior and _same(self.start, other.start)
+        )
+
     def to_json(self) -> dict[str, Any]:
         """Return the document as its file has it."""
         data: dict[str, Any] = {
@@ -145,14 +151,7 @@ class Document:
             data["prior"] = self.prior
         if self.spread != SPREAD:
             data["spread"] = self.spread
-        if self.coefficients is not None:
-            data["coefficients"] = self.coefficients.tolist()
-            if made_on is not None and made_on.weights is not None:
-                data["weights"] = codec.weights_to_json(made_on.weights)
-        if self.start is not None and self.constraints:
-            data["start"] = self.start.tolist()
-            if made_on is not None and made_on.start_weights is not None:
-                data["start_weights"] = codec.weights_to_json(made_on.start_weights)
+        data |= self._poses_to_json()
         if not self.contact:
             data["contact"] = False
         if self.camera is not None:
@@ -163,6 +162,22 @@ class Document:
             data["animation"] = {"frame": self.frame, **self.keyframes.to_json()}
         if made_on is not None:
             data["character"] = made_on.character.to_json()
+        return data
+
+    def _poses_to_json(self) -> dict[str, Any]:
+        data: dict[str, Any] = {}
+        made_on, start = self.made_on, self.start
+        if self.coefficients is not None:
+            data["coefficients"] = self.coefficients.tolist()
+            if made_on is not None and made_on.weights is not None:
+                data["weights"] = codec.weights_to_json(made_on.weights)
+            if start is None and not self.constraints and self.prior != "regions":
+                # The prior alone moves the face away from where it starts.
+                start = np.zeros_like(self.coefficients)
+        if start is not None and (self.constraints or not _same(start, self.coefficients)):
+            data["start"] = start.tolist()
+            if made_on is not None and made_on.start_weights is not None:
+                data["start_weights"] = codec.weights_to_json(made_on.start_weights)
         return data
 
     def stamped(self, model: FaceModel) -> "Document":
@@ -315,7 +330,10 @@ def _made_on_from_json(data: dict[str, Any]) -> MadeOn | None:
 
 
 def _same(one: NDArray[np.float64] | None, other: NDArray[np.float64] | None) -> bool:
-    return one is other or (one is not None and other is not None and np.array_equal(one, other))
+    """Whether both are the same pose; None is the neutral face, which is zeros in a file."""
+    if one is None or other is None:
+        return one is other or not np.any(other if one is None else one)
+    return one is other or np.array_equal(one, other)
 
 
 def read_document(path: Path) -> Document:

@@ -57,7 +57,7 @@ def rebound(document: Document, model: FaceModel) -> Rebinding:
         FacePoserError: If the weights of a pose do not go with the names of the shapes.
     """
     made_on, name = document.made_on, Path(document.subject).stem
-    document = replace(document, made_on=None)
+    document = _with_neutral(replace(document, made_on=None), model)
     if made_on is None:
         return _undated(document, model, name)
     remarks: list[str] = []
@@ -88,6 +88,19 @@ def _undated(document: Document, model: FaceModel, name: str) -> Rebinding:
     if off:
         off = f'This session does not say with which version of "{name}" it was made; if with another one, {off}.'
     return Rebinding(bare, off)
+
+
+def _with_neutral(document: Document, model: FaceModel) -> Document:
+    """Return the document with poses that are zeros, the neutral face of every version, in the subspace of the face."""
+
+    def fitting(pose: Array | None) -> Array | None:
+        neutral = pose is not None and len(pose) != model.n_coefficients and not pose.any()
+        return model.neutral() if neutral else pose
+
+    start = fitting(document.start)
+    # Without constraints, the pose is the one to start from.
+    pose = start if document.coefficients is document.start else fitting(document.coefficients)
+    return replace(document, start=start, coefficients=pose)
 
 
 def _solvable(document: Document, model: FaceModel) -> Document:

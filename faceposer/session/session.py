@@ -185,7 +185,8 @@ class Session:
         """
         if not self._editing:
             raise RuntimeError("documents are replaced inside an edit")
-        solved = self._document.solved and document.same_face(self._document)
+        unmoved = document.same_face(self._document) or document.rests_like(self._document)
+        solved = self._document.solved and unmoved
         self._document = replace(document, solved=solved)
         self.revision += 1
         self._follow()

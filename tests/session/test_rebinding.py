@@ -294,16 +294,24 @@ def test_places_that_the_character_has_no_more_are_left_out(tmp_path: Path) -> N
 
 def test_a_pose_of_another_version_is_solved_anew_where_that_is_possible(tmp_path: Path) -> None:
     model = build_face_model(load_subject("low"))
-    document = Document("low", all_kinds(model)[:2]).posed(np.zeros(7))
+    document = Document("low", all_kinds(model)[:2]).posed(np.full(7, 0.1))
     path = tmp_path / "old.json"
     path.write_text(json.dumps(document.to_json()))
     session = open_session(str(path))
     session.wait()
     assert len(session.coefficients) == session.model.n_coefficients
     assert "its pose was solved anew; the places of constraints[0] (point) and constraints[1]" in session.remark
-    path.write_text(json.dumps(document.starting_from(np.zeros(7)).to_json()))
+    path.write_text(json.dumps(document.starting_from(np.full(7, 0.1)).to_json()))
     with pytest.raises(FacePoserError, match="coefficients has 7 numbers"):
         open_session(str(path))
+
+
+def test_zeros_are_the_neutral_face_of_every_version(tmp_path: Path) -> None:
+    path = tmp_path / "old.json"
+    path.write_text(json.dumps(Document("low").posed(np.zeros(7)).to_json()))
+    session = open_session(str(path))
+    np.testing.assert_array_equal(session.coefficients, session.model.neutral())
+    assert session.remark == ""
 
 
 def test_python_warns_and_commands_say_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
