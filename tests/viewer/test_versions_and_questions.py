@@ -140,3 +140,43 @@ def test_range_marks_are_switched_in_the_tab_view_too(robot: Robot) -> None:
     assert not marks.shown
     robot.app.actions["range-marks"].run()
     assert marks.shown
+
+
+def test_switches_go_through_undo_files_and_other_characters(robot: Robot, tmp_path: Path) -> None:
+    """Spread and contact belong to a session and its history, marks and lines to the window."""
+    app = robot.app
+    for name in ("contact", "expression-lines", "range-marks"):
+        app.actions[name].run()
+        robot.frames(1)
+    app.session.set_spread(0.9)
+
+    def state() -> tuple[float, bool, bool, bool]:
+        document = app.session.document
+        return document.spread, document.contact, app.scene.expression_lines, app.features[RangeMarks].shown
+
+    assert state() == (0.9, False, False, False)
+    robot.key("Ctrl+Z")
+    assert state() == (0.5, False, False, False)
+    robot.key("Ctrl+Z")
+    assert state() == (0.5, True, False, False)
+    assert not app.session.dirty
+    robot.key("Ctrl+Shift+Z")
+    robot.key("Ctrl+Shift+Z")
+    assert state() == (0.9, False, False, False)
+    app.session.save(tmp_path / "a.json", app.viewport.camera)
+    app.files.open("creature")
+    robot.frames(2)
+    assert state() == (0.5, True, False, False)
+    app.files.open(str(tmp_path / "a.json"))
+    robot.frames(2)
+    assert state() == (0.9, False, False, False)
+    x, y = robot.at(CORNER)
+    robot.move((x - 2.0, y))
+    robot.press()
+    robot.move((x + 10.0, y - 8.0), 3)
+    app.actions["contact"].run()
+    robot.key("Ctrl+Z")
+    assert state() == (0.9, False, False, False), "nothing else while a point is dragged"
+    robot.release()
+    robot.frames(1)
+    assert app.session.undo_label == "Place a point"
