@@ -120,13 +120,13 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write what ``options`` ask for and return the exit status."""
     _check_options(options)
+    from faceposer.cli.opening import open_with_remark
     from faceposer.interchange.formats import Output, format_of, write, write_sequence_steps
     from faceposer.model.performance import Performance
     from faceposer.model.sampling import resampled
     from faceposer.render.options import OutputOptions
-    from faceposer.session.opening import open_session
 
-    session = open_session(options.what)
+    session = open_with_remark(options.what)
     session.wait()
     motion = _motion(options, session)
     path: Path = options.output

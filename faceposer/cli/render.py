@@ -49,9 +49,10 @@ def run(options: argparse.Namespace) -> int:
         view = OrbitView.preset(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0), options.view)
         write_png(options.output, render_mesh(mesh.vertices, mesh.triangles(), view.camera(options.size)))
     else:
-        from faceposer.api import load
+        from faceposer.api import Face
+        from faceposer.cli.opening import open_with_remark
 
-        face = load(options.what)
+        face = Face(open_with_remark(options.what))
         face.contact = face.contact and options.contact
         face.render(options.output, options.view, options.size, expression_lines=not options.no_expression_lines)
     print(f"{options.output} written")

@@ -34,6 +34,7 @@ def run(options: argparse.Namespace) -> int:
         check_apart(options.report, options.session)
     from dataclasses import replace
 
+    from faceposer.cli.opening import print_remark
     from faceposer.interchange.meshes import write_posed_obj
     from faceposer.session.document import read_document
     from faceposer.session.opening import session_of
@@ -46,6 +47,7 @@ def run(options: argparse.Namespace) -> int:
     if options.spread is not None:
         document = replace(document, spread=options.spread)
     session = session_of(document, options.session)
+    print_remark(session)
     if session.solution is None:
         session.apply()
     session.wait(timeout=_PATIENCE)

@@ -32,7 +32,7 @@ from faceposer.gui.settings import Settings, load_settings, save_settings
 from faceposer.gui.signals import interrupted_by_signals
 from faceposer.gui.viewport import Viewport
 from faceposer.gui.widgets.basic import WidgetRects
-from faceposer.gui.widgets.dialogs import Dialogs
+from faceposer.gui.widgets.dialogs import Dialogs, Question
 from faceposer.gui.widgets.file_dialogs import FileDialogs, FileRequest
 from faceposer.gui.widgets.slider_edit import SliderEdit
 from faceposer.gui.widgets.theme import Fonts
@@ -309,6 +309,8 @@ class App:
         else:
             self.viewport.look_through(camera)
         self.features.session_changed()
+        if session.remark:
+            self.dialogs.ask(Question("The character may have changed", session.remark))
         self.redraw()
 
     def viewport_placed(self) -> None:

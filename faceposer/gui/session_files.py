@@ -1,6 +1,7 @@
 """Opening, saving and leaving: nothing of the user's work is dropped without asking."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from faceposer.errors import FacePoserError
@@ -68,8 +69,35 @@ class SessionFiles:
         )
 
     def open(self, what: str) -> None:
-        """Open the subject or session ``what``, after asking about changes that are not saved."""
-        self.guard(lambda: self._open(what))
+        """Open the subject or session ``what``, after asking about changes that are not saved.
+
+        Of the session that is open already, one can only want what its file holds, and to save would write over that.
+        """
+        if self._is_open(what):
+            self._revert(what)
+        else:
+            self.guard(lambda: self._open(what))
+
+    def _is_open(self, what: str) -> bool:
+        path = self._context.session.path
+        return path is not None and Path(what).suffix.lower() == ".json" and Path(what).resolve() == path.resolve()
+
+    def _revert(self, what: str) -> None:
+        """Open the file ``what`` of the session again, after asking whether changes may be lost."""
+        context = self._context
+        context.toolbox.finish()
+        context.slider_edit.let_go()
+        if not context.session.dirty:
+            self._open(what)
+            return
+        context.dialogs.ask(
+            Question(
+                f"Revert to the saved {Path(what).name}?",
+                "It is open, with changes that are not saved. They will be lost.",
+                (Choice("Revert", lambda: self._open(what)), Choice("Cancel")),
+                default=1,
+            )
+        )
 
     def _open(self, what: str) -> None:
         if self.show(lambda worker: open_session(what, worker), "This cannot be opened"):
@@ -187,7 +215,7 @@ class SessionFiles:
             return
         go_on, *others = question.choices
         choices = (Choice(go_on.label, lambda: self.guard(self._end)), *others)
-        self._context.dialogs.ask(Question(question.title, question.text, choices))
+        self._context.dialogs.ask(replace(question, choices=choices))
 
     def guard(self, go_on: Callable[[], None]) -> None:
         """Ask what to do with changes that are not saved, then go on; without any, go on at once."""

@@ -39,6 +39,11 @@ def draw_view_panel(context: EditorContext) -> None:
     _, context.points_shown = imgui.checkbox("Show constraints", context.points_shown)
     context.widget_rects.record("points-shown")
     tooltip(context.actions["points"].tooltip)
+    marks = context.actions["range-marks"]
+    if imgui.checkbox("Show range marks", context.settings.range_marks)[0]:
+        marks.run()
+    context.widget_rects.record("range-marks")
+    tooltip(marks.tooltip)
 
 
 def draw_output_panel(context: EditorContext) -> None:

@@ -47,7 +47,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Question:
-    """Text with buttons; Enter takes the first, Esc the last.
+    """Text with buttons; Enter takes the default, Esc the last.
 
     Attributes:
         title: In bold.
@@ -55,6 +55,7 @@ class Question:
         choices: At least one.
         details: Small print, such as a traceback, or "".
         bad: Whether it reports that something went wrong.
+        default: Index of the choice that Enter takes: the last one where the first destroys what nothing brings back.
     """
 
     title: str
@@ -62,6 +63,7 @@ class Question:
     choices: tuple[Choice, ...] = (Choice("OK"),)
     details: str = ""
     bad: bool = False
+    default: int = 0
 
 
 @dataclass
@@ -119,11 +121,11 @@ class Dialogs:
             )
         imgui.dummy((0.0, em(0.4)))
         labels = [(str(i), choice.label) for i, choice in enumerate(question.choices)]
-        pressed = modal_buttons(self.rects, "choice", labels, least=5.5)
+        pressed = modal_buttons(self.rects, "choice", labels, default=question.default, least=5.5)
         taken = question.choices[int(pressed)] if pressed else None
         if not fresh:
             if _pressed(imgui.Key.enter, imgui.Key.keypad_enter):
-                taken = question.choices[0]
+                taken = question.choices[question.default]
             if _pressed(imgui.Key.escape):
                 taken = question.choices[-1]
         return taken

@@ -57,7 +57,7 @@ def modal_title(fonts: Fonts, text: str, bad: bool = False) -> None:
 
 
 def modal_buttons(
-    rects: WidgetRects, prefix: str, buttons: Sequence[tuple[str, str]], default: bool = True, least: float = 6.0
+    rects: WidgetRects, prefix: str, buttons: Sequence[tuple[str, str]], default: int | None = 0, least: float = 6.0
 ) -> str:
     """Draw buttons at the right of a modal window's foot and return the name of the one that was pressed, or "".
 
@@ -65,7 +65,7 @@ def modal_buttons(
         rects: Records each as ``prefix``:name.
         prefix: Of their names.
         buttons: Name and label of each.
-        default: Whether the first is shown as what Enter takes.
+        default: Index of the one that is shown as what Enter takes, or None.
         least: Least width, in units of the font's size.
     """
     style = imgui.get_style()
@@ -77,11 +77,11 @@ def modal_buttons(
     for i, (name, label) in enumerate(buttons):
         if i:
             imgui.same_line()
-        elif default:
+        if i == default:
             imgui.push_style_color(imgui.Col_.button, ACCENT_DARK)
         if imgui.button(f"{label}##{prefix}", (widths[i], 0.0)):
             pressed = name
-        if default and not i:
+        if i == default:
             imgui.pop_style_color()
         rects.record(f"{prefix}:{name}")
     return pressed
@@ -113,7 +113,7 @@ def draw_job(
     rects.record(f"{prefix}:progress")
     caption(text)
     imgui.begin_disabled(job.cancelled)
-    pressed = modal_buttons(rects, prefix, (("cancel", "Cancel"),), default=False)
+    pressed = modal_buttons(rects, prefix, (("cancel", "Cancel"),), default=None)
     imgui.end_disabled()
     if pressed or (escapes and imgui.is_key_pressed(imgui.Key.escape, False)):
         job.cancel()

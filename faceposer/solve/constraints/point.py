@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera, mirrored_pixels
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
@@ -49,6 +50,11 @@ class PointConstraint(ConstraintBase):
     def nudged(self, offset: tuple[float, float]) -> "PointConstraint":
         """Return the constraint with its target moved by ``offset`` pixels."""
         return replace(self, target=(self.target[0] + offset[0], self.target[1] + offset[1]))
+
+    def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> "PointConstraint":
+        """Return the constraint at ``places`` of another version of the character, its camera moved by ``frame``."""
+        assert places is not None
+        return replace(self, anchor=places[0], camera=self.camera.following(frame), rest=None)
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return the distance to the target in pixels on the face ``p``, shape (r,)."""

@@ -75,7 +75,7 @@ class ImportCharacterFeature(Feature):
         if not self.running:
             return None
         text = "A character is being learned. What has been learned of it so far would be lost."
-        return Question("Stop learning and quit?", text, (Choice("Stop and quit"), Choice("Go on learning")))
+        return Question("Stop learning and quit?", text, (Choice("Stop and quit"), Choice("Go on learning")), default=1)
 
     def actions(self) -> Sequence[Action | Submenu]:
         """Return the entry of the File menu."""
@@ -158,6 +158,7 @@ class ImportCharacterFeature(Feature):
                 f"Replace {output.name}?",
                 f"There is a file of this name in '{output.parent}'.",
                 (Choice("Replace", lambda: self._train(output)), Choice("Cancel")),
+                default=1,
             )
         )
 
