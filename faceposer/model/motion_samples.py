@@ -1,6 +1,7 @@
 """Places spread evenly over a face's skin: how much of the face a pose moves, at the cost of a few of its vertices."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,12 @@ class MotionSamples:
     rows: Array
     single: Array
     scale: float
+
+    @cached_property
+    def single_by_place(self) -> NDArray[np.float32]:
+        """``single`` by places, shape (n, 3, r), in single precision."""
+        places: NDArray[np.float32] = self.single.reshape(len(self.areas), 3, -1).astype(np.float32)
+        return places
 
 
 def sample_motion(subject: Subject, density: RigDensity) -> MotionSamples:

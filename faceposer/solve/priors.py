@@ -4,12 +4,12 @@ from functools import lru_cache
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from faceposer.model.face_model import FaceModel
 from faceposer.model.local_moments import LocalMoments
 from faceposer.model.mixture import GaussianMixture
-from faceposer.solve.term import Array, PoseState, ResidualTerm
+from faceposer.solve.term import Array, PoseState, QuadraticTerm, ResidualTerm
 
 #: How a face is judged: region by region, as a whole, or by the mixture as it was learned, as the paper does.
 Prior = Literal["regions", "whole", "plain"]
@@ -21,8 +21,11 @@ _BOUND_SCALE = 0.05
 _GAZE_SIGMA = 0.005
 
 
-class MixturePrior:
-    """weight * (-ln pr(p)) for a density made of Gaussians (paper, eqs. (19) and (31)), up to a constant."""
+class MixturePrior(QuadraticTerm):
+    """weight * (-ln pr(p)) for a density made of Gaussians (paper, eqs. (19) and (31)), up to a constant.
+
+    Of a single Gaussian it is half of the squared Mahalanobis distance.
+    """
 
     def __init__(self, mixture: GaussianMixture, weight: float = 1.0) -> None:
         """Weigh the energy of ``mixture`` by ``weight``, at least 0."""
@@ -31,12 +34,23 @@ class MixturePrior:
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
         """Return the energy and its gradient by the coefficients, shape (r,)."""
+        if self.is_quadratic:
+            offset = state.p - self.mixture.means[0]
+            slope = self.weight * (self.mixture.precisions[0] @ offset)
+            return 0.5 * float(offset @ slope), slope
         energy, gradient = self.mixture.energy_and_gradient(state.p)
         return self.weight * energy, self.weight * gradient
 
     def curvature(self, state: PoseState) -> Array:
         """Return the precision of the components that most likely made the pose, shape (r, r)."""
+        if self.is_quadratic:
+            return self.weight * self.mixture.precisions[0]
         return self.weight * self.mixture.curvature(state.p)
+
+    @property
+    def is_quadratic(self) -> bool:
+        """Whether the density is a single Gaussian."""
+        return self.mixture.n_components == 1
 
 
 class WeightBounds:
@@ -65,9 +79,28 @@ class WeightBounds:
 
     def _excess(self, state: PoseState) -> Array:
         weights = self._directions @ state.p
-        outside = np.minimum(weights - self._lower, 0.0) + np.maximum(weights - self._upper, 0.0)
-        excess: Array = outside / self._scale
+        excess: Array = (weights - np.minimum(np.maximum(weights, self._lower), self._upper)) / self._scale
         return excess
+
+    def crossings(self, p: Array, way: Array) -> Array:
+        """Return at which shares between 0 and 1 of a ``way``, (r,), from ``p``, (r,), weights are at a bound."""
+        weights, change = self._directions @ p, self._directions @ way
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = (np.concatenate([self._lower - weights, self._upper - weights])) / np.tile(change, 2)
+        crossings: Array = shares[(shares > 0.0) & (shares < 1.0)]
+        return crossings
+
+    def slopes_along(self, p: Array, way: Array, shares: Array) -> Array:
+        """Return the derivatives of the cost by the share of a ``way``, (r,), from ``p``, (r,), at ``shares``, (n,)."""
+        change = self._directions @ way
+        weights = self._directions @ p + shares[:, None] * change
+        outside = weights - np.minimum(np.maximum(weights, self._lower), self._upper)
+        slopes: Array = 2.0 * self._weight * (outside @ (change / (self._scale * self._scale)))
+        return slopes
+
+    def exceeded(self, state: PoseState) -> NDArray[np.bool_]:
+        """Return which bounds are exceeded."""
+        return np.asarray(self._excess(state) != 0.0)
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
         """Return the cost and its gradient by the coefficients, shape (r,)."""
@@ -82,7 +115,7 @@ class WeightBounds:
         return product
 
 
-class ParallelGaze(ResidualTerm):
+class ParallelGaze(ResidualTerm, QuadraticTerm):
     """w / sigma^2 |A (p - p0)|^2, A p being how far the eyes look apart, in radians: up or down, and across.
 
     Eyes look at one place. The capture measures each eye by itself, and its noise would make a face squint.
