@@ -1,6 +1,6 @@
 """Positive definite matrices of a few dozen rows: triangular roots and solutions, straight by LAPACK.
 
-To LAPACK, which counts by columns, a matrix of NumPy's is its transpose, which need not be copied: a symmetric one is the
+To LAPACK, which counts by columns, a matrix of NumPy's is its transpose, and need not be copied: a symmetric one is the
 same, a lower triangle an upper one.
 """
 
@@ -18,12 +18,12 @@ def square_root(matrix: Array) -> Array:
     for what rounding takes away.
     """
     try:
-        return np.linalg.cholesky(matrix)
+        return np.asarray(np.linalg.cholesky(matrix), dtype=np.float64)
     except np.linalg.LinAlgError:
         diagonal = np.eye(len(matrix)) * float(np.trace(matrix)) / len(matrix)
     for jitter in (1e-12, 1e-9, 1e-6):
         try:
-            return np.linalg.cholesky(matrix + jitter * diagonal)
+            return np.asarray(np.linalg.cholesky(matrix + jitter * diagonal), dtype=np.float64)
         except np.linalg.LinAlgError:
             continue
     root: Array = np.sqrt(np.diag(np.diag(matrix)) + 1e-3 * diagonal)

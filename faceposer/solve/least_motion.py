@@ -9,9 +9,9 @@ number of rounds are as selective as a concave cost and follow the pull without 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from faceposer.model.face_model import FaceModel
+from faceposer.model.motion_samples import gram_of_places
 from faceposer.solve.definite import solved, solved_by_root, square_root
 from faceposer.solve.term import Array, PoseState, QuadraticTerm
 
@@ -69,12 +69,12 @@ class LeastMotion(QuadraticTerm):
         pull = -(evidence.rows.T @ evidence.residual)
         lower, upper = (limits - (density.directions @ start)[:, None]).T
         areas, rows = factor * samples.areas, samples.single_by_place
-        quadratic = _gram(rows, areas / _FIRST_MOTION**2)
+        quadratic = (factor / _FIRST_MOTION**2) * samples.gram
         for _ in range(_ROUNDS):
             change = density.directions @ solved(stiff + quadratic, pull)
             within = density.projection @ np.minimum(np.maximum(change, lower), upper)
             moved = rows @ within.astype(np.float32)
-            quadratic = _gram(rows, areas / (np.einsum("nk,nk->n", moved, moved) + _NO_MOTION**2))
+            quadratic = gram_of_places(rows, areas / (np.einsum("nk,nk->n", moved, moved) + _NO_MOTION**2))
         self._quadratic = quadratic
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
@@ -86,10 +86,3 @@ class LeastMotion(QuadraticTerm):
     def curvature(self, state: PoseState) -> Array:
         """Return the second derivative, shape (r, r)."""
         return 2.0 * self._quadratic
-
-
-def _gram(rows: NDArray[np.float32], weights: Array) -> Array:
-    """Return the sum over places of ``weights``, (n,), times X^T X for their ``rows``, (n, 3, r)."""
-    # Single precision is enough for what one place weighs against another, and takes half of the time.
-    scaled = (rows * np.sqrt(weights).astype(np.float32)[:, None, None]).reshape(-1, rows.shape[-1])
-    return (scaled.T @ scaled).astype(np.float64)

@@ -196,20 +196,21 @@ class _Model:
 
     def least(self) -> tuple[Array, float]:
         """Return the step, shape (r,), to where the model is least, and by how much it is less there."""
-        step, scaled, exceeded = np.zeros_like(self._slope), self._scaled, self._exceeded
-        slope = self._slope
+        step, value, slope = np.zeros_like(self._slope), self._bound_value, self._slope
+        scaled, exceeded = self._scaled, self._exceeded
         for _ in range(_MODEL_STEPS):
-            way = -solved_by_root(self.lower, scaled, transposed=True)
-            bounds, bound_slope, now_exceeded, bound_curvature = self._bounds(self._state.p + step + way)
-            share = 1.0
-            if not np.array_equal(now_exceeded, exceeded):
-                # The model is another one on the way: how far does it go down?
-                bent = self._curvature @ way
-                share = self._least_along(step, way, float(way @ slope), float(way @ bent))
-                bounds, bound_slope, now_exceeded, bound_curvature = self._bounds(self._state.p + step + share * way)
-            step = step + share * way
-            bent = self._curvature @ step
-            slope = self._slope + bent
+            way, share = -solved_by_root(self.lower, scaled, transposed=True), 1.0
+            while True:
+                further = step + share * way
+                bent = self._curvature @ further
+                bounds, bound_slope, now_exceeded, bound_curvature = self._bounds(self._state.p + further)
+                further_value = float(further @ (self._slope + 0.5 * bent)) + bounds
+                if share < 1.0 or further_value <= value - _COMES_TRUE * float(scaled @ scaled):
+                    break
+                share = self._least_along(step, way, slope)
+                if share == 1.0:
+                    break
+            step, value, slope = further, further_value, self._slope + bent
             if share == 1.0 and np.array_equal(now_exceeded, exceeded):
                 break
             exceeded = now_exceeded
@@ -217,9 +218,9 @@ class _Model:
             scaled = solved_by_root(self.lower, slope + bound_slope)
             if np.abs(scaled).max() <= _MODEL_TOLERANCE:
                 break
-        return step, self._bound_value - bounds - float(step @ (self._slope + 0.5 * bent))
+        return step, self._bound_value - value
 
-    def _least_along(self, step: Array, way: Array, slope: float, curvature: float) -> float:
+    def _least_along(self, step: Array, way: Array, slope: Array) -> float:
         """Return the share of the ``way``, (r,), from a ``step``, (r,), on which the model is least.
 
         Its derivative rises all along, in straight lines between where bounds begin to be exceeded and where they cease
@@ -228,12 +229,11 @@ class _Model:
         Args:
             step: Where the way begins.
             way: In a direction in which the model falls.
-            slope: Of the model without bounds at the beginning.
-            curvature: Of the model without bounds along the way.
+            slope: Of the model without bounds at the beginning, shape (r,).
         """
         p = self._state.p + step
         shares = np.unique(np.concatenate([[0.0, 1.0], *(term.crossings(p, way) for term in self._problem.bounds)]))
-        slopes = slope + curvature * shares
+        slopes = float(way @ slope) + float(way @ self._curvature @ way) * shares
         for term in self._problem.bounds:
             slopes += term.slopes_along(p, way, shares)
         after = int(np.searchsorted(slopes, 0.0))

@@ -68,9 +68,10 @@ class WeightBounds:
         """
         lower, upper = np.asarray(limits, dtype=np.float64).T
         bounded = upper > lower
-        self._lower, self._upper = lower[bounded], upper[bounded]
-        self._scale = _BOUND_SCALE * (self._upper - self._lower)
-        self._directions = directions[bounded]
+        if not bounded.all():
+            lower, upper, directions = lower[bounded], upper[bounded], directions[bounded]
+        self._lower, self._upper, self._directions = lower, upper, directions
+        self._scale = _BOUND_SCALE * (upper - lower)
         self._weight = weight
         if start is not None:
             # A captured pose that leaves the limits is a pose all the same: as a start it stays as it is.
@@ -85,8 +86,8 @@ class WeightBounds:
     def crossings(self, p: Array, way: Array) -> Array:
         """Return at which shares between 0 and 1 of a ``way``, (r,), from ``p``, (r,), weights are at a bound."""
         weights, change = self._directions @ p, self._directions @ way
-        with np.errstate(divide="ignore", invalid="ignore"):
-            shares = (np.concatenate([self._lower - weights, self._upper - weights])) / np.tile(change, 2)
+        change = np.where(change == 0.0, np.inf, change)
+        shares = np.concatenate([(self._lower - weights) / change, (self._upper - weights) / change])
         crossings: Array = shares[(shares > 0.0) & (shares < 1.0)]
         return crossings
 

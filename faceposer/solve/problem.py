@@ -194,7 +194,9 @@ class PoseProblem:
         if strength > 0 and len(rows) and prior == "regions" and self.limits is not None:
             evidence = Evidence(rows, residual)
             precision = 0.5 * _GAUSSIAN * weight * self.mixture.precisions[0]
-            limits = limits_around(self.limits, self.model.rig_density.directions @ self.start)
+            limits = self.limits
+            if self._home is not self.start:
+                limits = limits_around(limits, self.model.rig_density.directions @ self.start)
             self._terms.append(LeastMotion(self.model, self.start, evidence, precision, strength, limits))
 
     def state(self, p: Array) -> PoseState:
@@ -334,7 +336,8 @@ def _held_weights(model: FaceModel) -> tuple[Array, Array]:
     for shape, other, beyond in dependent_pairs(model.subject.shape_names):
         directions = np.vstack([directions, directions[shape] - directions[other]])
         limits = np.vstack([limits, [-limits[other, 1], beyond]])
-    return directions, limits
+    bounded = limits[:, 1] > limits[:, 0]
+    return np.ascontiguousarray(directions[bounded]), np.ascontiguousarray(limits[bounded])
 
 
 def _energy(term: Term, state: PoseState) -> float:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -21,6 +21,8 @@ from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 SIGMA_PX = 1.5
 # By what share of its length a pull passes by what it means, as a standard deviation, and how many points are few.
 _SLACK, _FEW = 0.15, 3.0
+# Signs of (v, u) that turn (u, v) by a right angle.
+_QUARTER_TURN = np.array([-1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class PointConstraint(Switches):
     @cached_property
     def points(self) -> SurfacePoints:
         """The point of the surface, as a batch of one."""
-        return SurfacePoints.of([self.anchor])
+        return _points_at(self.anchor)
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return the distance to the target in pixels on the face ``p``, shape (r,)."""
@@ -98,6 +100,12 @@ class PointConstraint(Switches):
         )
 
 
+@lru_cache(maxsize=1024)
+def _points_at(anchor: SurfacePoint | int) -> SurfacePoints:
+    """Return the point ``anchor`` as a batch of one; while it is dragged, it stays the same."""
+    return SurfacePoints.of([anchor])
+
+
 class PointTerm(ResidualTerm):
     """sum over i of w_i (a_i^2 / sigma^2 + b_i^2 / sigma_i^2), a_i and b_i being y_i(p) - z_i along and across pull i.
 
@@ -113,7 +121,8 @@ class PointTerm(ResidualTerm):
         self._cameras = [constraint.camera for constraint in constraints]
         self._points = points
         # Unit vectors along and across the pulls, shape (n, 2, 2).
-        self._axes = np.tile(np.eye(2), (len(constraints), 1, 1))
+        self._axes = np.zeros((len(constraints), 2, 2))
+        self._axes[:, (0, 1), (0, 1)] = 1.0
 
     def take_up(self, model: FaceModel, state: PoseState, limits: Array, wholeness: float = 0.0) -> None:
         """Look at the pulls from the ``state`` where they begin: their reach (``faceposer.solve.reach``) and direction.
@@ -136,7 +145,8 @@ class PointTerm(ResidualTerm):
         lengths = np.sqrt(np.einsum("nk,nk->n", pulls, pulls))
         far = lengths > 1e-6
         along = pulls[far] / lengths[far, None]
-        self._axes[far] = np.stack([along, along[:, ::-1] * (-1.0, 1.0)], axis=1)
+        self._axes[far, 0] = along
+        self._axes[far, 1] = along[:, ::-1] * _QUARTER_TURN
         slack = (1.0 - wholeness) * _SLACK * min(1.0, _FEW / len(lengths)) * lengths
         self.weights[1::2] /= 1.0 + (slack / SIGMA_PX) ** 2
 
