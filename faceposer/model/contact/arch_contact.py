@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from faceposer.model.contact.arches import DentalArch
+from faceposer.model.contact.arches import DentalArch, columns_of
 from faceposer.model.contact.lids import skin_ids
 from faceposer.model.contact.lips import find_covering, skin_samples, surface_distance, with_neighbours
-from faceposer.model.contact.spreading import Spreading, fading, hinge
+from faceposer.model.contact.spreading import NOTHING, Spreading, fading, farthest, hinge
 from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
@@ -26,6 +26,8 @@ Ids = NDArray[np.intp]
 _VALLEY, _BEYOND, _INSIDE = 0.02, 0.06, 0.06
 _FADES, _FADED, _LEVEL_FADES, _LEVEL_FADED = 0.06, 0.12, 0.04, 0.08
 _SPACING, _TOUCHES, _NEAR, _START, _MARGIN = 0.022, 0.12, 0.01, 0.0001, 0.001
+# Share of the head's height that single precision may be off by.
+_ROUNDING = 1e-5
 # A vertex is near if it is nearer than this share of its longest edge.
 _STRETCHED = 0.6
 # How much the field falls per way above and below the teeth and beyond the ends of the arch.
@@ -41,14 +43,15 @@ class ArchContact:
         """Prepare for an ``arch`` of ``subject``."""
         size = subject.height
         self._arch = arch
-        self._start, self._margin = _START * size, _MARGIN * size
+        self._start, self._margin, self._nothing = _START * size, _MARGIN * size, NOTHING * size
         self._bottom, self._field = _obstacle(arch, size)
-        self._ceiling = ndimage.maximum_filter(self._field, size=3)
+        self._ceiling = ndimage.maximum_filter(self._field, size=3).astype(np.float32)
         covering = find_covering(subject, arch)
         before = arch.gap(subject.vertices[covering.lips].astype(np.float64))
         keys = np.intersect1d(covering.lips, with_neighbours(subject, covering.lips[before < _TOUCHES * size]))
         self._samples = skin_samples(subject, keys)
         self._near = np.minimum(_NEAR * size, _STRETCHED * self._samples.spans)
+        self._reaches = (self._near + _ROUNDING * size).astype(np.float32)
         inside = surface_distance(subject, covering.lips, _INSIDE * size)
         skin = skin_ids(subject)
         behind = np.setdiff1d(skin[inside[skin] < np.inf], keys)
@@ -88,52 +91,60 @@ class ArchContact:
         radius: Array = low + x * (high - low)
         return radius
 
-    def _ceiling_over(self, place: Array, height: Array) -> Array:
-        """Return no less than the field H, shape (n,), at a quarter of its cost."""
+    def _may_reach(self, points: NDArray[np.float32]) -> Ids:
+        """Return which of ``points`` at rest, coordinates by rows (3, n), may be near enough to the field, (k,)."""
         columns, rows = self._field.shape
-        column = np.clip(place, 0.0, columns - 1.001).astype(np.intp)
-        line = np.clip((height - self._bottom) / self._arch.row, 0.0, rows - 1.001).astype(np.intp)
-        ceiling: Array = self._ceiling.take(column * rows + line)
-        return ceiling
+        place, radius = columns_of(points[0] - self._arch.axis[0], points[2] - self._arch.axis[1])
+        line = (points[1] - self._bottom) / self._arch.row
+        column = np.minimum(np.maximum(place, 0.0), columns - 1.001).astype(np.intp)
+        line = np.minimum(np.maximum(line, 0.0), rows - 1.001).astype(np.intp)
+        return np.flatnonzero(self._ceiling.take(column * rows + line) > radius - self._reaches)
 
-    def apply(self, vertices: NDArray[np.float32]) -> None:
-        """Correct the pose ``vertices``, shape (N, 3), in place."""
+    def apply(self, vertices: NDArray[np.float32]) -> float:
+        """Correct the pose ``vertices``, shape (N, 3), in place; return how far it moves any of them at most."""
         frame = self._arch.frame
-        linear, moved = frame.motion(vertices)
+        places, witnesses = vertices.take(self._samples.ids, axis=0), vertices.take(frame.witnesses, axis=0)
+        jaw_moves = not np.array_equal(witnesses, self._jaw_at_rest)
+        if not jaw_moves and np.array_equal(places, self._skin_at_rest):
+            return 0.0
+        linear, moved = frame.motion_of(witnesses)
         back = np.linalg.inv(linear).T
-        places = vertices.take(self._samples.ids, axis=0)
-        differs = places != self._skin_at_rest
-        looked_at = differs[:, 0] | differs[:, 1] | differs[:, 2]
-        looked_at |= not np.array_equal(vertices.take(frame.witnesses, axis=0), self._jaw_at_rest)
-        if not looked_at.any():
-            return
-        points = (places - moved) @ back + frame.origin
-        count = len(points)
-        place, height, radius = self._arch.cylinder(points)
-        close = np.flatnonzero((self._ceiling_over(place, height) > radius - self._near) & looked_at)
+        to_rest = frame.origin - moved @ back
+        resting = back.T.astype(np.float32) @ places.T
+        resting += to_rest.astype(np.float32)[:, None]
+        # In single precision all that may lie deep, then exactly how deep it does.
+        close = self._may_reach(resting)
+        if not jaw_moves:
+            close = close[(places.take(close, axis=0) != self._skin_at_rest.take(close, axis=0)).any(axis=1)]
         if not len(close):
-            return
-        depth = self._radius(place[close], height[close]) - radius[close]
+            return 0.0
+        count = len(places)
+        depth = self._depth(places.take(close, axis=0) @ back + to_rest)
         own = np.zeros(count)
         own[close] = hinge(depth - self._allowed[close], self._start, self._margin)
         near = close[depth > -self._near[close]]
         push = np.zeros(len(self._ids))
         push[:count] = self._samples.greatest(
-            points,
+            places,
             own,
             near,
-            lambda places, numbers: hinge(self._depth(places) - self._allowed[numbers], self._start, self._margin),
+            lambda between, numbers: hinge(
+                self._depth(between @ back + to_rest) - self._allowed[numbers], self._start, self._margin
+            ),
         )
-        if not push.any():
-            return
+        if push.max() <= self._nothing:
+            return 0.0
         push = np.maximum(push, self._spreading(push))
         pushed = np.flatnonzero(push)
-        ids = self._ids[pushed]
+        ids = self._ids.take(pushed)
         before = vertices.take(ids, axis=0)
-        # Position beside the upright axis, x and z, and what a move there is in the pose.
-        aside = (before - moved) @ back[:, ::2] + (frame.origin[::2] - self._arch.axis)
-        aside *= (push[pushed] / np.maximum(np.sqrt((aside * aside).sum(axis=1)), 1e-9))[:, None]
-        vertices[ids] = before + (aside @ linear[:, ::2].T).astype(np.float32)
+        # Position beside the upright axis, x and z, by rows, and what a move there is in the pose.
+        aside = back[:, ::2].T @ before.T
+        aside += (to_rest[::2] - self._arch.axis)[:, None]
+        aside *= push.take(pushed) / np.maximum(np.sqrt(aside[0] * aside[0] + aside[1] * aside[1]), 1e-9)
+        move = linear[:, ::2] @ aside
+        vertices[ids] = before + move.T.astype(np.float32)
+        return farthest(move)
 
 
 def _obstacle(arch: DentalArch, size: float) -> tuple[float, Array]:

@@ -37,7 +37,11 @@ class Eyeball:
 
     def motion(self, vertices: NDArray[np.floating]) -> tuple[Array, Array]:
         """Return the linear part, (3, 3), of the motion in the pose ``vertices``, (N, 3), and the centre, (3,)."""
-        linear, moved = self.frame.motion(vertices)
+        return self.motion_of(vertices.take(self.frame.witnesses, axis=0))
+
+    def motion_of(self, places: NDArray[np.floating]) -> tuple[Array, Array]:
+        """Return the same where the frame's witnesses lie at ``places``, (w, 3)."""
+        linear, moved = self.frame.motion_of(places)
         return linear, moved + linear @ (self.centre - self.frame.origin)
 
     def clearance(self, relative: Array) -> tuple[Array, Array]:

@@ -22,7 +22,7 @@ from faceposer.model.contact.lids import (
     skin_ids,
 )
 from faceposer.model.contact.lips import skin_samples, surface_distance, with_neighbours
-from faceposer.model.contact.spreading import Spreading, fading, hinge
+from faceposer.model.contact.spreading import NOTHING, Spreading, fading, farthest, hinge
 from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
@@ -41,6 +41,8 @@ _STRETCHED = 3.0
 _START, _MARGIN, _TURN_START, _TURN_MARGIN = 0.001, 0.018, 0.003, 0.012
 # What lies between an edge's last vertex and a corner of the eye that is further away than this is unknown, in radians.
 _UNKNOWN = np.deg2rad(8.0)
+# Share that single precision may be off by.
+_ROUNDING = 1e-5
 # Distance of the control points that spread pushes, in radians.
 _SPACING = 0.2
 
@@ -61,7 +63,7 @@ class LidContact:
         touches = np.isin(near, with_neighbours(subject, near[clearance < _TOUCHES * ball.radius]))
         self._samples = skin_samples(subject, near[touches])
         self._near = (_STRETCHED * self._samples.spans) ** 2 / (6.0 * ball.radius)
-        self._far = (float(ball.profile.max()) + self._near) ** 2
+        self._far = (((1.0 + _ROUNDING) * (float(ball.profile.max()) + self._near)) ** 2).astype(np.float32)
         self._ids = np.concatenate([near[touches], near[~touches]])
         points = subject.vertices[self._ids] - ball.centre
         azimuth, elevation, _ = azimuth_and_elevation(points)
@@ -75,57 +77,62 @@ class LidContact:
         self._followers = _followers(subject, ball, edges, self._ids)
         self._ball_at_rest = subject.vertices[ball.frame.witnesses]
         self._at_rest = subject.vertices[self._samples.ids]
+        self._nothing = NOTHING * subject.height
 
-    def apply(self, vertices: NDArray[np.float32]) -> None:
-        """Correct the pose ``vertices``, shape (N, 3), in place."""
-        looks = not np.array_equal(vertices.take(self._ball.frame.witnesses, axis=0), self._ball_at_rest)
-        linear, centre = self._ball.motion(vertices)
-        if self._turning is not None and (looks or self._turning.moves(vertices)):
+    def apply(self, vertices: NDArray[np.float32]) -> float:
+        """Correct the pose ``vertices``, shape (N, 3), in place; return how far it moves any of them at most."""
+        ball = self._ball
+        witnesses = vertices.take(ball.frame.witnesses, axis=0)
+        looks = not np.array_equal(witnesses, self._ball_at_rest)
+        linear, centre = ball.motion_of(witnesses)
+        farthest_moved = 0.0
+        if self._turning is not None:
             for shares in _SHARES:
-                if not self._turning.apply(vertices, centre, shares):
+                turned = self._turning.apply(vertices, centre, shares, looks)
+                if turned == 0.0:
                     break
+                farthest_moved += turned
         places = vertices.take(self._samples.ids, axis=0)
-        differs = places != self._at_rest
-        moved = differs[:, 0] | differs[:, 1] | differs[:, 2]
-        if not (looks or moved.any()):
-            return
-        points = places - centre
+        if not looks and np.array_equal(places, self._at_rest):
+            return farthest_moved
         back = np.linalg.inv(linear).T
-        resting = points @ back
-        squared = np.einsum("nd,nd->n", resting, resting)
-        close = np.flatnonzero(squared < self._far if looks else (squared < self._far) & moved)
+        # In single precision all that may lie deep, then exactly how deep it does.
+        x, y, z = back.T.astype(np.float32) @ (places.T - centre.astype(np.float32)[:, None])
+        close = np.flatnonzero(x * x + y * y + z * z < self._far)
+        if not looks:
+            close = close[(places.take(close, axis=0) != self._at_rest.take(close, axis=0)).any(axis=1)]
         if not len(close):
-            return
-        start, margin = _START * self._ball.radius, _MARGIN * self._ball.radius
-        clearance, _ = self._ball.clearance(resting[close])
-        own = np.zeros(len(points))
+            return farthest_moved
+        start, margin = _START * ball.radius, _MARGIN * ball.radius
+        clearance, _ = ball.clearance((places.take(close, axis=0) - centre) @ back)
+        own = np.zeros(len(places))
         own[close] = hinge(-clearance - self._allowed[close], start, margin)
         near = close[clearance < self._near[close]]
         push = np.zeros(len(self._ids))
-        push[: len(points)] = self._samples.greatest(
-            points,
+        push[: len(places)] = self._samples.greatest(
+            places,
             own,
             near,
-            lambda places, numbers: hinge(
-                -self._ball.clearance(places @ back)[0] - self._allowed[numbers], start, margin
+            lambda between, numbers: hinge(
+                -ball.clearance((between - centre) @ back)[0] - self._allowed[numbers], start, margin
             ),
         )
-        if not push.any():
-            return
+        if push.max() <= self._nothing:
+            return farthest_moved
         push = np.maximum(push, self._spreading(push))
         pushed = np.flatnonzero(push)
-        ids = self._ids[pushed]
+        ids = self._ids.take(pushed)
         before = vertices.take(ids, axis=0)
-        points = before - centre
-        resting = points @ back
-        factor = push[pushed] / np.maximum(np.sqrt(np.einsum("nd,nd->n", resting, resting)), 1e-9)
-        move = (points * factor[:, None]).astype(np.float32)
-        vertices[ids] = before + move
+        points = before.T - centre[:, None]
+        x, y, z = back.T @ points
+        move = points * (push.take(pushed) / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-9))
+        vertices[ids] = before + move.T.astype(np.float32)
         lashes, roots = self._followers
         if len(lashes):
             whole = np.zeros((len(push), 3), dtype=np.float32)
-            whole[pushed] = move
+            whole[pushed] = move.T
             vertices[lashes] += whole[roots]
+        return farthest_moved + farthest(move)
 
 
 class _Turning:
@@ -158,40 +165,51 @@ class _Turning:
         lashes, roots = _followers(subject, ball, edges, near)
         self._ids = np.concatenate([near, lashes])
         self._roots = roots
-        edge = (edges.upper, edges.lower, edges.corners)
-        self._seen = np.unique(np.concatenate([*edge, *(layer.ids for layer in self._layers)]))
+        # Edges, corners and rims, one after another.
+        self._seen = np.concatenate([edges.upper, edges.lower, edges.corners, *(layer.ids for layer in self._layers)])
+        self._ends = np.cumsum([len(edges.upper), len(edges.lower), len(edges.corners), len(self._layers[0].ids)])
         self._at_rest = subject.vertices[self._seen]
 
-    def moves(self, vertices: NDArray[np.float32]) -> bool:
-        """Return whether edges or rims of the lids lie elsewhere in the pose ``vertices``, (N, 3), than at rest."""
-        return not np.array_equal(vertices.take(self._seen, axis=0), self._at_rest)
+    def apply(self, vertices: NDArray[np.float32], centre: Array, shares: tuple[float, float], looks: bool) -> float:
+        """Turn the lids of the pose ``vertices``, (N, 3), of an eye at ``centre``, in place.
 
-    def apply(self, vertices: NDArray[np.float32], centre: Array, shares: tuple[float, float]) -> bool:
-        """Turn the lids of the pose ``vertices``, (N, 3), of an eye at ``centre``, in place; return whether any did.
+        Args:
+            vertices: Shape (N, 3).
+            centre: Of the eye, shape (3,).
+            shares: Of how far they have passed each other, by which the upper and the lower one give way.
+            looks: Whether the eye is moved; if not, lids that are at rest are not looked at.
 
-        The upper and the lower one give way by ``shares`` of how far they have passed each other.
+        Returns:
+            How far any vertex is moved at most; 0 if none is.
         """
-        curves = self._edges.curves(vertices, centre)
-        angle = np.zeros(len(self._near))
-        for layer, curve, part in zip(self._layers, curves[::-1], shares, strict=True):
-            azimuth, elevation, _ = azimuth_and_elevation(vertices[layer.ids].astype(np.float64) - centre)
-            past = layer.sign * (curve(azimuth) - elevation) + layer.allowed
-            push = part * hinge(past, _TURN_START, _TURN_MARGIN)
-            if push.any():
-                whole = np.zeros(len(self._near))
-                whole[layer.keys] = push
-                angle += layer.sign * np.maximum(whole, layer.spreading(whole))
-        if not angle.any():
-            return False
-        angle = np.concatenate([angle, angle[self._roots]])
-        points = vertices[self._ids] - centre
-        across = np.maximum(np.sqrt(points[:, 0] ** 2 + points[:, 2] ** 2), 1e-9)
+        places = vertices.take(self._seen, axis=0)
+        if not looks and np.array_equal(places, self._at_rest):
+            return 0.0
+        azimuth, elevation, _ = azimuth_and_elevation(places - centre)
+        azimuths, elevations = np.split(azimuth, self._ends), np.split(elevation, self._ends)
+        curves = self._edges.curves_through(azimuths, elevations)
+        angle: Array | None = None
+        for number, (layer, part) in enumerate(zip(self._layers, shares, strict=True)):
+            past = layer.sign * (curves[1 - number](azimuths[3 + number]) - elevations[3 + number]) + layer.allowed
+            if past.max() <= 0.0:
+                continue
+            whole = np.zeros(len(self._near))
+            whole[layer.keys] = part * hinge(past, _TURN_START, _TURN_MARGIN)
+            turn = layer.sign * np.maximum(whole, layer.spreading(whole))
+            angle = turn if angle is None else angle + turn
+        if angle is None:
+            return 0.0
+        angle = np.concatenate([angle, angle.take(self._roots)])
+        turned = np.flatnonzero(angle)
+        ids, angle = self._ids.take(turned), angle.take(turned)
+        before = vertices.take(ids, axis=0)
+        x, y, z = before.T - centre[:, None]
+        across = np.maximum(np.sqrt(x * x + z * z), 1e-9)
         cosine, sine = np.cos(angle), np.sin(angle)
-        shrink = cosine - sine * points[:, 1] / across - 1.0
-        up = across * sine + points[:, 1] * (cosine - 1.0)
-        moved = np.column_stack([points[:, 0] * shrink, up, points[:, 2] * shrink])
-        vertices[self._ids] += moved.astype(np.float32)
-        return True
+        shrink = cosine - sine * y / across - 1.0
+        move = np.stack([x * shrink, across * sine + y * (cosine - 1.0), z * shrink])
+        vertices[ids] = before + move.T.astype(np.float32)
+        return farthest(move)
 
 
 @dataclass(frozen=True, eq=False)

@@ -82,11 +82,11 @@ class SurfaceSamples:
         points = vertices[self.ids].astype(np.float64)
         return np.concatenate([points, _interpolated(points, self.corners, self.weights)])
 
-    def greatest(self, points: Array, own: Array, near: Ids, of: Callable[[Array, Ids], Array]) -> Array:
+    def greatest(self, places: NDArray[np.float32], own: Array, near: Ids, of: Callable[[Array, Ids], Array]) -> Array:
         """Return the greatest value at each vertex and at the samples next to it, shape (V,).
 
         Args:
-            points: The vertices' positions, shape (V, 3).
+            places: The vertices' positions, shape (V, 3).
             own: Their values, shape (V,); changed in place.
             near: The vertices that may have samples with a value beside them, as indices into ``ids``, shape (n,).
             of: Returns the values of samples from their positions, (n, 3), and their numbers, (n,).
@@ -99,7 +99,8 @@ class SurfaceSamples:
         chosen[self.beside[np.arange(ends[-1]) + np.repeat(starts - ends + counts, counts)]] = True
         numbers = np.flatnonzero(chosen)
         corners = self.corners.take(numbers, axis=1)
-        values = of(_interpolated(points, corners, self.weights.take(numbers, axis=1)), len(self.ids) + numbers)
+        weights = self.weights.take(numbers, axis=1)
+        values = of(_interpolated(places, corners, weights), len(self.ids) + numbers)
         found = np.flatnonzero(values)
         if len(found):
             greatest = values[found]
@@ -108,7 +109,7 @@ class SurfaceSamples:
         return own
 
 
-def _interpolated(points: Array, corners: Ids, weights: Array) -> Array:
+def _interpolated(points: NDArray[np.floating], corners: Ids, weights: Array) -> Array:
     a, b, c = (points.take(corner, axis=0) * weight[:, None] for corner, weight in zip(corners, weights, strict=True))
     sums: Array = a + b + c
     return sums

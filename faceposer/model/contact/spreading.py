@@ -18,6 +18,9 @@ from scipy import sparse
 
 Array = NDArray[np.float64]
 
+#: Pushes of less than this share of a head's height are nothing: single precision does not know them.
+NOTHING = 1e-8
+
 
 @dataclass(frozen=True, eq=False)
 class Spreading:
@@ -28,7 +31,7 @@ class Spreading:
         spread: Weights of control points at vertices, rows sum to f_v, shape (V, C).
     """
 
-    gather: sparse.csr_array
+    gather: sparse.csc_array
     spread: sparse.csr_array
 
     @classmethod
@@ -56,15 +59,31 @@ class Spreading:
         shape = (count, len(cells))
         splines = sparse.csr_array((value[used], (row[used], column.ravel())), shape=shape)
         totals = np.asarray(splines.sum(axis=0)).ravel()
-        gather = sparse.csr_array(sparse.dia_array((1.0 / totals[None], [0]), shape=(len(cells),) * 2) @ splines.T)
+        gather = sparse.csc_array(sparse.dia_array((1.0 / totals[None], [0]), shape=(len(cells),) * 2) @ splines.T)
         spread = sparse.csr_array(sparse.dia_array((fade[None], [0]), shape=(count, count)) @ splines)
+        # Short indices: half of what a product reads.
+        spread.indices, spread.indptr = spread.indices.astype(np.int32), spread.indptr.astype(np.int32)
         return cls(gather, spread)
 
     def __call__(self, push: Array) -> Array:
         """Return the field, shape (V,), at least 0, of a ``push`` at least 0, shape (V,)."""
-        squared = push * push
-        field: Array = self.spread @ np.sqrt(np.sqrt(self.gather @ (squared * squared)))
+        field: Array = self.spread @ np.sqrt(np.sqrt(self._gathered(push)))
         return field
+
+    def _gathered(self, push: Array) -> Array:
+        """Return the means of the fourth powers of a ``push``, (V,), at the control points, (C,)."""
+        # Most vertices have none.
+        pushed = np.flatnonzero(push)
+        first = self.gather.indptr.take(pushed)
+        counts = self.gather.indptr.take(pushed + 1) - first
+        ends = np.cumsum(counts)
+        if not len(pushed):
+            return np.zeros(self.gather.shape[0])
+        entries = np.arange(ends[-1]) + np.repeat(first - ends + counts, counts)
+        squared = push.take(pushed)
+        squared *= squared
+        values = self.gather.data.take(entries) * np.repeat(squared * squared, counts)
+        return np.bincount(self.gather.indices.take(entries), values, minlength=self.gather.shape[0])
 
 
 def _splines(position: Array) -> tuple[Array, Array, Array]:
@@ -89,3 +108,9 @@ def fading(value: Array, full: float, gone: float) -> Array:
     t = np.clip((gone - value) / (gone - full), 0.0, 1.0)
     smooth: Array = t * t * (3.0 - 2.0 * t)
     return smooth
+
+
+def farthest(moves: NDArray[np.floating]) -> float:
+    """Return the greatest length of ``moves``, coordinates by rows (3, n); 0 where there are none."""
+    x, y, z = moves
+    return float(np.sqrt((x * x + y * y + z * z).max(initial=0.0)))

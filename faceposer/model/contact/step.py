@@ -48,16 +48,19 @@ class ContactStep:
         """Correct the pose ``vertices``, shape (N, 3), in place, and return them."""
         if not self.parts:
             return vertices
-        before = vertices.copy()
-        for part in self.parts:
-            with _left_out_if_degenerate():
-                part.apply(vertices)
-        moved = vertices - before
-        squares = np.einsum("nk,nk->n", moved, moved)
-        if not float(squares.max(initial=0.0)) <= self.most**2:
-            # Shapes that tear a face apart, or no numbers at all: what is far off stays where the pose has it.
-            far = ~(squares <= self.most**2)
-            vertices[far] = before[far]
+        before, farthest = vertices.copy(), 0.0
+        with np.errstate(all="ignore"):
+            for part in self.parts:
+                try:
+                    farthest += part.apply(vertices)
+                except (np.linalg.LinAlgError, ValueError, OverflowError):
+                    # Points in a plane, on a line or nowhere at all; the part is left out.
+                    continue
+            if not farthest <= self.most:
+                # Shapes that tear a face apart, or no numbers at all: what is far off stays where the pose has it.
+                moved = vertices - before
+                far = ~(np.einsum("nk,nk->n", moved, moved) <= self.most**2)
+                vertices[far] = before[far]
         return vertices
 
 
