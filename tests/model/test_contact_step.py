@@ -172,7 +172,7 @@ def test_pushes_begin_softly_and_end_outside() -> None:
 
 def test_spread_pushes_do_not_grow_and_fade() -> None:
     x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 6, 25), np.linspace(0, 4, 17)))
-    spreading = Spreading.over(x, y, np.full(len(x), 0.5), np.where(x > 5.0, 0.0, 1.0))
+    spreading = Spreading.over(x, y, np.full(len(x), 0.5), np.where(x > 5.0, 0.0, 1.0), np.arange(len(x)))
     rng = np.random.default_rng(0)
     one, other = rng.random((2, len(x)))
     field = spreading(one)
@@ -184,7 +184,7 @@ def test_spread_pushes_do_not_grow_and_fade() -> None:
 def test_layers_hand_nothing_to_each_other() -> None:
     x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 3, 13), np.linspace(0, 3, 13)))
     upper = np.tile([1.0, 0.0], len(x))
-    spreading = Spreading.over(np.repeat(x, 2), np.repeat(y, 2), upper, np.ones(2 * len(x)))
+    spreading = Spreading.over(np.repeat(x, 2), np.repeat(y, 2), upper, np.ones(2 * len(x)), np.arange(2 * len(x)))
     field = spreading(np.where(upper > 0.5, 1.0, 0.0))
     assert field[upper > 0.5].min() > 0.9
     assert field[upper < 0.5].max() == 0.0

@@ -55,17 +55,20 @@ class ArchContact:
         inside = surface_distance(subject, covering.lips, _INSIDE * size)
         skin = skin_ids(subject)
         behind = np.setdiff1d(skin[inside[skin] < np.inf], keys)
-        self._ids = np.concatenate([keys, behind])
-        points = subject.vertices[self._ids].astype(np.float64)
+        ids = np.concatenate([keys, behind])
+        points = subject.vertices[ids].astype(np.float64)
         place, height, radius = arch.cylinder(points)
-        fade = fading(inside[self._ids], 0.0, _INSIDE * size)
+        fade = fading(inside[ids], 0.0, _INSIDE * size)
         fade *= fading(arch.gap(points), _FADES * size, _FADED * size)
         beyond = np.maximum(height - arch.top, arch.bottom - height)
         fade *= fading(beyond, _LEVEL_FADES * size, _LEVEL_FADED * size)
         along = arch.angle(place) * float(np.median(radius[: len(keys)])) if len(keys) else place
         spacing = _SPACING * size
-        layer = _upper_share(subject, self._ids)
-        self._spreading = Spreading.over(along / spacing, height / spacing, layer, fade)
+        pushed = np.arange(len(keys))
+        layer = _upper_share(subject, ids)
+        spreading = Spreading.over(along / spacing, height / spacing, layer, fade, pushed)
+        moving = np.concatenate([pushed, np.setdiff1d(spreading.reaches, pushed)])
+        self._ids, self._spreading = ids[moving], spreading.at(moving)
         self._jaw_at_rest = subject.vertices[arch.frame.witnesses]
         self._skin_at_rest = subject.vertices[self._samples.ids]
         at_rest = self._samples.places(subject.vertices)
@@ -118,30 +121,24 @@ class ArchContact:
             close = close[(places.take(close, axis=0) != self._skin_at_rest.take(close, axis=0)).any(axis=1)]
         if not len(close):
             return 0.0
-        count = len(places)
-        depth = self._depth(places.take(close, axis=0) @ back + to_rest)
-        own = np.zeros(count)
-        own[close] = hinge(depth - self._allowed[close], self._start, self._margin)
-        near = close[depth > -self._near[close]]
-        push = np.zeros(len(self._ids))
-        push[:count] = self._samples.greatest(
+        push = self._samples.greatest(
             places,
-            own,
-            near,
-            lambda between, numbers: hinge(
-                self._depth(between @ back + to_rest) - self._allowed[numbers], self._start, self._margin
+            close,
+            lambda points, numbers: hinge(
+                self._depth(points @ back + to_rest) - self._allowed.take(numbers), self._start, self._margin
             ),
         )
         if push.max() <= self._nothing:
             return 0.0
-        push = np.maximum(push, self._spreading(push))
-        pushed = np.flatnonzero(push)
+        field = self._spreading(push)
+        field[: len(push)] = np.maximum(field[: len(push)], push)
+        pushed = np.flatnonzero(field)
         ids = self._ids.take(pushed)
         before = vertices.take(ids, axis=0)
         # Position beside the upright axis, x and z, by rows, and what a move there is in the pose.
         aside = back[:, ::2].T @ before.T
         aside += (to_rest[::2] - self._arch.axis)[:, None]
-        aside *= push.take(pushed) / np.maximum(np.sqrt(aside[0] * aside[0] + aside[1] * aside[1]), 1e-9)
+        aside *= field.take(pushed) / np.maximum(np.sqrt(aside[0] * aside[0] + aside[1] * aside[1]), 1e-9)
         move = linear[:, ::2] @ aside
         vertices[ids] = before + move.T.astype(np.float32)
         return farthest(move)

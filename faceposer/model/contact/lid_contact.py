@@ -6,7 +6,7 @@ Lid on ball: skin at a direction d from the centre whose distance is below the b
 goes out along d; the skin around goes with it.
 """
 
-from dataclasses import dataclass
+import itertools
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,13 +64,16 @@ class LidContact:
         self._samples = skin_samples(subject, near[touches])
         self._near = (_STRETCHED * self._samples.spans) ** 2 / (6.0 * ball.radius)
         self._far = (((1.0 + _ROUNDING) * (float(ball.profile.max()) + self._near)) ** 2).astype(np.float32)
-        self._ids = np.concatenate([near[touches], near[~touches]])
-        points = subject.vertices[self._ids] - ball.centre
+        pushed = np.arange(int(touches.sum()))
+        ids = np.concatenate([near[touches], near[~touches]])
+        points = subject.vertices[ids] - ball.centre
         azimuth, elevation, _ = azimuth_and_elevation(points)
-        layer = _upper_share(distances, self._ids)
+        layer = _upper_share(distances, ids)
         fade = fading(ball.clearance(points)[0], _FADES * ball.radius, _FADED * ball.radius)
         outward = np.sign(ball.centre[0]) or 1.0
-        self._spreading = Spreading.over(outward * azimuth / _SPACING, elevation / _SPACING, layer, fade)
+        spreading = Spreading.over(outward * azimuth / _SPACING, elevation / _SPACING, layer, fade, pushed)
+        moving = np.concatenate([pushed, np.setdiff1d(spreading.reaches, pushed)])
+        self._ids, self._spreading = ids[moving], spreading.at(moving)
         self._allowed = np.zeros(len(self._samples))
         at_rest = self._samples.places(subject.vertices) - ball.centre
         self._allowed = np.maximum(-ball.clearance(at_rest)[0], 0.0)
@@ -87,8 +90,8 @@ class LidContact:
         linear, centre = ball.motion_of(witnesses)
         farthest_moved = 0.0
         if self._turning is not None:
-            for shares in _SHARES:
-                turned = self._turning.apply(vertices, centre, shares, looks)
+            for time in range(len(_SHARES)):
+                turned = self._turning.apply(vertices, centre, time, looks)
                 if turned == 0.0:
                     break
                 farthest_moved += turned
@@ -104,32 +107,32 @@ class LidContact:
         if not len(close):
             return farthest_moved
         start, margin = _START * ball.radius, _MARGIN * ball.radius
-        clearance, _ = ball.clearance((places.take(close, axis=0) - centre) @ back)
-        own = np.zeros(len(places))
-        own[close] = hinge(-clearance - self._allowed[close], start, margin)
-        near = close[clearance < self._near[close]]
-        push = np.zeros(len(self._ids))
-        push[: len(places)] = self._samples.greatest(
+        resting = np.stack([x.take(close), y.take(close), z.take(close)], axis=1)
+        clearance = ball.clearance(resting)[0] - _ROUNDING * ball.radius
+        near = close[clearance < self._near.take(close)]
+        if not len(near):
+            return farthest_moved
+        push = self._samples.greatest(
             places,
-            own,
             near,
-            lambda between, numbers: hinge(
-                -ball.clearance((between - centre) @ back)[0] - self._allowed[numbers], start, margin
+            lambda points, numbers: hinge(
+                -ball.clearance((points - centre) @ back)[0] - self._allowed.take(numbers), start, margin
             ),
         )
         if push.max() <= self._nothing:
             return farthest_moved
-        push = np.maximum(push, self._spreading(push))
-        pushed = np.flatnonzero(push)
+        field = self._spreading(push)
+        field[: len(push)] = np.maximum(field[: len(push)], push)
+        pushed = np.flatnonzero(field)
         ids = self._ids.take(pushed)
         before = vertices.take(ids, axis=0)
         points = before.T - centre[:, None]
         x, y, z = back.T @ points
-        move = points * (push.take(pushed) / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-9))
+        move = points * (field.take(pushed) / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-9))
         vertices[ids] = before + move.T.astype(np.float32)
         lashes, roots = self._followers
         if len(lashes):
-            whole = np.zeros((len(push), 3), dtype=np.float32)
+            whole = np.zeros((len(field), 3), dtype=np.float32)
             whole[pushed] = move.T
             vertices[lashes] += whole[roots]
         return farthest_moved + farthest(move)
@@ -147,36 +150,45 @@ class _Turning:
         azimuth, elevation, _ = azimuth_and_elevation(points)
         upper = _upper_share(distances, near)
         outward = np.sign(ball.centre[0]) or 1.0
-        self._layers: list[_Layer] = []
         curves = edges.curves(subject.vertices, ball.centre)
         starts, ends = zip(*(_known(curve.azimuth) for curve in curves), strict=True)
         first, last = max(starts), min(ends)
         on_edge = (azimuth > first) & (azimuth < last) & (ball.clearance(points)[0] >= 0.0)
+        along, up = outward * azimuth / _SPACING, elevation / _SPACING
+        rims, allowed, spreadings = [], [], []
         for number, (distance, share) in enumerate(zip(distances, (upper, 1.0 - upper), strict=True)):
             sign = 1.0 - 2.0 * number
-            keys = np.flatnonzero(on_edge & (share > 0.5) & (distance[near] < _RIM * ball.radius))
-            behind = np.maximum(sign * (elevation[keys] - curves[number](azimuth[keys])), 0.0)
-            across = sign * (curves[1 - number](azimuth[keys]) - elevation[keys]) + behind
+            rim = np.flatnonzero(on_edge & (share > 0.5) & (distance[near] < _RIM * ball.radius))
+            behind = np.maximum(sign * (elevation[rim] - curves[number](azimuth[rim])), 0.0)
+            across = sign * (curves[1 - number](azimuth[rim]) - elevation[rim]) + behind
             fade = share * fading(distance[near], 0.0, reach)
-            along, up = outward * azimuth / _SPACING, elevation / _SPACING
-            spreading = Spreading.over(along, up, share, fade)
-            self._layers.append(_Layer(near[keys], keys, behind - np.maximum(across, PRESSED), sign, spreading))
-        self._near = near
-        lashes, roots = _followers(subject, ball, edges, near)
-        self._ids = np.concatenate([near, lashes])
-        self._roots = roots
+            rims.append(rim)
+            # How far each lies behind its edge, less the overlap that it may have.
+            allowed.append(behind - np.maximum(across, PRESSED))
+            spreadings.append(Spreading.over(along, up, share, fade, rim))
+        turning = np.unique(np.concatenate([*rims, *(spreading.reaches for spreading in spreadings)]))
+        self._count = len(turning)
+        self._spreading = Spreading.beside([spreading.at(turning) for spreading in spreadings])
+        # Where the rims' own turns lie among those of both lids, one after the other.
+        self._own = np.concatenate([np.searchsorted(turning, rim) + i * len(turning) for i, rim in enumerate(rims)])
+        self._allowed = np.concatenate(allowed)
+        sizes = [len(rim) for rim in rims]
+        self._shares = np.repeat(np.array(_SHARES), sizes, axis=1)
+        lashes, self._roots = _followers(subject, ball, edges, near[turning])
+        self._ids = np.concatenate([near[turning], lashes])
         # Edges, corners and rims, one after another.
-        self._seen = np.concatenate([edges.upper, edges.lower, edges.corners, *(layer.ids for layer in self._layers)])
-        self._ends = np.cumsum([len(edges.upper), len(edges.lower), len(edges.corners), len(self._layers[0].ids)])
+        self._seen = np.concatenate([edges.upper, edges.lower, edges.corners, *(near[rim] for rim in rims)])
+        bounds = np.cumsum([0, len(edges.upper), len(edges.lower), len(edges.corners), *sizes]).tolist()
+        self._runs = [slice(*run) for run in itertools.pairwise(bounds)]
         self._at_rest = subject.vertices[self._seen]
 
-    def apply(self, vertices: NDArray[np.float32], centre: Array, shares: tuple[float, float], looks: bool) -> float:
+    def apply(self, vertices: NDArray[np.float32], centre: Array, time: int, looks: bool) -> float:
         """Turn the lids of the pose ``vertices``, (N, 3), of an eye at ``centre``, in place.
 
         Args:
             vertices: Shape (N, 3).
             centre: Of the eye, shape (3,).
-            shares: Of how far they have passed each other, by which the upper and the lower one give way.
+            time: How often they have been turned before.
             looks: Whether the eye is moved; if not, lids that are at rest are not looked at.
 
         Returns:
@@ -186,19 +198,16 @@ class _Turning:
         if not looks and np.array_equal(places, self._at_rest):
             return 0.0
         azimuth, elevation, _ = azimuth_and_elevation(places - centre)
-        azimuths, elevations = np.split(azimuth, self._ends), np.split(elevation, self._ends)
-        curves = self._edges.curves_through(azimuths, elevations)
-        angle: Array | None = None
-        for number, (layer, part) in enumerate(zip(self._layers, shares, strict=True)):
-            past = layer.sign * (curves[1 - number](azimuths[3 + number]) - elevations[3 + number]) + layer.allowed
-            if past.max() <= 0.0:
-                continue
-            whole = np.zeros(len(self._near))
-            whole[layer.keys] = part * hinge(past, _TURN_START, _TURN_MARGIN)
-            turn = layer.sign * np.maximum(whole, layer.spreading(whole))
-            angle = turn if angle is None else angle + turn
-        if angle is None:
+        azimuths, elevations = ([each[run] for run in self._runs] for each in (azimuth, elevation))
+        upper, lower = self._edges.curves_through(azimuths, elevations)
+        past = np.concatenate([lower(azimuths[3]) - elevations[3], elevations[4] - upper(azimuths[4])])
+        past += self._allowed
+        if past.max(initial=0.0) <= 0.0:
             return 0.0
+        turns = self._shares[time] * hinge(past, _TURN_START, _TURN_MARGIN)
+        both = self._spreading(turns)
+        both[self._own] = np.maximum(both[self._own], turns)
+        angle = both[: self._count] - both[self._count :]
         angle = np.concatenate([angle, angle.take(self._roots)])
         turned = np.flatnonzero(angle)
         ids, angle = self._ids.take(turned), angle.take(turned)
@@ -210,25 +219,6 @@ class _Turning:
         move = np.stack([x * shrink, across * sine + y * (cosine - 1.0), z * shrink])
         vertices[ids] = before + move.T.astype(np.float32)
         return farthest(move)
-
-
-@dataclass(frozen=True, eq=False)
-class _Layer:
-    """The upper lid (sign 1) or the lower lid (sign -1).
-
-    Attributes:
-        ids: Vertices of the rim, shape (k,).
-        keys: Their indices among all vertices that turn, shape (k,).
-        allowed: How far each lies behind its edge, less the overlap that it may have, shape (k,).
-        sign: Direction, up or down, in which the lid gives way.
-        spreading: From the rim to all vertices that turn.
-    """
-
-    ids: Ids
-    keys: Ids
-    allowed: Array
-    sign: float
-    spreading: Spreading
 
 
 def _upper_share(distances: list[Array] | None, ids: Ids) -> Array:
@@ -270,9 +260,12 @@ def _lashes(subject: Subject, ball: Eyeball, edges: LidEdges | None) -> list[tup
 
 
 def _followers(subject: Subject, ball: Eyeball, edges: LidEdges | None, skin: Ids) -> tuple[Ids, Ids]:
-    """Return the vertices of lashes, and the index into ``skin`` of the edge's vertex that each goes with."""
+    """Return the vertices of lashes, and the index into ``skin`` of the edge's vertex that each goes with.
+
+    Those that go with none of ``skin`` are left out.
+    """
     ids, roots = [np.zeros(0, dtype=np.intp)], [np.zeros(0, dtype=np.intp)]
-    place = np.zeros(len(subject.vertices), dtype=np.intp)
+    place = np.full(len(subject.vertices), -1, dtype=np.intp)
     place[skin] = np.arange(len(skin))
     for lashes, is_upper in _lashes(subject, ball, edges):
         assert edges is not None
@@ -280,7 +273,8 @@ def _followers(subject: Subject, ball: Eyeball, edges: LidEdges | None, skin: Id
         between = np.abs(_azimuth(subject, ball, lashes)[:, None] - _azimuth(subject, ball, edge)[None])
         ids.append(lashes)
         roots.append(place[edge[between.argmin(axis=1)]])
-    return np.concatenate(ids), np.concatenate(roots)
+    found, root = np.concatenate(ids), np.concatenate(roots)
+    return found[root >= 0], root[root >= 0]
 
 
 def lid_contacts(subject: Subject, balls: list[Eyeball]) -> list[LidContact]:

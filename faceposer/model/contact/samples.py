@@ -82,31 +82,34 @@ class SurfaceSamples:
         points = vertices[self.ids].astype(np.float64)
         return np.concatenate([points, _interpolated(points, self.corners, self.weights)])
 
-    def greatest(self, places: NDArray[np.float32], own: Array, near: Ids, of: Callable[[Array, Ids], Array]) -> Array:
-        """Return the greatest value at each vertex and at the samples next to it, shape (V,).
+    def greatest(self, places: NDArray[np.float32], near: Ids, of: Callable[[Array, Ids], Array]) -> Array:
+        """Return the greatest value at each vertex and at the samples next to it, at least 0, shape (V,).
 
         Args:
             places: The vertices' positions, shape (V, 3).
-            own: Their values, shape (V,); changed in place.
-            near: The vertices that may have samples with a value beside them, as indices into ``ids``, shape (n,).
+            near: The vertices that may have a value, or samples with one beside them, as indices into ``ids``, (n,).
             of: Returns the values of samples from their positions, (n, 3), and their numbers, (n,).
         """
-        starts, counts = self.first[near], self.first[near + 1] - self.first[near]
+        greatest = np.zeros(len(self.ids))
+        starts = self.first.take(near)
+        counts = self.first.take(near + 1) - starts
         ends = np.cumsum(counts)
-        if not len(near) or not ends[-1]:
-            return own
         chosen = np.zeros(self.corners.shape[1], dtype=bool)
-        chosen[self.beside[np.arange(ends[-1]) + np.repeat(starts - ends + counts, counts)]] = True
-        numbers = np.flatnonzero(chosen)
-        corners = self.corners.take(numbers, axis=1)
-        weights = self.weights.take(numbers, axis=1)
-        values = of(_interpolated(places, corners, weights), len(self.ids) + numbers)
+        chosen[self.beside.take(np.arange(ends[-1]) + np.repeat(starts - ends + counts, counts))] = True
+        between = np.flatnonzero(chosen)
+        corners = self.corners.take(between, axis=1)
+        points = _interpolated(places, corners, self.weights.take(between, axis=1))
+        values = of(
+            np.concatenate([places.take(near, axis=0), points]), np.concatenate([near, len(self.ids) + between])
+        )
+        own, values = values[: len(near)], values[len(near) :]
+        greatest[near] = own
         found = np.flatnonzero(values)
         if len(found):
-            greatest = values[found]
+            values = values.take(found)
             for corner in corners:
-                np.maximum.at(own, corner[found], greatest)
-        return own
+                np.maximum.at(greatest, corner.take(found), values)
+        return greatest
 
 
 def _interpolated(points: NDArray[np.floating], corners: Ids, weights: Array) -> Array:

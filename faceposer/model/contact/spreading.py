@@ -9,6 +9,7 @@ A weighted 4-norm is nearly the greatest push around a point, and unlike that it
 so that the field changes by no more than the pushes do.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 Array = NDArray[np.float64]
+Ids = NDArray[np.intp]
 
 #: Pushes of less than this share of a head's height are nothing: single precision does not know them.
 NOTHING = 1e-8
@@ -24,18 +26,18 @@ NOTHING = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class Spreading:
-    """Gathers pushes of V vertices at control points and hands them out.
+    """Gathers pushes of K of V vertices at control points and hands them out.
 
     Attributes:
-        gather: Weights of vertices in control points, rows sum to one, shape (C, V).
-        spread: Weights of control points at vertices, rows sum to f_v, shape (V, C).
+        gather: Weights of pushed vertices in control points, shape (C, K).
+        spread: Weights of control points at vertices, rows sum to f_v at most, shape (V, C).
     """
 
-    gather: sparse.csc_array
+    gather: sparse.csr_array
     spread: sparse.csr_array
 
     @classmethod
-    def over(cls, first: Array, second: Array, layer: Array, fade: Array) -> Self:
+    def over(cls, first: Array, second: Array, layer: Array, fade: Array, keys: Ids) -> Self:
         """Return the spreading over vertices with two surface coordinates in units of the control points' distance.
 
         Args:
@@ -43,47 +45,60 @@ class Spreading:
             second: Second coordinate, shape (V,).
             layer: Share of each vertex in the upper of two layers that hand nothing to each other, as the lips; (V,).
             fade: Factor f_v on what each vertex gets, shape (V,).
+            keys: Vertices that can be pushed, shape (K,); the others count as such that are not.
         """
         count = len(first)
-        rows, keys, values = [], [], []
+        rows, places, values = [], [], []
         for i, along in enumerate(_splines(first)):
             for j, across in enumerate(_splines(second)):
                 cell = np.stack([np.round(first) + i - 1, np.round(second) + j - 1], axis=1)
                 for number, share in enumerate((layer, 1.0 - layer)):
                     rows.append(np.arange(count))
-                    keys.append(np.column_stack([cell, np.full(count, number)]))
+                    places.append(np.column_stack([cell, np.full(count, number)]))
                     values.append(along * across * share)
         row, value = np.concatenate(rows), np.concatenate(values)
         used = value > 1e-6
-        cells, column = np.unique(np.concatenate(keys)[used].astype(np.int64), axis=0, return_inverse=True)
+        cells, column = np.unique(np.concatenate(places)[used].astype(np.int64), axis=0, return_inverse=True)
         shape = (count, len(cells))
         splines = sparse.csr_array((value[used], (row[used], column.ravel())), shape=shape)
         totals = np.asarray(splines.sum(axis=0)).ravel()
-        gather = sparse.csc_array(sparse.dia_array((1.0 / totals[None], [0]), shape=(len(cells),) * 2) @ splines.T)
-        spread = sparse.csr_array(sparse.dia_array((fade[None], [0]), shape=(count, count)) @ splines)
-        # Short indices: half of what a product reads.
-        spread.indices, spread.indptr = spread.indices.astype(np.int32), spread.indptr.astype(np.int32)
-        return cls(gather, spread)
+        pushed = splines[keys]
+        # Control points that nobody pushes have nothing to hand out.
+        reached = np.flatnonzero(np.asarray(pushed.sum(axis=0)).ravel())
+        gather = sparse.dia_array((1.0 / totals[None, reached], [0]), shape=(len(reached),) * 2) @ pushed[:, reached].T
+        spread = sparse.dia_array((fade[None], [0]), shape=(count, count)) @ splines[:, reached]
+        return cls(_compact(gather), _compact(spread))
+
+    @classmethod
+    def beside(cls, parts: Sequence[Self]) -> Self:
+        """Return the ``parts`` as one, with the pushes, and the fields, of one after those of another."""
+        return cls(
+            _compact(sparse.block_diag([part.gather for part in parts])),
+            _compact(sparse.block_diag([part.spread for part in parts])),
+        )
+
+    @property
+    def reaches(self) -> Ids:
+        """The vertices that get anything, in rising order."""
+        return np.flatnonzero(np.diff(self.spread.indptr))
+
+    def at(self, vertices: Ids) -> Self:
+        """Return the same with the field at some of the ``vertices`` alone, shape (n,)."""
+        return type(self)(self.gather, _compact(self.spread[vertices]))
 
     def __call__(self, push: Array) -> Array:
-        """Return the field, shape (V,), at least 0, of a ``push`` at least 0, shape (V,)."""
-        field: Array = self.spread @ np.sqrt(np.sqrt(self._gathered(push)))
+        """Return the field, shape (V,), at least 0, of a ``push`` at least 0, shape (K,)."""
+        squared = push * push
+        field: Array = self.spread @ np.sqrt(np.sqrt(self.gather @ (squared * squared)))
         return field
 
-    def _gathered(self, push: Array) -> Array:
-        """Return the means of the fourth powers of a ``push``, (V,), at the control points, (C,)."""
-        # Most vertices have none.
-        pushed = np.flatnonzero(push)
-        first = self.gather.indptr.take(pushed)
-        counts = self.gather.indptr.take(pushed + 1) - first
-        ends = np.cumsum(counts)
-        if not len(pushed):
-            return np.zeros(self.gather.shape[0])
-        entries = np.arange(ends[-1]) + np.repeat(first - ends + counts, counts)
-        squared = push.take(pushed)
-        squared *= squared
-        values = self.gather.data.take(entries) * np.repeat(squared * squared, counts)
-        return np.bincount(self.gather.indices.take(entries), values, minlength=self.gather.shape[0])
+
+def _compact(matrix: sparse.sparray) -> sparse.csr_array:
+    """Return the ``matrix`` by rows with short indices, half of what a product reads, and without zeros."""
+    rows = sparse.csr_array(matrix)
+    rows.eliminate_zeros()
+    rows.indices, rows.indptr = rows.indices.astype(np.int32), rows.indptr.astype(np.int32)
+    return rows
 
 
 def _splines(position: Array) -> tuple[Array, Array, Array]:
