@@ -1,5 +1,6 @@
 """Eyeballs: a sphere with a cornea, found in the eye parts of a character."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from faceposer.model.contact.frames import AffineFrame
 from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
+Ids = NDArray[np.intp]
 
 # Steps of the radius over the cosine of the angle to the gaze axis, and over that angle.
 _STEPS, _ANGLES = 400, 90
@@ -56,6 +58,52 @@ class Eyeball:
         first = self.profile[low]
         radii: Array = first + (position - low) * (self.profile[low + 1] - first)
         return radii
+
+
+class Eyeballs:
+    """Several eyeballs, looked at together.
+
+    Attributes:
+        witnesses: Vertices that tell their motion, as many of each, shape (E w,).
+        at_rest: Where those lie in the neutral face, shape (E w, 3).
+        radii: Of their spheres, shape (E,).
+    """
+
+    def __init__(self, balls: Sequence[Eyeball], neutral: NDArray[np.floating]) -> None:
+        """Take up ``balls`` of the ``neutral`` face, shape (N, 3)."""
+        most = max(len(ball.frame.witnesses) for ball in balls)
+        # Those that are too many count for nothing.
+        self.witnesses = np.concatenate(
+            [np.pad(ball.frame.witnesses, (0, most - len(ball.frame.witnesses)), mode="edge") for ball in balls]
+        )
+        self.at_rest = neutral[self.witnesses]
+        self._solvers = np.stack(
+            [np.pad(ball.frame.solver, ((0, 0), (0, most - ball.frame.solver.shape[1]))) for ball in balls]
+        )
+        self._offsets = np.stack([ball.centre - ball.frame.origin for ball in balls])
+        self._axes = np.stack([ball.axis for ball in balls])
+        self._profiles = np.concatenate([ball.profile for ball in balls])
+        self.radii = np.array([ball.radius for ball in balls])
+
+    def motion_of(self, places: NDArray[np.floating]) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Return linear parts, (E, 3, 3), centres, (E, 3), and which balls move, (E,), by the witnesses' ``places``."""
+        count = len(self.radii)
+        found = self._solvers @ places.astype(np.float64).reshape(count, -1, 3)
+        linear = found[:, :3].transpose(0, 2, 1)
+        centres = found[:, 3] + np.einsum("eij,ej->ei", linear, self._offsets)
+        return linear, centres, (places != self.at_rest).reshape(count, -1).any(axis=1)
+
+    def clearance(self, relative: NDArray[np.floating], balls: Ids) -> Array:
+        """Return how far points at rest, at ``relative`` (n, 3) to the centres of ``balls``, (n,), are outside."""
+        distance = np.sqrt(np.einsum("nd,nd->n", relative, relative))
+        along = np.einsum("nd,nd->n", relative, self._axes.take(balls, axis=0))
+        cosine = along / np.maximum(distance, 1e-9)
+        position = np.minimum(np.maximum((cosine + 1.0) * (0.5 * _STEPS), 0.0), _STEPS - 1e-9)
+        low = position.astype(np.intp)
+        place = low + balls * (_STEPS + 1)
+        first = self._profiles.take(place)
+        clearance: Array = distance - first - (position - low) * (self._profiles.take(place + 1) - first)
+        return clearance
 
 
 def fit_sphere(points: Array) -> tuple[Array, float]:

@@ -7,11 +7,14 @@ goes out along d; the skin around goes with it.
 """
 
 import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.model.contact.eyeballs import Eyeball
+from faceposer.model.contact.eyeballs import Eyeball, Eyeballs
 from faceposer.model.contact.frames import pieces
 from faceposer.model.contact.lids import (
     PRESSED,
@@ -22,6 +25,7 @@ from faceposer.model.contact.lids import (
     skin_ids,
 )
 from faceposer.model.contact.lips import skin_samples, surface_distance, with_neighbours
+from faceposer.model.contact.samples import SurfaceSamples
 from faceposer.model.contact.spreading import NOTHING, Spreading, fading, farthest, hinge
 from faceposer.model.subject import Subject
 
@@ -47,23 +51,41 @@ _ROUNDING = 1e-5
 _SPACING = 0.2
 
 
-class LidContact:
-    """Keeps the lids of one eye off its ball and off each other."""
+@dataclass(frozen=True, eq=False)
+class _Eye:
+    """An eye with what surrounds it.
 
-    def __init__(self, subject: Subject, ball: Eyeball, edges: LidEdges | None) -> None:
-        """Prepare for an eye of ``subject``, with the edges of its lids if there are any."""
-        self._ball = ball
+    Attributes:
+        ball: Its ball.
+        edges: Of its lids, if there are any.
+        distances: Of all vertices to the upper and to the lower edge; None without edges.
+        samples: Of the skin that may touch the ball.
+        ids: The vertices that move with pushes: first those of the samples, shape (n,).
+        spreading: Of pushes of the samples' vertices over ``ids``.
+        allowed: Depths of the samples in the neutral face.
+        followers: Lashes, and the index into ``ids`` of the vertex that each goes with.
+    """
+
+    ball: Eyeball
+    edges: LidEdges | None
+    distances: list[Array] | None
+    samples: SurfaceSamples
+    ids: Ids
+    spreading: Spreading
+    allowed: Array
+    followers: tuple[Ids, Ids]
+
+    @classmethod
+    def of(cls, subject: Subject, ball: Eyeball, edges: LidEdges | None) -> Self:
+        """Return the eye of the ``subject`` with a ``ball``, and ``edges`` of its lids if there are any."""
         distances = None
         if edges is not None:
             reach = 4.0 * ball.radius
             distances = [surface_distance(subject, ids, reach) for ids in (edges.upper, edges.lower)]
-        self._turning = None if edges is None or distances is None else _Turning(subject, ball, edges, distances)
         near = over_the_ball(subject, ball)
         clearance, _ = ball.clearance(subject.vertices[near] - ball.centre)
         touches = np.isin(near, with_neighbours(subject, near[clearance < _TOUCHES * ball.radius]))
-        self._samples = skin_samples(subject, near[touches])
-        self._near = (_STRETCHED * self._samples.spans) ** 2 / (6.0 * ball.radius)
-        self._far = (((1.0 + _ROUNDING) * (float(ball.profile.max()) + self._near)) ** 2).astype(np.float32)
+        samples = skin_samples(subject, near[touches])
         pushed = np.arange(int(touches.sum()))
         ids = np.concatenate([near[touches], near[~touches]])
         points = subject.vertices[ids] - ball.centre
@@ -73,76 +95,233 @@ class LidContact:
         outward = np.sign(ball.centre[0]) or 1.0
         spreading = Spreading.over(outward * azimuth / _SPACING, elevation / _SPACING, layer, fade, pushed)
         moving = np.concatenate([pushed, np.setdiff1d(spreading.reaches, pushed)])
-        self._ids, self._spreading = ids[moving], spreading.at(moving)
-        self._allowed = np.zeros(len(self._samples))
-        at_rest = self._samples.places(subject.vertices) - ball.centre
-        self._allowed = np.maximum(-ball.clearance(at_rest)[0], 0.0)
-        self._followers = _followers(subject, ball, edges, self._ids)
-        self._ball_at_rest = subject.vertices[ball.frame.witnesses]
+        at_rest = samples.places(subject.vertices) - ball.centre
+        allowed = np.maximum(-ball.clearance(at_rest)[0], 0.0)
+        followers = _followers(subject, ball, edges, ids[moving])
+        return cls(ball, edges, distances, samples, ids[moving], spreading.at(moving), allowed, followers)
+
+
+class LidContact:
+    """Keeps the lids of eyes off their balls and off each other.
+
+    What surrounds one eye has no vertex in common with what surrounds another; all are looked at together.
+    """
+
+    def __init__(self, subject: Subject, eyes: Sequence[_Eye]) -> None:
+        """Prepare for the ``eyes`` of ``subject``."""
+        self._balls = Eyeballs([eye.ball for eye in eyes], subject.vertices)
+        self._turning = _Turning(subject, eyes) if any(eye.edges is not None for eye in eyes) else None
+        self._samples = SurfaceSamples.joined([eye.samples for eye in eyes])
+        numbers = np.arange(len(eyes))
+        vertices = np.repeat(numbers, [len(eye.samples.ids) for eye in eyes])
+        between = np.repeat(numbers, [eye.samples.corners.shape[1] for eye in eyes])
+        self._eye_of_sample = np.concatenate([vertices, between])
+        self._runs = _runs([len(eye.samples.ids) for eye in eyes])
+        radii = self._balls.radii.take(vertices)
+        self._near = (_STRETCHED * self._samples.spans) ** 2 / (6.0 * radii)
+        widest = np.array([eye.ball.profile.max() for eye in eyes]).take(vertices)
+        self._far = (((1.0 + _ROUNDING) * (widest + self._near)) ** 2).astype(np.float32)
+        self._reaches = self._near + _ROUNDING * radii
+        self._allowed = np.concatenate(
+            [eye.allowed[: len(eye.samples.ids)] for eye in eyes]
+            + [eye.allowed[len(eye.samples.ids) :] for eye in eyes]
+        )
+        self._spreading = Spreading.beside([eye.spreading for eye in eyes])
+        self._ids = np.concatenate([eye.ids for eye in eyes])
+        self._eye_of_id = np.repeat(numbers, [len(eye.ids) for eye in eyes])
+        first = np.cumsum([0, *(len(eye.ids) for eye in eyes)])
+        # Where the samples' vertices are among those that move.
+        self._own = np.concatenate([first[i] + np.arange(len(eye.samples.ids)) for i, eye in enumerate(eyes)])
+        self._lashes = np.concatenate([eye.followers[0] for eye in eyes])
+        self._roots = np.concatenate([first[i] + eye.followers[1] for i, eye in enumerate(eyes)])
         self._at_rest = subject.vertices[self._samples.ids]
         self._nothing = NOTHING * subject.height
 
     def apply(self, vertices: NDArray[np.float32]) -> float:
         """Correct the pose ``vertices``, shape (N, 3), in place; return how far it moves any of them at most."""
-        ball = self._ball
-        witnesses = vertices.take(ball.frame.witnesses, axis=0)
-        looks = not np.array_equal(witnesses, self._ball_at_rest)
-        linear, centre = ball.motion_of(witnesses)
-        farthest_moved = 0.0
-        if self._turning is not None:
-            for time in range(len(_SHARES)):
-                turned = self._turning.apply(vertices, centre, time, looks)
-                if turned == 0.0:
-                    break
-                farthest_moved += turned
+        balls = self._balls
+        linear, centres, look = balls.motion_of(vertices.take(balls.witnesses, axis=0))
+        looks = bool(look.any())
+        turned = 0.0 if self._turning is None else self._turning.apply(vertices, centres, looks)
         places = vertices.take(self._samples.ids, axis=0)
         if not looks and np.array_equal(places, self._at_rest):
-            return farthest_moved
-        back = np.linalg.inv(linear).T
-        # In single precision all that may lie deep, then exactly how deep it does.
-        x, y, z = back.T.astype(np.float32) @ (places.T - centre.astype(np.float32)[:, None])
-        close = np.flatnonzero(x * x + y * y + z * z < self._far)
-        if not looks:
-            close = close[(places.take(close, axis=0) != self._at_rest.take(close, axis=0)).any(axis=1)]
+            return turned
+        back = np.linalg.inv(linear)
+        close = self._may_touch(places, centres, back)
+        if not look.all():
+            moved = (places.take(close, axis=0) != self._at_rest.take(close, axis=0)).any(axis=1)
+            close = close[moved | look.take(self._eye_of_sample.take(close))]
         if not len(close):
-            return farthest_moved
-        start, margin = _START * ball.radius, _MARGIN * ball.radius
-        resting = np.stack([x.take(close), y.take(close), z.take(close)], axis=1)
-        clearance = ball.clearance(resting)[0] - _ROUNDING * ball.radius
-        near = close[clearance < self._near.take(close)]
-        if not len(near):
-            return farthest_moved
-        push = self._samples.greatest(
-            places,
-            near,
-            lambda points, numbers: hinge(
-                -ball.clearance((points - centre) @ back)[0] - self._allowed.take(numbers), start, margin
-            ),
-        )
+            return turned
+
+        def pushes(points: Array, numbers: Ids) -> Array:
+            eyes = self._eye_of_sample.take(numbers)
+            resting = np.einsum("nij,nj->ni", back.take(eyes, axis=0), points - centres.take(eyes, axis=0))
+            depth = -balls.clearance(resting, eyes) - self._allowed.take(numbers)
+            radius = balls.radii.take(eyes)
+            return hinge(depth, _START * radius, _MARGIN * radius)
+
+        push = self._samples.greatest(places, close, pushes)
         if push.max() <= self._nothing:
-            return farthest_moved
+            return turned
         field = self._spreading(push)
-        field[: len(push)] = np.maximum(field[: len(push)], push)
+        field[self._own] = np.maximum(field.take(self._own), push)
         pushed = np.flatnonzero(field)
-        ids = self._ids.take(pushed)
+        ids, eyes = self._ids.take(pushed), self._eye_of_id.take(pushed)
         before = vertices.take(ids, axis=0)
-        points = before.T - centre[:, None]
-        x, y, z = back.T @ points
-        move = points * (field.take(pushed) / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-9))
+        points = before - centres.take(eyes, axis=0)
+        x, y, z = np.einsum("nij,nj->in", back.take(eyes, axis=0), points)
+        move = points.T * (field.take(pushed) / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-9))
         vertices[ids] = before + move.T.astype(np.float32)
-        lashes, roots = self._followers
-        if len(lashes):
+        if len(self._lashes):
             whole = np.zeros((len(field), 3), dtype=np.float32)
             whole[pushed] = move.T
-            vertices[lashes] += whole[roots]
-        return farthest_moved + farthest(move)
+            vertices[self._lashes] += whole.take(self._roots, axis=0)
+        return turned + farthest(move)
+
+    def _may_touch(self, places: NDArray[np.float32], centres: Array, back: Array) -> Ids:
+        """Return which of the samples' vertices at ``places``, (V, 3), may be near enough to their ball, (n,).
+
+        In single precision: what is near is looked at exactly afterwards.
+
+        Args:
+            places: In the pose.
+            centres: Of the balls, shape (E, 3).
+            back: From the pose to the balls at rest, shape (E, 3, 3).
+        """
+        resting = np.empty((3, len(places)), dtype=np.float32)
+        for run, centre, turn in zip(self._runs, centres.astype(np.float32), back.astype(np.float32), strict=True):
+            np.matmul(turn, places[run].T - centre[:, None], out=resting[:, run])
+        x, y, z = resting
+        close = np.flatnonzero(x * x + y * y + z * z < self._far)
+        clearance = self._balls.clearance(resting.take(close, axis=1).T, self._eye_of_sample.take(close))
+        near: Ids = close[clearance < self._reaches.take(close)]
+        return near
 
 
 class _Turning:
     """Turns lids that have passed each other back to where they meet."""
 
-    def __init__(self, subject: Subject, ball: Eyeball, edges: LidEdges, distances: list[Array]) -> None:
-        self._edges = edges
+    def __init__(self, subject: Subject, eyes: Sequence[_Eye]) -> None:
+        """Prepare for those of the ``eyes`` of ``subject`` whose lids have edges."""
+        lids = [
+            (number, _Lids.of(subject, eye.ball, eye.edges, eye.distances))
+            for number, eye in enumerate(eyes)
+            if eye.edges is not None and eye.distances is not None
+        ]
+        first = np.cumsum([0, *(len(each.ids) for _, each in lids)])
+        self._count = int(first[-1])
+        # Upper lids of all eyes, then lower lids of all eyes.
+        both = range(2)
+        self._spreading = Spreading.beside([each.spreadings[side] for side in both for _, each in lids])
+        # Where the rims' own turns lie among those of all lids.
+        self._own = np.concatenate(
+            [each.rims[side] + first[i] + side * self._count for side in both for i, (_, each) in enumerate(lids)]
+        )
+        self._allowed = np.concatenate([each.allowed[side] for side in both for _, each in lids])
+        sizes = [[len(each.rims[side]) for _, each in lids] for side in both]
+        self._shares = np.repeat(np.array(_SHARES), [sum(each) for each in sizes], axis=1)
+        self._ids = np.concatenate([*(each.ids for _, each in lids), *(each.lashes for _, each in lids)])
+        self._roots = np.concatenate([each.roots + first[i] for i, (_, each) in enumerate(lids)])
+        lengths = [len(each.ids) for _, each in lids] + [len(each.lashes) for _, each in lids]
+        numbers = [number for number, _ in lids]
+        self._eye_of_id = np.repeat(numbers * 2, lengths)
+        # Edges and corners of each eye, then the rims.
+        self._edges = [each.edges for _, each in lids]
+        edges = [ids for each in self._edges for ids in (each.upper, each.lower, each.corners)]
+        rims = [each.ids[each.rims[side]] for side in both for _, each in lids]
+        self._seen = np.concatenate([*edges, *rims])
+        self._runs = _runs([len(ids) for ids in (*edges, *rims)])
+        self._eye_of_seen = np.repeat(
+            [*np.repeat(numbers, 3), *numbers, *numbers], [len(ids) for ids in (*edges, *rims)]
+        )
+        self._at_rest = subject.vertices[self._seen]
+
+    def apply(self, vertices: NDArray[np.float32], centres: Array, looks: bool) -> float:
+        """Turn the lids of the pose ``vertices``, (N, 3), in place.
+
+        Args:
+            vertices: Shape (N, 3).
+            centres: Of the eyes, shape (E, 3).
+            looks: Whether an eye is moved; if none is, lids that are at rest are not looked at.
+
+        Returns:
+            How far any vertex is moved at most; 0 if none is.
+        """
+        centre_of_seen, moved = centres.take(self._eye_of_seen, axis=0), 0.0
+        for shares in self._shares:
+            places = vertices.take(self._seen, axis=0)
+            if not looks and np.array_equal(places, self._at_rest):
+                break
+            past = self._past(places - centre_of_seen)
+            if past.max(initial=0.0) <= 0.0:
+                break
+            turns = shares * hinge(past, _TURN_START, _TURN_MARGIN)
+            both = self._spreading(turns)
+            both[self._own] = np.maximum(both.take(self._own), turns)
+            angle = both[: self._count] - both[self._count :]
+            angle = np.concatenate([angle, angle.take(self._roots)])
+            turned = np.flatnonzero(angle)
+            moved += self._turn(vertices, turned, angle.take(turned), centres)
+        return moved
+
+    def _past(self, relative: Array) -> Array:
+        """Return by which angle each vertex of the rims is past the other edge, less what it may be, shape (k,).
+
+        Args:
+            relative: Where edges, corners and rims lie, relative to the centres of their eyes, shape (s, 3).
+        """
+        azimuth, elevation, _ = azimuth_and_elevation(relative)
+        azimuths, elevations = ([each[run] for run in self._runs] for each in (azimuth, elevation))
+        count = len(self._edges)
+        uppers, lowers = [], []
+        for i, edges in enumerate(self._edges):
+            edge, rim, other = slice(3 * i, 3 * i + 3), 3 * count + i, 4 * count + i
+            upper, lower = edges.curves_through(azimuths[edge], elevations[edge])
+            uppers.append(lower(azimuths[rim]) - elevations[rim])
+            lowers.append(elevations[other] - upper(azimuths[other]))
+        past = np.concatenate([*uppers, *lowers])
+        past += self._allowed
+        return past
+
+    def _turn(self, vertices: NDArray[np.float32], turned: Ids, angle: Array, centres: Array) -> float:
+        """Turn the vertices numbered ``turned``, (n,), up by an ``angle``, (n,), in place; return how far at most."""
+        ids = self._ids.take(turned)
+        before = vertices.take(ids, axis=0)
+        x, y, z = (before - centres.take(self._eye_of_id.take(turned), axis=0)).T
+        across = np.maximum(np.sqrt(x * x + z * z), 1e-9)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        shrink = cosine - sine * y / across - 1.0
+        move = np.stack([x * shrink, across * sine + y * (cosine - 1.0), z * shrink])
+        vertices[ids] = before + move.T.astype(np.float32)
+        return farthest(move)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lids:
+    """The lids of one eye, as far as they turn.
+
+    Attributes:
+        ids: The vertices that turn, shape (n,).
+        edges: The edges.
+        rims: Indices into ``ids`` of the vertices at the rim of the upper and of the lower lid.
+        allowed: How far each of these lies behind its edge, less the overlap that it may have.
+        spreadings: From each rim over ``ids``.
+        lashes: Vertices of lashes.
+        roots: The index into ``ids`` of the vertex that each of them goes with.
+    """
+
+    ids: Ids
+    edges: LidEdges
+    rims: list[Ids]
+    allowed: list[Array]
+    spreadings: list[Spreading]
+    lashes: Ids
+    roots: Ids
+
+    @classmethod
+    def of(cls, subject: Subject, ball: Eyeball, edges: LidEdges, distances: list[Array]) -> Self:
+        """Return the lids with ``edges`` before a ``ball`` of ``subject``."""
         skin = skin_ids(subject)
         reach = _TURNS * ball.radius
         near = skin[np.minimum(distances[0], distances[1])[skin] < reach]
@@ -163,62 +342,24 @@ class _Turning:
             across = sign * (curves[1 - number](azimuth[rim]) - elevation[rim]) + behind
             fade = share * fading(distance[near], 0.0, reach)
             rims.append(rim)
-            # How far each lies behind its edge, less the overlap that it may have.
             allowed.append(behind - np.maximum(across, PRESSED))
             spreadings.append(Spreading.over(along, up, share, fade, rim))
         turning = np.unique(np.concatenate([*rims, *(spreading.reaches for spreading in spreadings)]))
-        self._count = len(turning)
-        self._spreading = Spreading.beside([spreading.at(turning) for spreading in spreadings])
-        # Where the rims' own turns lie among those of both lids, one after the other.
-        self._own = np.concatenate([np.searchsorted(turning, rim) + i * len(turning) for i, rim in enumerate(rims)])
-        self._allowed = np.concatenate(allowed)
-        sizes = [len(rim) for rim in rims]
-        self._shares = np.repeat(np.array(_SHARES), sizes, axis=1)
-        lashes, self._roots = _followers(subject, ball, edges, near[turning])
-        self._ids = np.concatenate([near[turning], lashes])
-        # Edges, corners and rims, one after another.
-        self._seen = np.concatenate([edges.upper, edges.lower, edges.corners, *(near[rim] for rim in rims)])
-        bounds = np.cumsum([0, len(edges.upper), len(edges.lower), len(edges.corners), *sizes]).tolist()
-        self._runs = [slice(*run) for run in itertools.pairwise(bounds)]
-        self._at_rest = subject.vertices[self._seen]
+        lashes, roots = _followers(subject, ball, edges, near[turning])
+        return cls(
+            near[turning],
+            edges,
+            [np.searchsorted(turning, rim) for rim in rims],
+            allowed,
+            [spreading.at(turning) for spreading in spreadings],
+            lashes,
+            roots,
+        )
 
-    def apply(self, vertices: NDArray[np.float32], centre: Array, time: int, looks: bool) -> float:
-        """Turn the lids of the pose ``vertices``, (N, 3), of an eye at ``centre``, in place.
 
-        Args:
-            vertices: Shape (N, 3).
-            centre: Of the eye, shape (3,).
-            time: How often they have been turned before.
-            looks: Whether the eye is moved; if not, lids that are at rest are not looked at.
-
-        Returns:
-            How far any vertex is moved at most; 0 if none is.
-        """
-        places = vertices.take(self._seen, axis=0)
-        if not looks and np.array_equal(places, self._at_rest):
-            return 0.0
-        azimuth, elevation, _ = azimuth_and_elevation(places - centre)
-        azimuths, elevations = ([each[run] for run in self._runs] for each in (azimuth, elevation))
-        upper, lower = self._edges.curves_through(azimuths, elevations)
-        past = np.concatenate([lower(azimuths[3]) - elevations[3], elevations[4] - upper(azimuths[4])])
-        past += self._allowed
-        if past.max(initial=0.0) <= 0.0:
-            return 0.0
-        turns = self._shares[time] * hinge(past, _TURN_START, _TURN_MARGIN)
-        both = self._spreading(turns)
-        both[self._own] = np.maximum(both[self._own], turns)
-        angle = both[: self._count] - both[self._count :]
-        angle = np.concatenate([angle, angle.take(self._roots)])
-        turned = np.flatnonzero(angle)
-        ids, angle = self._ids.take(turned), angle.take(turned)
-        before = vertices.take(ids, axis=0)
-        x, y, z = before.T - centre[:, None]
-        across = np.maximum(np.sqrt(x * x + z * z), 1e-9)
-        cosine, sine = np.cos(angle), np.sin(angle)
-        shrink = cosine - sine * y / across - 1.0
-        move = np.stack([x * shrink, across * sine + y * (cosine - 1.0), z * shrink])
-        vertices[ids] = before + move.T.astype(np.float32)
-        return farthest(move)
+def _runs(lengths: Sequence[int]) -> list[slice]:
+    """Return where runs of such ``lengths``, one after another, lie."""
+    return [slice(*run) for run in itertools.pairwise(np.cumsum([0, *lengths]).tolist())]
 
 
 def _upper_share(distances: list[Array] | None, ids: Ids) -> Array:
@@ -278,9 +419,29 @@ def _followers(subject: Subject, ball: Eyeball, edges: LidEdges | None, skin: Id
 
 
 def lid_contacts(subject: Subject, balls: list[Eyeball]) -> list[LidContact]:
-    """Return the contact of lids with each of ``balls`` that has skin before it."""
-    return [
-        LidContact(subject, ball, edges)
+    """Return the contact of lids with those of ``balls`` that have skin before them.
+
+    Eyes whose surroundings have vertices in common are looked at one after another, all others together.
+    """
+    eyes = [
+        _Eye.of(subject, ball, edges)
         for ball, edges in zip(balls, find_all_edges(subject, balls), strict=True)
         if len(over_the_ball(subject, ball))
     ]
+    together: list[list[_Eye]] = []
+    for eye in eyes:
+        own = _surroundings(subject, eye)
+        if together and not any(np.isin(own, _surroundings(subject, other)).any() for other in together[-1]):
+            together[-1].append(eye)
+        else:
+            together.append([eye])
+    return [LidContact(subject, group) for group in together]
+
+
+def _surroundings(subject: Subject, eye: _Eye) -> Ids:
+    """Return all vertices that contact at the ``eye`` looks at or moves."""
+    skin = skin_ids(subject)
+    turning = np.zeros(0, dtype=np.intp)
+    if eye.distances is not None:
+        turning = skin[np.minimum(*eye.distances)[skin] < _TURNS * eye.ball.radius]
+    return np.concatenate([eye.samples.ids, eye.ids, eye.followers[0], turning])

@@ -1,7 +1,8 @@
 """Places on a surface at which contact is looked for: vertices, and points of the triangles between them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ class SurfaceSamples:
     the middles of edges and the centroids, and in large triangles a lattice.
 
     Attributes:
-        ids: The vertices, shape (V,), in rising order.
+        ids: The vertices, shape (V,), of one surface in rising order.
         corners: Vertices that each point between lies between, as indices into ``ids``, shape (3, B).
         weights: Their weights, shape (3, B); those of the middle of an edge end in 0.
         spans: Length of the longest edge of a triangle at each vertex in the neutral face, shape (V,).
@@ -40,7 +41,7 @@ class SurfaceSamples:
     beside: Ids
 
     @classmethod
-    def of(cls, vertices: NDArray[np.floating], triangles: Ints, extra: Ids, large: float) -> "SurfaceSamples":
+    def of(cls, vertices: NDArray[np.floating], triangles: Ints, extra: Ids, large: float) -> Self:
         """Return samples.
 
         Args:
@@ -73,6 +74,21 @@ class SurfaceSamples:
         order = np.argsort(flat, kind="stable")
         first = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=len(ids)))])
         return cls(ids, between, shares, spans, first.astype(np.intp), np.nonzero(shares > 0.0)[1][order])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Return the samples of several surfaces as one: the vertices of all, then the points between of all."""
+        vertices = np.cumsum([0, *(len(part.ids) for part in parts)])
+        points = np.cumsum([0, *(part.corners.shape[1] for part in parts)])
+        entries = np.cumsum([0, *(len(part.beside) for part in parts)])
+        return cls(
+            np.concatenate([part.ids for part in parts]),
+            np.hstack([part.corners + vertices[i] for i, part in enumerate(parts)]),
+            np.hstack([part.weights for part in parts]),
+            np.concatenate([part.spans for part in parts]),
+            np.concatenate([*(part.first[:-1] + entries[i] for i, part in enumerate(parts)), entries[-1:]]),
+            np.concatenate([part.beside + points[i] for i, part in enumerate(parts)]),
+        )
 
     def __len__(self) -> int:
         return len(self.ids) + self.corners.shape[1]

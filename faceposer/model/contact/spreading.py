@@ -107,7 +107,7 @@ def _splines(position: Array) -> tuple[Array, Array, Array]:
     return 0.5 * (0.5 - t) ** 2, 0.75 - t * t, 0.5 * (0.5 + t) ** 2
 
 
-def hinge(depth: Array, start: float, margin: float) -> Array:
+def hinge(depth: Array, start: Array | float, margin: Array | float) -> Array:
     """Return how far a point that lies ``depth`` deep is pushed out, shape (n,); 0 for one that does not.
 
     With d = max(depth, 0), start s and margin m it is (d + m d / (d + m)) d / (d + s): smooth at 0, and for d above s a
