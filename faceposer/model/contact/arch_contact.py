@@ -16,6 +16,7 @@ from faceposer.model.contact.spreading import NOTHING, Spreading, fading, farthe
 from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Ids = NDArray[np.intp]
 
 # Shares of the head's height: width of the valleys between teeth that are filled, how far the field goes on above and
@@ -26,8 +27,6 @@ Ids = NDArray[np.intp]
 _VALLEY, _BEYOND, _INSIDE = 0.02, 0.06, 0.06
 _FADES, _FADED, _LEVEL_FADES, _LEVEL_FADED = 0.06, 0.12, 0.04, 0.08
 _SPACING, _TOUCHES, _NEAR, _START, _MARGIN = 0.022, 0.12, 0.01, 0.0001, 0.001
-# Share of the head's height that single precision may be off by.
-_ROUNDING = 1e-5
 # A vertex is near if it is nearer than this share of its longest edge.
 _STRETCHED = 0.6
 # How much the field falls per way above and below the teeth and beyond the ends of the arch.
@@ -45,13 +44,14 @@ class ArchContact:
         self._arch = arch
         self._start, self._margin, self._nothing = _START * size, _MARGIN * size, NOTHING * size
         self._bottom, self._field = _obstacle(arch, size)
-        self._ceiling = ndimage.maximum_filter(self._field, size=3).astype(np.float32)
+        # Short numbers: what is looked up is spread over much memory.
+        self._field = self._field.astype(np.float32)
+        self._ceiling = ndimage.maximum_filter(self._field, size=3)
         covering = find_covering(subject, arch)
         before = arch.gap(subject.vertices[covering.lips].astype(np.float64))
         keys = np.intersect1d(covering.lips, with_neighbours(subject, covering.lips[before < _TOUCHES * size]))
         self._samples = skin_samples(subject, keys)
-        self._near = np.minimum(_NEAR * size, _STRETCHED * self._samples.spans)
-        self._reaches = (self._near + _ROUNDING * size).astype(np.float32)
+        self._near = np.minimum(_NEAR * size, _STRETCHED * self._samples.spans).astype(np.float32)
         inside = surface_distance(subject, covering.lips, _INSIDE * size)
         skin = skin_ids(subject)
         behind = np.setdiff1d(skin[inside[skin] < np.inf], keys)
@@ -72,36 +72,40 @@ class ArchContact:
         self._jaw_at_rest = subject.vertices[arch.frame.witnesses]
         self._skin_at_rest = subject.vertices[self._samples.ids]
         at_rest = self._samples.places(subject.vertices)
-        self._allowed = np.zeros(len(self._samples))
-        self._allowed = np.maximum(self._depth(at_rest), 0.0)
+        self._allowed = np.maximum(self._depth(at_rest.T.astype(np.float32)), 0.0)
 
-    def _depth(self, points: Array) -> Array:
-        place, height, radius = self._arch.cylinder(points)
-        return self._radius(place, height) - radius
+    def _depth(self, rows: Singles) -> Singles:
+        """Return how deep points at rest, coordinates by rows (3, n), lie behind the field, (n,)."""
+        place, radius = columns_of(rows[0] - self._arch.axis[0], rows[2] - self._arch.axis[1])
+        return self._radius(place, rows[1]) - radius
 
-    def _radius(self, place: Array, height: Array) -> Array:
+    def _radius(self, place: Singles, height: Singles) -> Singles:
         """Return the field H, shape (n,), bilinear between the middles of its cells."""
-        columns, rows = self._field.shape
-        x = np.clip(place, 0.0, columns - 1.001)
-        y = np.clip((height - self._bottom) / self._arch.row, 0.0, rows - 1.001)
+        x, y = self._cells(place, height)
         column, line = x.astype(np.intp), y.astype(np.intp)
         x -= column
         y -= line
-        flat = self._field.ravel()
+        rows = self._field.shape[1]
         cell = column * rows + line
-        low = flat[cell] * (1.0 - y) + flat[cell + 1] * y
-        high = flat[cell + rows] * (1.0 - y) + flat[cell + rows + 1] * y
-        radius: Array = low + x * (high - low)
-        return radius
+        low, high = self._field.take(cell), self._field.take(cell + rows)
+        low += y * (self._field.take(cell + 1) - low)
+        high += y * (self._field.take(cell + rows + 1) - high)
+        return low + x * (high - low)
 
-    def _may_reach(self, points: NDArray[np.float32]) -> Ids:
-        """Return which of ``points`` at rest, coordinates by rows (3, n), may be near enough to the field, (k,)."""
+    def _cells(self, place: Singles, height: Singles) -> tuple[Singles, Singles]:
+        """Return the columns and rows of the field, within it, (n,) each."""
         columns, rows = self._field.shape
-        place, radius = columns_of(points[0] - self._arch.axis[0], points[2] - self._arch.axis[1])
-        line = (points[1] - self._bottom) / self._arch.row
-        column = np.minimum(np.maximum(place, 0.0), columns - 1.001).astype(np.intp)
-        line = np.minimum(np.maximum(line, 0.0), rows - 1.001).astype(np.intp)
-        return np.flatnonzero(self._ceiling.take(column * rows + line) > radius - self._reaches)
+        return (
+            np.minimum(np.maximum(place, 0.0), columns - 1.001),
+            np.minimum(np.maximum((height - self._bottom) / self._arch.row, 0.0), rows - 1.001),
+        )
+
+    def _may_reach(self, rows: Singles) -> Ids:
+        """Return which vertices at rest, coordinates by rows (3, n), may be near enough to the field, (k,)."""
+        place, radius = columns_of(rows[0] - self._arch.axis[0], rows[2] - self._arch.axis[1])
+        column, line = (each.astype(np.intp) for each in self._cells(place, rows[1]))
+        ceiling = self._ceiling.take(column * self._field.shape[1] + line)
+        return np.flatnonzero(ceiling > radius - self._near)
 
     def apply(self, vertices: NDArray[np.float32]) -> float:
         """Correct the pose ``vertices``, shape (N, 3), in place; return how far it moves any of them at most."""
@@ -113,19 +117,18 @@ class ArchContact:
         linear, moved = frame.motion_of(witnesses)
         back = np.linalg.inv(linear).T
         to_rest = frame.origin - moved @ back
-        resting = back.T.astype(np.float32) @ places.T
-        resting += to_rest.astype(np.float32)[:, None]
-        # In single precision all that may lie deep, then exactly how deep it does.
-        close = self._may_reach(resting)
+        turn, shift = back.T.astype(np.float32), to_rest.astype(np.float32)[:, None]
+        rows = np.ascontiguousarray(places.T)
+        near = self._may_reach(turn @ rows + shift)
         if not jaw_moves:
-            close = close[(places.take(close, axis=0) != self._skin_at_rest.take(close, axis=0)).any(axis=1)]
-        if not len(close):
+            near = near[(places.take(near, axis=0) != self._skin_at_rest.take(near, axis=0)).any(axis=1)]
+        if not len(near):
             return 0.0
         push = self._samples.greatest(
-            places,
-            close,
+            rows,
+            near,
             lambda points, numbers: hinge(
-                self._depth(points @ back + to_rest) - self._allowed.take(numbers), self._start, self._margin
+                self._depth(turn @ points + shift) - self._allowed.take(numbers), self._start, self._margin
             ),
         )
         if push.max() <= self._nothing:

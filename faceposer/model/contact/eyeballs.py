@@ -10,6 +10,7 @@ from faceposer.model.contact.frames import AffineFrame
 from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Ids = NDArray[np.intp]
 
 # Steps of the radius over the cosine of the angle to the gaze axis, and over that angle.
@@ -81,8 +82,8 @@ class Eyeballs:
             [np.pad(ball.frame.solver, ((0, 0), (0, most - ball.frame.solver.shape[1]))) for ball in balls]
         )
         self._offsets = np.stack([ball.centre - ball.frame.origin for ball in balls])
-        self._axes = np.stack([ball.axis for ball in balls])
-        self._profiles = np.concatenate([ball.profile for ball in balls])
+        self._axes = np.stack([ball.axis for ball in balls], axis=1).astype(np.float32)
+        self._profiles = np.concatenate([ball.profile for ball in balls]).astype(np.float32)
         self.radii = np.array([ball.radius for ball in balls])
 
     def motion_of(self, places: NDArray[np.floating]) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -93,17 +94,19 @@ class Eyeballs:
         centres = found[:, 3] + np.einsum("eij,ej->ei", linear, self._offsets)
         return linear, centres, (places != self.at_rest).reshape(count, -1).any(axis=1)
 
-    def clearance(self, relative: NDArray[np.floating], balls: Ids) -> Array:
-        """Return how far points at rest, at ``relative`` (n, 3) to the centres of ``balls``, (n,), are outside."""
-        distance = np.sqrt(np.einsum("nd,nd->n", relative, relative))
-        along = np.einsum("nd,nd->n", relative, self._axes.take(balls, axis=0))
-        cosine = along / np.maximum(distance, 1e-9)
-        position = np.minimum(np.maximum((cosine + 1.0) * (0.5 * _STEPS), 0.0), _STEPS - 1e-9)
-        low = position.astype(np.intp)
+    def clearance(self, rows: Singles, balls: Ids) -> Singles:
+        """Return how far points at rest, coordinates by rows (3, n), relative to centres of ``balls``, are outside."""
+        x, y, z = rows
+        distance = np.sqrt(x * x + y * y + z * z)
+        p, q, r = self._axes.take(balls, axis=1)
+        cosine = (x * p + y * q + z * r) / np.maximum(distance, 1e-9)
+        position = np.minimum(np.maximum((cosine + 1.0) * (0.5 * _STEPS), 0.0), _STEPS - 1e-3)
+        low = position.astype(np.int32)
         place = low + balls * (_STEPS + 1)
         first = self._profiles.take(place)
-        clearance: Array = distance - first - (position - low) * (self._profiles.take(place + 1) - first)
-        return clearance
+        position -= low
+        position *= self._profiles.take(place + 1) - first
+        return distance - first - position
 
 
 def fit_sphere(points: Array) -> tuple[Array, float]:

@@ -30,6 +30,7 @@ from faceposer.model.contact.spreading import NOTHING, Spreading, fading, farthe
 from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Ids = NDArray[np.intp]
 Vertices = NDArray[np.floating]
 
@@ -45,8 +46,6 @@ _STRETCHED = 3.0
 _START, _MARGIN, _TURN_START, _TURN_MARGIN = 0.001, 0.018, 0.003, 0.012
 # What lies between an edge's last vertex and a corner of the eye that is further away than this is unknown, in radians.
 _UNKNOWN = np.deg2rad(8.0)
-# Share that single precision may be off by.
-_ROUNDING = 1e-5
 # Distance of the control points that spread pushes, in radians.
 _SPACING = 0.2
 
@@ -62,7 +61,6 @@ class _Eye:
         samples: Of the skin that may touch the ball.
         ids: The vertices that move with pushes: first those of the samples, shape (n,).
         spreading: Of pushes of the samples' vertices over ``ids``.
-        allowed: Depths of the samples in the neutral face.
         followers: Lashes, and the index into ``ids`` of the vertex that each goes with.
     """
 
@@ -72,7 +70,6 @@ class _Eye:
     samples: SurfaceSamples
     ids: Ids
     spreading: Spreading
-    allowed: Array
     followers: tuple[Ids, Ids]
 
     @classmethod
@@ -95,10 +92,8 @@ class _Eye:
         outward = np.sign(ball.centre[0]) or 1.0
         spreading = Spreading.over(outward * azimuth / _SPACING, elevation / _SPACING, layer, fade, pushed)
         moving = np.concatenate([pushed, np.setdiff1d(spreading.reaches, pushed)])
-        at_rest = samples.places(subject.vertices) - ball.centre
-        allowed = np.maximum(-ball.clearance(at_rest)[0], 0.0)
         followers = _followers(subject, ball, edges, ids[moving])
-        return cls(ball, edges, distances, samples, ids[moving], spreading.at(moving), allowed, followers)
+        return cls(ball, edges, distances, samples, ids[moving], spreading.at(moving), followers)
 
 
 class LidContact:
@@ -118,14 +113,15 @@ class LidContact:
         self._eye_of_sample = np.concatenate([vertices, between])
         self._runs = _runs([len(eye.samples.ids) for eye in eyes])
         radii = self._balls.radii.take(vertices)
-        self._near = (_STRETCHED * self._samples.spans) ** 2 / (6.0 * radii)
+        self._radii = self._balls.radii.astype(np.float32)
+        self._near = ((_STRETCHED * self._samples.spans) ** 2 / (6.0 * radii)).astype(np.float32)
         widest = np.array([eye.ball.profile.max() for eye in eyes]).take(vertices)
-        self._far = (((1.0 + _ROUNDING) * (widest + self._near)) ** 2).astype(np.float32)
-        self._reaches = self._near + _ROUNDING * radii
-        self._allowed = np.concatenate(
-            [eye.allowed[: len(eye.samples.ids)] for eye in eyes]
-            + [eye.allowed[len(eye.samples.ids) :] for eye in eyes]
+        self._far = ((widest + self._near) ** 2).astype(np.float32)
+        at_rest = self._samples.places(subject.vertices).T.astype(np.float32)
+        at_rest -= (
+            np.stack([eye.ball.centre for eye in eyes], axis=1).astype(np.float32).take(self._eye_of_sample, axis=1)
         )
+        self._allowed = np.maximum(-self._balls.clearance(at_rest, self._eye_of_sample), 0.0)
         self._spreading = Spreading.beside([eye.spreading for eye in eyes])
         self._ids = np.concatenate([eye.ids for eye in eyes])
         self._eye_of_id = np.repeat(numbers, [len(eye.ids) for eye in eyes])
@@ -146,22 +142,24 @@ class LidContact:
         places = vertices.take(self._samples.ids, axis=0)
         if not looks and np.array_equal(places, self._at_rest):
             return turned
-        back = np.linalg.inv(linear)
-        close = self._may_touch(places, centres, back)
+        back: Array = np.asarray(np.linalg.inv(linear), dtype=np.float64)
+        rows = np.ascontiguousarray(places.T)
+        turns, shifts = back.astype(np.float32), -np.einsum("eij,ej->ei", back, centres).astype(np.float32)
+        near = self._may_touch(rows, turns, shifts)
         if not look.all():
-            moved = (places.take(close, axis=0) != self._at_rest.take(close, axis=0)).any(axis=1)
-            close = close[moved | look.take(self._eye_of_sample.take(close))]
-        if not len(close):
+            moved = (places.take(near, axis=0) != self._at_rest.take(near, axis=0)).any(axis=1)
+            near = near[moved | look.take(self._eye_of_sample.take(near))]
+        if not len(near):
             return turned
 
-        def pushes(points: Array, numbers: Ids) -> Array:
+        def pushes(points: Singles, numbers: Ids) -> Singles:
             eyes = self._eye_of_sample.take(numbers)
-            resting = np.einsum("nij,nj->ni", back.take(eyes, axis=0), points - centres.take(eyes, axis=0))
+            resting = np.einsum("nij,jn->in", turns.take(eyes, axis=0), points) + shifts.T.take(eyes, axis=1)
             depth = -balls.clearance(resting, eyes) - self._allowed.take(numbers)
-            radius = balls.radii.take(eyes)
+            radius = self._radii.take(eyes)
             return hinge(depth, _START * radius, _MARGIN * radius)
 
-        push = self._samples.greatest(places, close, pushes)
+        push = self._samples.greatest(rows, near, pushes)
         if push.max() <= self._nothing:
             return turned
         field = self._spreading(push)
@@ -179,23 +177,21 @@ class LidContact:
             vertices[self._lashes] += whole.take(self._roots, axis=0)
         return turned + farthest(move)
 
-    def _may_touch(self, places: NDArray[np.float32], centres: Array, back: Array) -> Ids:
-        """Return which of the samples' vertices at ``places``, (V, 3), may be near enough to their ball, (n,).
-
-        In single precision: what is near is looked at exactly afterwards.
+    def _may_touch(self, rows: Singles, turns: Singles, shifts: Singles) -> Ids:
+        """Return which of the samples' vertices may be near enough to their ball, (n,).
 
         Args:
-            places: In the pose.
-            centres: Of the balls, shape (E, 3).
-            back: From the pose to the balls at rest, shape (E, 3, 3).
+            rows: Where they are in the pose, coordinates by rows, shape (3, V).
+            turns: From the pose to the balls at rest, shape (E, 3, 3).
+            shifts: What is added then, shape (E, 3).
         """
-        resting = np.empty((3, len(places)), dtype=np.float32)
-        for run, centre, turn in zip(self._runs, centres.astype(np.float32), back.astype(np.float32), strict=True):
-            np.matmul(turn, places[run].T - centre[:, None], out=resting[:, run])
+        resting = np.empty_like(rows)
+        for run, turn, shift in zip(self._runs, turns, shifts, strict=True):
+            resting[:, run] = turn @ rows[:, run] + shift[:, None]
         x, y, z = resting
         close = np.flatnonzero(x * x + y * y + z * z < self._far)
-        clearance = self._balls.clearance(resting.take(close, axis=1).T, self._eye_of_sample.take(close))
-        near: Ids = close[clearance < self._reaches.take(close)]
+        clearance = self._balls.clearance(resting.take(close, axis=1), self._eye_of_sample.take(close))
+        near: Ids = close[clearance < self._near.take(close)]
         return near
 
 
@@ -284,7 +280,7 @@ class _Turning:
         past += self._allowed
         return past
 
-    def _turn(self, vertices: NDArray[np.float32], turned: Ids, angle: Array, centres: Array) -> float:
+    def _turn(self, vertices: Singles, turned: Ids, angle: Singles, centres: Array) -> float:
         """Turn the vertices numbered ``turned``, (n,), up by an ``angle``, (n,), in place; return how far at most."""
         ids = self._ids.take(turned)
         before = vertices.take(ids, axis=0)

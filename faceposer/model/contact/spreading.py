@@ -11,7 +11,7 @@ so that the field changes by no more than the pushes do.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from scipy import sparse
 
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
+_Float = TypeVar("_Float", np.float32, np.float64)
 
 #: Pushes of less than this share of a head's height are nothing: single precision does not know them.
 NOTHING = 1e-8
@@ -86,16 +87,16 @@ class Spreading:
         """Return the same with the field at some of the ``vertices`` alone, shape (n,)."""
         return type(self)(self.gather, _compact(self.spread[vertices]))
 
-    def __call__(self, push: Array) -> Array:
+    def __call__(self, push: NDArray[np.floating]) -> NDArray[np.float32]:
         """Return the field, shape (V,), at least 0, of a ``push`` at least 0, shape (K,)."""
-        squared = push * push
-        field: Array = self.spread @ np.sqrt(np.sqrt(self.gather @ (squared * squared)))
+        squared = (push * push).astype(np.float32)
+        field: NDArray[np.float32] = self.spread @ np.sqrt(np.sqrt(self.gather @ (squared * squared)))
         return field
 
 
 def _compact(matrix: sparse.sparray) -> sparse.csr_array:
-    """Return the ``matrix`` by rows with short indices, half of what a product reads, and without zeros."""
-    rows = sparse.csr_array(matrix)
+    """Return the ``matrix`` by rows with short indices and numbers, half of what a product reads, and without zeros."""
+    rows = sparse.csr_array(matrix, dtype=np.float32)
     rows.eliminate_zeros()
     rows.indices, rows.indptr = rows.indices.astype(np.int32), rows.indptr.astype(np.int32)
     return rows
@@ -107,15 +108,14 @@ def _splines(position: Array) -> tuple[Array, Array, Array]:
     return 0.5 * (0.5 - t) ** 2, 0.75 - t * t, 0.5 * (0.5 + t) ** 2
 
 
-def hinge(depth: Array, start: Array | float, margin: Array | float) -> Array:
+def hinge(depth: NDArray[_Float], start: NDArray[_Float] | float, margin: NDArray[_Float] | float) -> NDArray[_Float]:
     """Return how far a point that lies ``depth`` deep is pushed out, shape (n,); 0 for one that does not.
 
     With d = max(depth, 0), start s and margin m it is (d + m d / (d + m)) d / (d + s): smooth at 0, and for d above s a
     little more than d, so that surfaces do not stay in one another.
     """
     d = np.maximum(depth, 0.0)
-    push: Array = (d + margin * d / (d + margin)) * d / (d + start)
-    return push
+    return (d + margin * d / (d + margin)) * d / (d + start)
 
 
 def fading(value: Array, full: float, gone: float) -> Array:
