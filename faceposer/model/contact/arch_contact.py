@@ -5,6 +5,8 @@ that lies before them in the neutral face keeps r >= H: it goes out along the ra
 Above and below the teeth H falls by a fixed slope, so that lips slide onto the teeth and do not jump.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -12,7 +14,8 @@ from scipy import ndimage
 from faceposer.model.contact.arches import DentalArch, columns_of
 from faceposer.model.contact.lids import skin_ids
 from faceposer.model.contact.lips import find_covering, skin_samples, surface_distance, with_neighbours
-from faceposer.model.contact.spreading import NOTHING, Spreading, fading, farthest, hinge
+from faceposer.model.contact.moved import Moved, moved_by
+from faceposer.model.contact.spreading import NOTHING, Spreading, fading, hinge
 from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
@@ -29,6 +32,8 @@ _FADES, _FADED, _LEVEL_FADES, _LEVEL_FADED = 0.06, 0.12, 0.04, 0.08
 _SPACING, _TOUCHES, _NEAR, _START, _MARGIN = 0.022, 0.12, 0.01, 0.0001, 0.001
 # A vertex is near if it is nearer than this share of its longest edge.
 _STRETCHED = 0.6
+# So many columns and rows of the field are looked at as one block first.
+_BLOCK = 4
 # How much the field falls per way above and below the teeth and beyond the ends of the arch.
 _SLOPE = 2.5
 _UPPER_LIP = ("8.1", "8.5", "8.6", "8.9", "8.10", "2.2", "2.6", "2.7")
@@ -43,10 +48,10 @@ class ArchContact:
         size = subject.height
         self._arch = arch
         self._start, self._margin, self._nothing = _START * size, _MARGIN * size, NOTHING * size
-        self._bottom, self._field = _obstacle(arch, size)
-        # Short numbers: what is looked up is spread over much memory.
-        self._field = self._field.astype(np.float32)
-        self._ceiling = ndimage.maximum_filter(self._field, size=3)
+        self._bottom, field = _obstacle(arch, size)
+        # Short numbers, and a coarse bound on them: what is looked up here and there is soon spread over much memory.
+        self._field: Singles = field.astype(np.float32)
+        self._ceiling = _ceiling(self._field)
         covering = find_covering(subject, arch)
         before = arch.gap(subject.vertices[covering.lips].astype(np.float64))
         keys = np.intersect1d(covering.lips, with_neighbours(subject, covering.lips[before < _TOUCHES * size]))
@@ -103,17 +108,17 @@ class ArchContact:
     def _may_reach(self, rows: Singles) -> Ids:
         """Return which vertices at rest, coordinates by rows (3, n), may be near enough to the field, (k,)."""
         place, radius = columns_of(rows[0] - self._arch.axis[0], rows[2] - self._arch.axis[1])
-        column, line = (each.astype(np.intp) for each in self._cells(place, rows[1]))
-        ceiling = self._ceiling.take(column * self._field.shape[1] + line)
+        column, line = ((each * (1.0 / _BLOCK)).astype(np.intp) for each in self._cells(place, rows[1]))
+        ceiling = self._ceiling.take(column * self._ceiling.shape[1] + line)
         return np.flatnonzero(ceiling > radius - self._near)
 
-    def apply(self, vertices: NDArray[np.float32]) -> float:
-        """Correct the pose ``vertices``, shape (N, 3), in place; return how far it moves any of them at most."""
+    def apply(self, vertices: Singles) -> Iterator[Moved]:
+        """Correct the pose ``vertices``, shape (N, 3), in place."""
         frame = self._arch.frame
         places, witnesses = vertices.take(self._samples.ids, axis=0), vertices.take(frame.witnesses, axis=0)
         jaw_moves = not np.array_equal(witnesses, self._jaw_at_rest)
         if not jaw_moves and np.array_equal(places, self._skin_at_rest):
-            return 0.0
+            return
         linear, moved = frame.motion_of(witnesses)
         back = np.linalg.inv(linear).T
         to_rest = frame.origin - moved @ back
@@ -123,7 +128,7 @@ class ArchContact:
         if not jaw_moves:
             near = near[(places.take(near, axis=0) != self._skin_at_rest.take(near, axis=0)).any(axis=1)]
         if not len(near):
-            return 0.0
+            return
         push = self._samples.greatest(
             rows,
             near,
@@ -132,7 +137,7 @@ class ArchContact:
             ),
         )
         if push.max() <= self._nothing:
-            return 0.0
+            return
         field = self._spreading(push)
         field[: len(push)] = np.maximum(field[: len(push)], push)
         pushed = np.flatnonzero(field)
@@ -143,8 +148,7 @@ class ArchContact:
         aside += (to_rest[::2] - self._arch.axis)[:, None]
         aside *= field.take(pushed) / np.maximum(np.sqrt(aside[0] * aside[0] + aside[1] * aside[1]), 1e-9)
         move = linear[:, ::2] @ aside
-        vertices[ids] = before + move.T.astype(np.float32)
-        return farthest(move)
+        yield moved_by(vertices, ids, before, move)
 
 
 def _obstacle(arch: DentalArch, size: float) -> tuple[float, Array]:
@@ -164,6 +168,15 @@ def _obstacle(arch: DentalArch, size: float) -> tuple[float, Array]:
                 np.maximum(lines[i], lines[i + back] - fall, out=lines[i])
     field = ndimage.gaussian_filter(ndimage.maximum_filter(field, size=3), 0.8, mode="nearest", truncate=1.5)
     return arch.bottom - pad * arch.row, np.ascontiguousarray(field)
+
+
+def _ceiling(field: Singles) -> Singles:
+    """Return the greatest value of a ``field`` in and around each of its blocks, (columns, rows) of them."""
+    columns, rows = (-(-length // _BLOCK) for length in field.shape)
+    padding = [(0, _BLOCK * n - length) for n, length in zip((columns, rows), field.shape, strict=True)]
+    around = np.pad(ndimage.maximum_filter(field, size=3), padding, mode="edge")
+    ceiling: Singles = around.reshape(columns, _BLOCK, rows, _BLOCK).max(axis=(1, 3))
+    return ceiling
 
 
 def _upper_share(subject: Subject, ids: Ids) -> Array:

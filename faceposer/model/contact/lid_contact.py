@@ -7,7 +7,7 @@ goes out along d; the skin around goes with it.
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -25,8 +25,9 @@ from faceposer.model.contact.lids import (
     skin_ids,
 )
 from faceposer.model.contact.lips import skin_samples, surface_distance, with_neighbours
+from faceposer.model.contact.moved import Moved, moved_by
 from faceposer.model.contact.samples import SurfaceSamples
-from faceposer.model.contact.spreading import NOTHING, Spreading, fading, farthest, hinge
+from faceposer.model.contact.spreading import NOTHING, Spreading, fading, hinge
 from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
@@ -133,15 +134,16 @@ class LidContact:
         self._at_rest = subject.vertices[self._samples.ids]
         self._nothing = NOTHING * subject.height
 
-    def apply(self, vertices: NDArray[np.float32]) -> float:
-        """Correct the pose ``vertices``, shape (N, 3), in place; return how far it moves any of them at most."""
+    def apply(self, vertices: Singles) -> Iterator[Moved]:
+        """Correct the pose ``vertices``, shape (N, 3), in place."""
         balls = self._balls
         linear, centres, look = balls.motion_of(vertices.take(balls.witnesses, axis=0))
         looks = bool(look.any())
-        turned = 0.0 if self._turning is None else self._turning.apply(vertices, centres, looks)
+        if self._turning is not None:
+            yield from self._turning.apply(vertices, centres, looks)
         places = vertices.take(self._samples.ids, axis=0)
         if not looks and np.array_equal(places, self._at_rest):
-            return turned
+            return
         back: Array = np.asarray(np.linalg.inv(linear), dtype=np.float64)
         rows = np.ascontiguousarray(places.T)
         turns, shifts = back.astype(np.float32), -np.einsum("eij,ej->ei", back, centres).astype(np.float32)
@@ -150,7 +152,7 @@ class LidContact:
             moved = (places.take(near, axis=0) != self._at_rest.take(near, axis=0)).any(axis=1)
             near = near[moved | look.take(self._eye_of_sample.take(near))]
         if not len(near):
-            return turned
+            return
 
         def pushes(points: Singles, numbers: Ids) -> Singles:
             eyes = self._eye_of_sample.take(numbers)
@@ -161,7 +163,7 @@ class LidContact:
 
         push = self._samples.greatest(rows, near, pushes)
         if push.max() <= self._nothing:
-            return turned
+            return
         field = self._spreading(push)
         field[self._own] = np.maximum(field.take(self._own), push)
         pushed = np.flatnonzero(field)
@@ -170,12 +172,11 @@ class LidContact:
         points = before - centres.take(eyes, axis=0)
         x, y, z = np.einsum("nij,nj->in", back.take(eyes, axis=0), points)
         move = points.T * (field.take(pushed) / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-9))
-        vertices[ids] = before + move.T.astype(np.float32)
+        yield moved_by(vertices, ids, before, move)
         if len(self._lashes):
-            whole = np.zeros((len(field), 3), dtype=np.float32)
-            whole[pushed] = move.T
-            vertices[self._lashes] += whole.take(self._roots, axis=0)
-        return turned + farthest(move)
+            whole = np.zeros((3, len(field)))
+            whole[:, pushed] = move
+            yield moved_by(vertices, self._lashes, vertices.take(self._lashes, axis=0), whole.take(self._roots, axis=1))
 
     def _may_touch(self, rows: Singles, turns: Singles, shifts: Singles) -> Ids:
         """Return which of the samples' vertices may be near enough to their ball, (n,).
@@ -233,33 +234,29 @@ class _Turning:
         )
         self._at_rest = subject.vertices[self._seen]
 
-    def apply(self, vertices: NDArray[np.float32], centres: Array, looks: bool) -> float:
+    def apply(self, vertices: Singles, centres: Array, looks: bool) -> Iterator[Moved]:
         """Turn the lids of the pose ``vertices``, (N, 3), in place.
 
         Args:
             vertices: Shape (N, 3).
             centres: Of the eyes, shape (E, 3).
             looks: Whether an eye is moved; if none is, lids that are at rest are not looked at.
-
-        Returns:
-            How far any vertex is moved at most; 0 if none is.
         """
-        centre_of_seen, moved = centres.take(self._eye_of_seen, axis=0), 0.0
+        centre_of_seen = centres.take(self._eye_of_seen, axis=0)
         for shares in self._shares:
             places = vertices.take(self._seen, axis=0)
             if not looks and np.array_equal(places, self._at_rest):
-                break
+                return
             past = self._past(places - centre_of_seen)
             if past.max(initial=0.0) <= 0.0:
-                break
+                return
             turns = shares * hinge(past, _TURN_START, _TURN_MARGIN)
             both = self._spreading(turns)
             both[self._own] = np.maximum(both.take(self._own), turns)
             angle = both[: self._count] - both[self._count :]
             angle = np.concatenate([angle, angle.take(self._roots)])
             turned = np.flatnonzero(angle)
-            moved += self._turn(vertices, turned, angle.take(turned), centres)
-        return moved
+            yield self._turn(vertices, turned, angle.take(turned), centres)
 
     def _past(self, relative: Array) -> Array:
         """Return by which angle each vertex of the rims is past the other edge, less what it may be, shape (k,).
@@ -280,8 +277,8 @@ class _Turning:
         past += self._allowed
         return past
 
-    def _turn(self, vertices: Singles, turned: Ids, angle: Singles, centres: Array) -> float:
-        """Turn the vertices numbered ``turned``, (n,), up by an ``angle``, (n,), in place; return how far at most."""
+    def _turn(self, vertices: Singles, turned: Ids, angle: Singles, centres: Array) -> Moved:
+        """Turn the vertices numbered ``turned``, (n,), up by an ``angle``, (n,), in place."""
         ids = self._ids.take(turned)
         before = vertices.take(ids, axis=0)
         x, y, z = (before - centres.take(self._eye_of_id.take(turned), axis=0)).T
@@ -289,8 +286,7 @@ class _Turning:
         cosine, sine = np.cos(angle), np.sin(angle)
         shrink = cosine - sine * y / across - 1.0
         move = np.stack([x * shrink, across * sine + y * (cosine - 1.0), z * shrink])
-        vertices[ids] = before + move.T.astype(np.float32)
-        return farthest(move)
+        return moved_by(vertices, ids, before, move)
 
 
 @dataclass(frozen=True, eq=False)

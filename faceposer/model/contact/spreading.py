@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 Array = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Ids = NDArray[np.intp]
 _Float = TypeVar("_Float", np.float32, np.float64)
 
@@ -87,10 +88,10 @@ class Spreading:
         """Return the same with the field at some of the ``vertices`` alone, shape (n,)."""
         return type(self)(self.gather, _compact(self.spread[vertices]))
 
-    def __call__(self, push: NDArray[np.floating]) -> NDArray[np.float32]:
+    def __call__(self, push: NDArray[np.floating]) -> Singles:
         """Return the field, shape (V,), at least 0, of a ``push`` at least 0, shape (K,)."""
         squared = (push * push).astype(np.float32)
-        field: NDArray[np.float32] = self.spread @ np.sqrt(np.sqrt(self.gather @ (squared * squared)))
+        field: Singles = self.spread @ np.sqrt(np.sqrt(self.gather @ (squared * squared)))
         return field
 
 
@@ -115,7 +116,8 @@ def hinge(depth: NDArray[_Float], start: NDArray[_Float] | float, margin: NDArra
     little more than d, so that surfaces do not stay in one another.
     """
     d = np.maximum(depth, 0.0)
-    return (d + margin * d / (d + margin)) * d / (d + start)
+    push: NDArray[_Float] = np.asarray((d + margin * d / (d + margin)) * d / (d + start), dtype=depth.dtype)
+    return push
 
 
 def fading(value: Array, full: float, gone: float) -> Array:
@@ -123,9 +125,3 @@ def fading(value: Array, full: float, gone: float) -> Array:
     t = np.clip((gone - value) / (gone - full), 0.0, 1.0)
     smooth: Array = t * t * (3.0 - 2.0 * t)
     return smooth
-
-
-def farthest(moves: NDArray[np.floating]) -> float:
-    """Return the greatest length of ``moves``, coordinates by rows (3, n); 0 where there are none."""
-    x, y, z = moves
-    return float(np.sqrt((x * x + y * y + z * z).max(initial=0.0)))
