@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from faceposer.solve.definite import solved_by_root, square_root
+from faceposer.solve.bounded_model import BoundedModel
+from faceposer.solve.definite import solved_by_root
 from faceposer.solve.problem import PoseProblem
 from faceposer.solve.term import Array, PoseState
 
@@ -18,10 +19,8 @@ RELATIVE_TOLERANCE = 1e-7
 _MAX_ITERATIONS = 100
 # Steps of Gauss-Newton, how often each is halved, and which share of the decrease that it promises must come true.
 _NEWTON_STEPS, _HALVINGS, _COMES_TRUE = 30, 6, 0.05
-# These steps come so near in one or two that a tenth of the slope is as cheap.
-_NEWTON_TOLERANCE = 0.1 * SLOPE_TOLERANCE
-# Steps within the model that one of them follows, and the slope at which that is at its least.
-_MODEL_STEPS, _MODEL_TOLERANCE = 30, 1e-6
+# Most come so near in so many that a tenth of the slope is as cheap; later ones, of strokes, gain less each.
+_NEWTON_TOLERANCE, _FAST_STEPS = 0.1 * SLOPE_TOLERANCE, 3
 # Energies that differ by less are equal.
 _ROUNDING = 1e-9
 
@@ -143,7 +142,7 @@ def _newton(problem: PoseProblem, start: Array, goes_on: Callable[[Array], bool]
     """Return where steps of Gauss-Newton lead from ``start``, shape (r,)."""
     state = problem.state(start)
     energy, gradient = problem.energy_and_gradient_at(state)
-    model = _Model(problem, state, gradient)
+    model = BoundedModel(problem, state, gradient)
     evaluations = 1
     for iteration in range(_NEWTON_STEPS):
         if model.slope <= _NEWTON_TOLERANCE:
@@ -162,99 +161,10 @@ def _newton(problem: PoseProblem, start: Array, goes_on: Callable[[Array], bool]
         state, energy, gradient = trial, trial_energy, trial_gradient
         if not goes_on(state.p):
             return _Reached(state, energy, model.lower, iteration + 1, evaluations, stopped=True)
-        if model.slope_of(gradient) <= _NEWTON_TOLERANCE:
+        if model.slope_of(gradient) <= (_NEWTON_TOLERANCE if iteration < _FAST_STEPS else SLOPE_TOLERANCE):
             return _Reached(state, energy, model.lower, iteration + 1, evaluations, converged=True)
-        model = _Model(problem, state, gradient)
+        model = BoundedModel(problem, state, gradient)
     return _Reached(state, energy, model.lower, _NEWTON_STEPS, evaluations)
-
-
-class _Model:
-    """The energy about a pose, to second order but for the bounds, which are as they are.
-
-    Bounds, squares of what exceeds them, have a curvature where they are exceeded and none elsewhere: a step that does
-    not know which of them it will meet goes far too far, or hardly at all. The model with them is convex and piecewise
-    quadratic, and its least value is found by Newton's method for such functions (semismooth), a few steps without an
-    evaluation of the energy.
-
-    Attributes:
-        lower: L with L L^T about the curvature of the energy, shape (r, r), at the last place looked at.
-    """
-
-    def __init__(self, problem: PoseProblem, state: PoseState, gradient: Array) -> None:
-        """Look at the energy of ``problem`` from a ``state`` with its ``gradient``, shape (r,)."""
-        self._problem, self._state = problem, state
-        self._curvature = problem.curvature_at(state, bounded=False)
-        bounds, bound_slope, self._exceeded, bound_curvature = self._bounds(state.p)
-        self._bound_value, self._slope = bounds, gradient - bound_slope
-        self.lower = square_root(self._curvature + bound_curvature)
-        self._scaled = solved_by_root(self.lower, gradient)
-        self.slope = float(np.abs(self._scaled).max())
-
-    def slope_of(self, gradient: Array) -> float:
-        """Return the largest slope in coordinates in which the energy is nearly round, of a ``gradient``, (r,)."""
-        return float(np.abs(solved_by_root(self.lower, gradient)).max())
-
-    def least(self) -> tuple[Array, float]:
-        """Return the step, shape (r,), to where the model is least, and by how much it is less there."""
-        step, value, slope = np.zeros_like(self._slope), self._bound_value, self._slope
-        scaled, exceeded = self._scaled, self._exceeded
-        for _ in range(_MODEL_STEPS):
-            way, share = -solved_by_root(self.lower, scaled, transposed=True), 1.0
-            while True:
-                further = step + share * way
-                bent = self._curvature @ further
-                bounds, bound_slope, now_exceeded, bound_curvature = self._bounds(self._state.p + further)
-                further_value = float(further @ (self._slope + 0.5 * bent)) + bounds
-                if share < 1.0 or further_value <= value - _COMES_TRUE * float(scaled @ scaled):
-                    break
-                share = self._least_along(step, way, slope)
-                if share == 1.0:
-                    break
-            step, value, slope = further, further_value, self._slope + bent
-            if share == 1.0 and np.array_equal(now_exceeded, exceeded):
-                break
-            exceeded = now_exceeded
-            self.lower = square_root(self._curvature + bound_curvature)
-            scaled = solved_by_root(self.lower, slope + bound_slope)
-            if np.abs(scaled).max() <= _MODEL_TOLERANCE:
-                break
-        return step, self._bound_value - value
-
-    def _least_along(self, step: Array, way: Array, slope: Array) -> float:
-        """Return the share of the ``way``, (r,), from a ``step``, (r,), on which the model is least.
-
-        Its derivative rises all along, in straight lines between where bounds begin to be exceeded and where they cease
-        to be.
-
-        Args:
-            step: Where the way begins.
-            way: In a direction in which the model falls.
-            slope: Of the model without bounds at the beginning, shape (r,).
-        """
-        p = self._state.p + step
-        shares = np.unique(np.concatenate([[0.0, 1.0], *(term.crossings(p, way) for term in self._problem.bounds)]))
-        slopes = float(way @ slope) + float(way @ self._curvature @ way) * shares
-        for term in self._problem.bounds:
-            slopes += term.slopes_along(p, way, shares)
-        after = int(np.searchsorted(slopes, 0.0))
-        if after == len(shares):
-            return 1.0
-        if after == 0:
-            return 0.0
-        low, high = slopes[after - 1], slopes[after]
-        return float(shares[after - 1] + (shares[after] - shares[after - 1]) * low / (low - high))
-
-    def _bounds(self, p: Array) -> tuple[float, Array, Array, Array | float]:
-        """Return value, slope, what is exceeded and curvature of all bounds at ``p``, shape (r,)."""
-        value, slope, exceeded, curvature = 0.0, np.zeros_like(p), [], np.zeros(())
-        state = self._problem.state(p)
-        for term in self._problem.bounds:
-            own, own_slope = term.value_and_gradient(state)
-            value, slope = value + own, slope + own_slope
-            exceeded.append(term.exceeded(state))
-            if exceeded[-1].any():
-                curvature = curvature + term.curvature(state)
-        return value, slope, np.concatenate(exceeded) if exceeded else np.zeros(0, dtype=bool), curvature
 
 
 def _lbfgs(problem: PoseProblem, begun: _Reached, goes_on: Callable[[Array], bool]) -> _Reached:

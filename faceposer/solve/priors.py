@@ -78,8 +78,8 @@ class WeightBounds:
             weights = self._directions @ start
             self._lower, self._upper = np.minimum(self._lower, weights), np.maximum(self._upper, weights)
 
-    def _excess(self, state: PoseState) -> Array:
-        weights = self._directions @ state.p
+    def _excess(self, p: Array) -> Array:
+        weights = self._directions @ p
         excess: Array = (weights - np.minimum(np.maximum(weights, self._lower), self._upper)) / self._scale
         return excess
 
@@ -99,21 +99,28 @@ class WeightBounds:
         slopes: Array = 2.0 * self._weight * (outside @ (change / (self._scale * self._scale)))
         return slopes
 
-    def exceeded(self, state: PoseState) -> NDArray[np.bool_]:
-        """Return which bounds are exceeded."""
-        return np.asarray(self._excess(state) != 0.0)
+    def at(self, p: Array) -> tuple[float, Array, NDArray[np.bool_], Array | float]:
+        """Return the cost at ``p``, (r,), its gradient, (r,), which bounds are exceeded, and the curvature, (r, r).
+
+        The curvature is 0 where no bound is exceeded.
+        """
+        excess = self._excess(p)
+        exceeded = excess != 0.0
+        if not exceeded.any():
+            return 0.0, np.zeros_like(p), exceeded, 0.0
+        active = self._directions[exceeded] / self._scale[exceeded, None]
+        slope = 2.0 * self._weight * (excess[exceeded] @ active)
+        return self._weight * float(excess @ excess), slope, exceeded, 2.0 * self._weight * active.T @ active
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
         """Return the cost and its gradient by the coefficients, shape (r,)."""
-        excess = self._excess(state)
+        excess = self._excess(state.p)
         return self._weight * float(excess @ excess), 2.0 * self._weight * ((excess / self._scale) @ self._directions)
 
     def curvature(self, state: PoseState) -> Array:
         """Return the second derivative where the bounds are exceeded, shape (r, r)."""
-        outside = self._excess(state) != 0.0
-        active = self._directions[outside] / self._scale[outside, None]
-        product: Array = 2.0 * self._weight * active.T @ active
-        return product
+        stiffness = self.at(state.p)[3]
+        return np.zeros((len(state.p),) * 2) + stiffness
 
 
 class ParallelGaze(ResidualTerm, QuadraticTerm):
