@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from faceposer.model.contact import lid_contact
 from faceposer.model.contact.arches import find_arches
 from faceposer.model.contact.lips import find_covering
 from faceposer.model.contact.measure import penetration_mm
@@ -151,6 +152,39 @@ def test_neighbouring_poses_stay_neighbours(model: FaceModel) -> None:
             step = np.linalg.norm(shape - before[0], axis=1).max()
             assert np.linalg.norm(moved - before[1], axis=1).max() < 2.5 * step
         before = shape, moved
+
+
+def test_what_was_corrected_before_makes_no_difference(model: FaceModel) -> None:
+    poses = [model.coefficients_of(weights) for weights in (BLINK, GRIN, {"jawOpen": 0.7}, BLINK | GRIN)]
+    first = [model.surface(p) for p in poses]
+    for p, vertices in reversed(list(zip(poses, first, strict=True))):
+        np.testing.assert_array_equal(model.surface(p), vertices)
+    np.testing.assert_array_equal(ContactStep.of(model.subject).apply(model.instance(poses[-1])), first[-1])
+
+
+def test_each_eye_is_corrected_as_if_it_were_alone(model: FaceModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    both, left, right = (
+        model.instance(model.coefficients_of(dict.fromkeys(names, 1.6)))
+        for names in (("eyeBlinkLeft", "eyeBlinkRight"), ("eyeBlinkLeft",), ("eyeBlinkRight",))
+    )
+    moves = [model.contact.apply(vertices.copy()) - vertices for vertices in (both, left, right)]
+    assert all(np.abs(moved).max() > 0.2 for moved in moves)
+    np.testing.assert_allclose(moves[0], moves[1] + moves[2], atol=1e-4)
+    # Eyes whose surroundings meet are looked at one after another, with the same result where they do not.
+    monkeypatch.setattr(lid_contact, "_surroundings", lambda subject, eye: np.zeros(1, dtype=np.intp))
+    apart = ContactStep.of(model.subject)
+    assert len(apart.parts) == len(model.contact.parts) + 1
+    np.testing.assert_allclose(apart.apply(both.copy()) - both, moves[0], atol=1e-5)
+
+
+def test_what_would_move_too_far_stays_where_the_pose_has_it(model: FaceModel) -> None:
+    vertices = model.instance(model.coefficients_of(BLINK | GRIN))
+    moved = np.linalg.norm(model.contact.apply(vertices.copy()) - vertices, axis=1)
+    most = 0.5 * float(moved.max())
+    kept = ContactStep(model.contact.parts, most).apply(vertices.copy())
+    np.testing.assert_array_equal(kept[moved > 1.001 * most], vertices[moved > 1.001 * most])
+    assert np.abs(kept - vertices).max() > 0.0
+    assert np.linalg.norm(kept - vertices, axis=1).max() < 1.001 * most
 
 
 def test_lashes_go_with_their_lid(model: FaceModel) -> None:
