@@ -177,7 +177,7 @@ class LocalMoments:
             shift: Of the mean from the start, in the weights, shape (W,); none if None.
         """
         damped = self._along @ (self._factors * moment) @ self._along.T
-        damped[np.diag_indices_from(damped)] += self._faint
+        damped.flat[:: len(damped) + 1] += self._faint
         root = np.linalg.cholesky(damped)
         # In the face's subspace a Gaussian over the weights is the Gaussian of what its coefficients reach. To BLAS,
         # which counts by columns, a matrix is its transpose: it finds X with X root^T = directions^T.

@@ -160,8 +160,7 @@ class PoseProblem:
 
     def _take_up_points(self, pulls: Sequence[Term], wholeness: float) -> None:
         """Widen the rig's limits to the start, and let points see it."""
-        density = self.model.rig_density
-        self.limits = limits_around(density.limits, density.directions @ self._home)
+        self.limits = _limits_at(self.model, self._home.tobytes())
         for term in pulls:
             if isinstance(term, PointTerm):
                 term.take_up(self.model, self._start_state, self.limits, wholeness)
@@ -324,6 +323,15 @@ def _gathered(
 def _state_at(anchored: AnchoredPoints, pose: bytes) -> PoseState:
     """Return the state at a ``pose``, remembered: while targets are dragged, the pose that is pulled from stays."""
     return PoseState(anchored, np.frombuffer(pose))
+
+
+@lru_cache(maxsize=8)
+def _limits_at(model: FaceModel, pose: bytes) -> Array:
+    """Return the limits of the weights of the model's density, widened to a ``pose``, shape (W, 2)."""
+    density = model.rig_density
+    limits = limits_around(density.limits, density.directions @ np.frombuffer(pose))
+    limits.setflags(write=False)
+    return limits
 
 
 @lru_cache(maxsize=4)

@@ -102,7 +102,7 @@ def test_what_was_solved_before_makes_no_difference(model: FaceModel, camera: Ca
     first = solve(PoseProblem(model, constraints)).coefficients
     solve(PoseProblem(model, pulls(model, camera, 3, 30.0, 6), 0.2 * first))
     again = solve(PoseProblem(model, constraints)).coefficients
-    for remembered in (problems._gathered, problems._state_at, problems._held_weights, reach._reach_of_points):
+    for remembered in (problems._gathered, problems._state_at, problems._limits_at, reach._reach_of_points):
         remembered.cache_clear()
     fresh = solve(PoseProblem(model, constraints)).coefficients
     np.testing.assert_array_equal(again, first)
