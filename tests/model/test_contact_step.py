@@ -187,6 +187,13 @@ def test_what_would_move_too_far_stays_where_the_pose_has_it(model: FaceModel) -
     assert np.linalg.norm(kept - vertices, axis=1).max() < 1.001 * most
 
 
+@pytest.mark.parametrize("scale", [np.nan, np.inf, 1e20, 0.0])
+def test_vertices_that_are_no_face_stay_as_they_are(model: FaceModel, scale: float) -> None:
+    with np.errstate(invalid="ignore"):
+        vertices = (model.subject.vertices * scale).astype(np.float32)
+    np.testing.assert_allclose(model.contact.apply(vertices.copy()), vertices, atol=1e-6)
+
+
 def test_lashes_go_with_their_lid(model: FaceModel) -> None:
     p = model.coefficients_of({"eyeBlinkLeft": 1.6})
     moved = model.surface(p) - model.instance(p)

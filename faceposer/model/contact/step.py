@@ -53,7 +53,7 @@ class ContactStep:
         with np.errstate(all="ignore"):
             for part in self.parts:
                 # Where points lie in a plane, on a line or nowhere at all, the part is left out.
-                with suppress(np.linalg.LinAlgError, ValueError, OverflowError):
+                with suppress(np.linalg.LinAlgError, ValueError, OverflowError, IndexError):
                     moves.extend(part.apply(vertices))
             if not sum(move.farthest for move in moves) <= self.most:
                 # Shapes that tear a face apart, or no numbers at all: what is far off stays where the pose has it.
