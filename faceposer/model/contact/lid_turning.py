@@ -38,7 +38,7 @@ class Turning:
     """Turns lids that have passed each other back to where they meet."""
 
     def __init__(self, subject: Subject, eyes: Sequence[tuple[int, Eyeball, LidEdges, list[Array]]]) -> None:
-        """Prepare for ``eyes``, each with its number, its ball, edges of its lids and all vertices' distances to these."""
+        """Prepare for ``eyes``: of each its number, ball, edges of the lids, and distances of all vertices to them."""
         lids = [(number, _Lids.of(subject, ball, edges, distances)) for number, ball, edges, distances in eyes]
         first = np.cumsum([0, *(len(each.ids) for _, each in lids)])
         self._count = int(first[-1])
