@@ -15,7 +15,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.point import SIGMA_PX
 from faceposer.solve.constraints.switches import KEYS, Switches, switches_from_json
-from faceposer.solve.term import Array, Indices, PoseState, Term
+from faceposer.solve.term import Array, Indices, PoseState, QuadraticTerm, Term
 
 #: How many pixels a centimetre takes in an ordinary view: a distance in space counts like one in such a picture.
 PX_PER_CM = 25.0
@@ -134,7 +134,7 @@ class FixedConstraint(Switches):
         return cls(points, positions, **switches_from_json(data, where))
 
 
-class FixedTerm:
+class FixedTerm(QuadraticTerm):
     """w m / n sum over i of |x_i(p) - x_i,original|^2 / sigma^2 (paper, eqs. (15) and (30); (30) lacks a factor 2).
 
     Positions are linear in p, so that the energy is a quadratic form whose matrix is gathered once for a set of points:

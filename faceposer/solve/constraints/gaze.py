@@ -15,7 +15,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.fixed import PX_PER_CM
 from faceposer.solve.constraints.switches import KEYS, Switches, switches_from_json
-from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
+from faceposer.solve.term import Array, Indices, PoseState, QuadraticTerm, ResidualTerm, Term
 
 #: Degrees that an eye turns when its shape is at full strength: outwards or inwards, up or down.
 MOST_YAW, MOST_PITCH = 31.0, 23.0
@@ -125,7 +125,7 @@ def gaze_direction(model: FaceModel, p: ArrayLike) -> tuple[float, float]:
     return (MOST_YAW * left, MOST_PITCH * up)
 
 
-class GazeTerm(ResidualTerm):
+class GazeTerm(ResidualTerm, QuadraticTerm):
     """w / sigma^2 sum over the eyeLook shapes of (weight_j(p) - value_j)^2: other constraints do not turn the eyes."""
 
     def __init__(self, constraint: GazeConstraint, model: FaceModel) -> None:
