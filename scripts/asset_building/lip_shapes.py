@@ -2,8 +2,9 @@
 
 Orbicularis oris draws the corners of the mouth together and pushes the lips forward (mouthPucker), turns them outwards
 (mouthFunnel) or inwards over the teeth (mouthRollUpper, mouthRollLower). Risorius and platysma draw the corners aside
-and back around the teeth (mouthStretch), buccinator presses them against the teeth (mouthDimple). All in centimetres on
-the base mesh.
+and back around the teeth (mouthStretch), buccinator presses them against the teeth (mouthDimple). The levators of the
+upper lip (mouthUpperUp, and the lip's part of noseSneer) and the depressor of the lower one (mouthLowerDown) part the
+lips. All in centimetres on the base mesh.
 """
 
 from dataclasses import dataclass
@@ -63,6 +64,35 @@ _ROLL_UPPER = LipMove(
 _ROLL_LOWER = LipMove(
     corner=(0.0, 0.0, -0.04), upper=(0.0, 0.0, 0.0), lower=(0.0, -0.05, -0.35), turned=(0.0, -45.0), size=(1.0, 0.6)
 )
+_UPPER_UP = LipMove(
+    corner=(0.0, 0.12, -0.02),
+    upper=(0.0, 0.58, 0.04),
+    lower=(0.0, 0.0, 0.0),
+    turned=(5.0, 0.0),
+    roundness=0.5,
+    places=(
+        ((1.75, 69.0, 14.9), (0.08, 0.20, 0.0), 0.25),
+        ((2.0, 68.5, 14.7), (0.10, 0.34, 0.04), 0.3),
+        ((2.7, 67.9, 14.4), (0.08, 0.36, 0.06), 0.3),
+        ((4.0, 69.2, 13.7), (0.02, 0.14, 0.10), 0.5),
+    ),
+)
+_LOWER_DOWN = LipMove(
+    corner=(0.04, -0.04, -0.02),
+    upper=(0.0, 0.0, 0.0),
+    lower=(0.0, -0.50, 0.02),
+    turned=(0.0, 8.0),
+    roundness=0.5,
+    places=(((1.4, 64.6, 14.8), (0.02, -0.30, 0.02), 0.3),),
+)
+#: Levator labii superioris alaeque nasi lifts the border of the red; the lips stay shut.
+_SNEER = LipMove(
+    corner=(0.0, 0.0, 0.0),
+    upper=(0.0, 0.07, 0.02),
+    lower=(0.0, 0.07, 0.0),
+    turned=(8.0, 0.0),
+    size=(1.1, 1.0),
+)
 _STRETCH = LipMove(
     corner=(0.72, -0.22, -0.62),
     upper=(0.0, -0.02, -0.06),
@@ -95,7 +125,14 @@ def lip_shapes(skin: Skin, control: Floats, rings: MouthRings) -> dict[str, Floa
         "mouthRollUpper": _sculpted(skin, control, rings, _ROLL_UPPER),
         "mouthRollLower": _sculpted(skin, control, rings, _ROLL_LOWER),
     }
-    for name, move in (("mouthStretch", _STRETCH), ("mouthDimple", _DIMPLE)):
+    sided = {
+        "mouthStretch": _STRETCH,
+        "mouthDimple": _DIMPLE,
+        "mouthUpperUp": _UPPER_UP,
+        "mouthLowerDown": _LOWER_DOWN,
+        "noseSneer": _SNEER,
+    }
+    for name, move in sided.items():
         left, right = one_sided(skin, control, _sculpted(skin, control, rings, move))
         result |= {f"{name}Left": left, f"{name}Right": right}
     return result
