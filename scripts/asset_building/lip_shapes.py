@@ -32,6 +32,7 @@ class LipMove:
         turned: By how many degrees the section of the upper and of the lower lip turns outwards in the middle.
         size: Factor on their sections in the middle.
         roundness: Exponent of the way from the middle to the corner: .5 for an ellipse, 1 for a parabola.
+        beside: By which share lips go further beside the middle, most at .7 of the way to the corner.
         places: Places on the skin around, each with its offset and the radius in which it is held to that.
     """
 
@@ -41,6 +42,7 @@ class LipMove:
     turned: tuple[float, float] = (0.0, 0.0)
     size: tuple[float, float] = (1.0, 1.0)
     roundness: float = 1.0
+    beside: float = 0.0
     places: Places = ()
 
 
@@ -66,10 +68,11 @@ _ROLL_LOWER = LipMove(
 )
 _UPPER_UP = LipMove(
     corner=(0.0, 0.12, -0.02),
-    upper=(0.0, 0.58, 0.04),
+    upper=(0.0, 0.45, 0.04),
     lower=(0.0, 0.0, 0.0),
     turned=(5.0, 0.0),
     roundness=0.5,
+    beside=0.6,
     places=(
         ((1.75, 69.0, 14.9), (0.08, 0.20, 0.0), 0.25),
         ((2.0, 68.5, 14.7), (0.10, 0.34, 0.04), 0.3),
@@ -88,8 +91,8 @@ _LOWER_DOWN = LipMove(
 #: Levator labii superioris alaeque nasi lifts the border of the red; the lips stay shut.
 _SNEER = LipMove(
     corner=(0.0, 0.0, 0.0),
-    upper=(0.0, 0.07, 0.02),
-    lower=(0.0, 0.07, 0.0),
+    upper=(0.0, 0.05, 0.05),
+    lower=(0.0, 0.05, 0.05),
     turned=(8.0, 0.0),
     size=(1.1, 1.0),
 )
@@ -152,7 +155,8 @@ def _moved_lips(rings: MouthRings, control: Floats, move: LipMove) -> tuple[Ints
     loop, s = rings.rings[0], rings.along
     middle = np.maximum(1.0 - s**2, 0.0) ** move.roundness
     lip = np.where(rings.lower[:, None], move.lower, move.upper)
-    edge = middle[:, None] * lip + np.stack([s, 1.0 - middle, s**2], axis=1) * move.corner
+    lifted = middle * (1.0 + move.beside * 4.0 * s**2 * (1.0 - s**2))
+    edge = lifted[:, None] * lip + np.stack([s, 1.0 - middle, s**2], axis=1) * move.corner
     edge[:, 0] *= np.sign(control[loop, 0])
     edge[:, 2] += (1.0 - middle - s**2) * np.where(rings.lower, move.lower[2], move.upper[2])
     turn = np.deg2rad(np.where(rings.lower, move.turned[1], -move.turned[0])) * middle

@@ -49,7 +49,8 @@ STARTERS = (
         "Cheeks raised, corners of the lips pulled up, lips parted: FACS action units 6 + 12 + 25.",
         {
             "mouthSmile": 1.0,
-            "mouthUpperUp": 0.35,
+            "mouthUpperUp": 0.25,
+            "mouthShrugUpper": 0.4,
             "mouthLowerDown": 0.35,
             "jawOpen": 0.15,
             "cheekSquint": 0.8,
@@ -126,6 +127,7 @@ STARTERS = (
         {
             "noseSneer": 1.0,
             "mouthUpperUp": 0.9,
+            "mouthShrugUpper": 0.15,
             "mouthFrown": 0.35,
             "mouthLowerDown": 0.2,
             "mouthShrugLower": 0.3,
