@@ -61,10 +61,10 @@ _FUNNEL = LipMove(
     roundness=0.75,
 )
 _ROLL_UPPER = LipMove(
-    corner=(0.0, 0.0, -0.04), upper=(0.0, 0.12, -0.35), lower=(0.0, 0.0, 0.0), turned=(-45.0, 0.0), size=(0.6, 1.0)
+    corner=(0.0, 0.0, -0.04), upper=(0.0, -0.02, -0.35), lower=(0.0, 0.0, 0.0), turned=(-45.0, 0.0), size=(0.6, 1.0)
 )
 _ROLL_LOWER = LipMove(
-    corner=(0.0, 0.0, -0.04), upper=(0.0, 0.0, 0.0), lower=(0.0, -0.05, -0.35), turned=(0.0, -45.0), size=(1.0, 0.6)
+    corner=(0.0, 0.0, -0.04), upper=(0.0, 0.0, 0.0), lower=(0.0, 0.03, -0.35), turned=(0.0, -45.0), size=(1.0, 0.6)
 )
 _UPPER_UP = LipMove(
     corner=(0.0, 0.12, -0.02),

@@ -1,7 +1,7 @@
 """The poses that come with the program, as weights of ARKit's shapes; a name without a side means both sides.
 
 Expressions: the action units (AU) of Ekman and Friesen's Facial Action Coding System that make each of the six basic
-emotions, in the shapes of ARKit nearest to them. Visemes: the thirteen of J. Lander, "Read My Lips: Facial Animation
+emotions and contempt, in the shapes of ARKit nearest to them. Visemes: the thirteen of J. Lander, "Read My Lips: Facial Animation
 Techniques", Game Developer, 2000.
 """
 
@@ -158,10 +158,11 @@ STARTERS = (
         "M B P",
         "Lips closed: mom, bob, pop.",
         {
-            "mouthPress": 0.3,
-            "mouthRollLower": 0.25,
-            "mouthRollUpper": 0.25,
-            "jawOpen": 0.06,
+            "mouthPress": 0.15,
+            "mouthRollLower": 0.4,
+            "mouthRollUpper": 0.4,
+            "mouthClose": 0.04,
+            "jawOpen": 0.04,
         },
         {"mouthPress": 0.1, "mouthRollLower": 0.5, "mouthRollUpper": 0.5, "jawOpen": 0.06},
     ),
@@ -171,9 +172,9 @@ STARTERS = (
         "Lips pursed: we, boot.",
         {
             "mouthPucker": 1.0,
-            "mouthFunnel": 0.2,
+            "mouthFunnel": 0.1,
         },
-        {"mouthPucker": 1.5},
+        {"mouthPucker": 1.1},
     ),
     Starter(
         "viseme-03-r",
@@ -184,7 +185,7 @@ STARTERS = (
             "mouthFunnel": 0.2,
             "jawOpen": 0.15,
         },
-        {"mouthPucker": 1.0},
+        {"mouthPucker": 0.7},
     ),
     Starter(
         "viseme-04-fv",
@@ -273,7 +274,7 @@ STARTERS = (
             "mouthFunnel": 0.4,
             "mouthPucker": 0.7,
         },
-        {"mouthPucker": 1.3, "mouthFunnel": 0.7},
+        {"mouthPucker": 0.8, "mouthFunnel": 0.6},
     ),
     Starter(
         "viseme-13-ah",
