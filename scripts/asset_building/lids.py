@@ -126,9 +126,7 @@ def following_gaze(vertices: Floats, ring: Ints, centre: Floats, degrees: float,
     upper, lower = (half[np.argsort(vertices[half, 0])] for half in upper_and_lower(vertices, ring, side))
     corners = vertices[upper[[0, -1]]]
     line = np.interp(vertices[:, 0], corners[:, 0], corners[:, 1])
-    across = np.clip(
-        (vertices[:, 0] - corners[:, 0].mean()) / (0.5 * np.ptp(corners[:, 0])), -1.0, 1.0
-    )
+    across = np.clip((vertices[:, 0] - corners[:, 0].mean()) / (0.5 * np.ptp(corners[:, 0])), -1.0, 1.0)
     above = np.interp(vertices[:, 0], vertices[upper, 0], vertices[upper, 1]) - line
     below = line - np.interp(vertices[:, 0], vertices[lower, 0], vertices[lower, 1])
     height = vertices[:, 1] - line

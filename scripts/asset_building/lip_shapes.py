@@ -34,6 +34,7 @@ class LipMove:
         roundness: Exponent of the way from the middle to the corner: .5 for an ellipse, 1 for a parabola.
         beside: By which share lips go further beside the middle, most at .7 of the way to the corner.
         places: Places on the skin around, each with its offset and the radius in which it is held to that.
+        drawn: How far one side alone draws the whole mouth along.
     """
 
     corner: tuple[float, float, float]
@@ -44,6 +45,7 @@ class LipMove:
     roundness: float = 1.0
     beside: float = 0.0
     places: Places = ()
+    drawn: float = 0.0
 
 
 _PUCKER = LipMove(
@@ -91,10 +93,10 @@ _LOWER_DOWN = LipMove(
 #: Levator labii superioris alaeque nasi lifts the border of the red; the lips stay shut.
 _SNEER = LipMove(
     corner=(0.0, 0.0, 0.0),
-    upper=(0.0, 0.05, 0.05),
+    upper=(0.0, 0.035, 0.05),
     lower=(0.0, 0.05, 0.05),
-    turned=(8.0, 0.0),
-    size=(1.1, 1.0),
+    turned=(5.0, 0.0),
+    size=(1.06, 1.0),
 )
 _STRETCH = LipMove(
     corner=(0.72, -0.22, -0.62),
@@ -106,6 +108,7 @@ _STRETCH = LipMove(
         ((4.2, 66.6, 12.8), (0.26, -0.04, -0.10), 0.4),
         ((3.0, 64.7, 13.2), (0.30, -0.34, -0.16), 0.4),
     ),
+    drawn=0.08,
 )
 _DIMPLE = LipMove(
     corner=(0.42, 0.20, -0.62),
@@ -117,6 +120,7 @@ _DIMPLE = LipMove(
         ((3.3, 67.3, 13.9), (0.10, 0.20, 0.10), 0.3),
         ((3.1, 65.6, 13.4), (0.10, 0.05, 0.06), 0.3),
     ),
+    drawn=0.08,
 )
 
 
@@ -136,7 +140,7 @@ def lip_shapes(skin: Skin, control: Floats, rings: MouthRings) -> dict[str, Floa
         "noseSneer": _SNEER,
     }
     for name, move in sided.items():
-        left, right = one_sided(skin, control, _sculpted(skin, control, rings, move))
+        left, right = one_sided(skin, control, _sculpted(skin, control, rings, move), move.drawn)
         result |= {f"{name}Left": left, f"{name}Right": right}
     return result
 

@@ -64,7 +64,7 @@ def smiles(skin: Skin, control: Floats, rings: MouthRings) -> tuple[Floats, Floa
     ids, offsets = _smiling_lips(rings, control)
     given[ids] = offsets
     both = symmetric(skin, smoothest(skin, control, given, np.zeros_like(given), 2e-3))
-    return one_sided(skin, control, both)
+    return one_sided(skin, control, both, _DRAWN)
 
 
 def squints(skin: Skin, control: Floats, lower_lid: Floats) -> tuple[Floats, Floats]:
@@ -84,14 +84,14 @@ def squints(skin: Skin, control: Floats, lower_lid: Floats) -> tuple[Floats, Flo
     return left, left[skin.mirror] * [-1.0, 1.0, 1.0]
 
 
-def one_sided(skin: Skin, control: Floats, both: Floats) -> tuple[Floats, Floats]:
+def one_sided(skin: Skin, control: Floats, both: Floats, drawn: float) -> tuple[Floats, Floats]:
     """Return what the left and the right side have of the offsets ``both``, shape (C, 3) each.
 
-    The sides share the middle of the lips; one side alone draws it along.
+    The sides share the middle of the lips; one side alone draws it along, as far as ``drawn``, in centimetres.
     """
     left = both * ramp(-_SHARED, _SHARED, control[:, 0])[:, None]
     away = (control - control[skin.lip_contact].mean(axis=0)) / [2.3, 1.9, 3.0]
-    left[:, 0] += _DRAWN * np.exp(-(away**2).sum(axis=1)) * (control[:, 2] > 10.0)
+    left[:, 0] += drawn * np.exp(-(away**2).sum(axis=1)) * (control[:, 2] > 10.0)
     return left, left[skin.mirror] * [-1.0, 1.0, 1.0]
 
 
