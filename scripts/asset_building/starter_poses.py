@@ -1,8 +1,8 @@
 """The poses that come with the program, as weights of ARKit's shapes; a name without a side means both sides.
 
 Expressions: the action units (AU) of Ekman and Friesen's Facial Action Coding System that make each of the six basic
-emotions and contempt, in the shapes of ARKit nearest to them. Visemes: the thirteen of J. Lander, "Read My Lips: Facial Animation
-Techniques", Game Developer, 2000.
+emotions and contempt, in the shapes of ARKit nearest to them. Visemes: the thirteen of J. Lander, "Read My Lips: Facial
+Animation Techniques", Game Developer, 2000.
 """
 
 from dataclasses import dataclass, field
