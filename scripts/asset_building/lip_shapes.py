@@ -56,9 +56,9 @@ _PUCKER = LipMove(
     size=(1.2, 1.2),
 )
 _FUNNEL = LipMove(
-    corner=(-1.0, 0.0, 0.60),
-    upper=(0.0, 0.50, 0.72),
-    lower=(0.0, -0.56, 0.64),
+    corner=(-0.78, 0.0, 0.50),
+    upper=(0.0, 0.48, 0.72),
+    lower=(0.0, -0.54, 0.64),
     turned=(38.0, 38.0),
     roundness=0.75,
 )
@@ -69,12 +69,12 @@ _ROLL_LOWER = LipMove(
     corner=(0.0, 0.0, -0.04), upper=(0.0, 0.0, 0.0), lower=(0.0, 0.03, -0.35), turned=(0.0, -45.0), size=(1.0, 0.6)
 )
 _UPPER_UP = LipMove(
-    corner=(0.0, 0.12, -0.02),
+    corner=(0.0, 0.02, -0.02),
     upper=(0.0, 0.45, 0.04),
     lower=(0.0, 0.0, 0.0),
     turned=(5.0, 0.0),
-    roundness=0.5,
-    beside=0.6,
+    roundness=0.7,
+    beside=0.75,
     places=(
         ((1.75, 69.0, 14.9), (0.08, 0.20, 0.0), 0.25),
         ((2.0, 68.5, 14.7), (0.10, 0.34, 0.04), 0.3),

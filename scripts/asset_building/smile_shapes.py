@@ -17,7 +17,7 @@ from scripts.asset_building.smoothest import smoothest
 Places = tuple[tuple[tuple[float, ...], tuple[float, ...], float], ...]
 
 #: How far the corner of the mouth goes, and the middle of the lips with both sides.
-_CORNER, _MIDDLE = (0.70, 1.0, -0.50), (0.0, 0.28, -0.08)
+_CORNER, _MIDDLE = (0.62, 1.02, -0.48), (0.0, 0.28, -0.08)
 #: Rings around the lips' contact up to the border of the red, and how far this comes nearer to it on either lip.
 _LIP_RINGS, _THINNER = 5, (0.09, 0.15)
 #: Half the width over which the sides of a smile share the middle, and how far one side alone draws it along.
