@@ -127,7 +127,7 @@ STARTERS = (
         {
             "noseSneer": 1.0,
             "mouthUpperUp": 0.9,
-            "mouthShrugUpper": 0.15,
+            "mouthShrugUpper": 0.25,
             "mouthFrown": 0.35,
             "mouthLowerDown": 0.2,
             "mouthShrugLower": 0.3,
