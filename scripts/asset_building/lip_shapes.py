@@ -2,9 +2,9 @@
 
 Orbicularis oris draws the corners of the mouth together and pushes the lips forward (mouthPucker), turns them outwards
 (mouthFunnel) or inwards over the teeth (mouthRollUpper, mouthRollLower). Risorius and platysma draw the corners aside
-and back around the teeth (mouthStretch), buccinator presses them against the teeth (mouthDimple). The levators of the
-upper lip (mouthUpperUp, and the lip's part of noseSneer) and the depressor of the lower one (mouthLowerDown) part the
-lips. All in centimetres on the base mesh.
+and back around the teeth (mouthStretch), buccinator presses them against the teeth (mouthDimple), orbicularis the lips
+on each other (mouthPress). The levators of the upper lip (mouthUpperUp, and the lip's part of noseSneer) and the
+depressor of the lower one (mouthLowerDown) part the lips. All in centimetres on the base mesh.
 """
 
 from dataclasses import dataclass
@@ -67,6 +67,14 @@ _ROLL_UPPER = LipMove(
 )
 _ROLL_LOWER = LipMove(
     corner=(0.0, 0.0, -0.04), upper=(0.0, 0.0, 0.0), lower=(0.0, 0.03, -0.35), turned=(0.0, -45.0), size=(1.0, 0.6)
+)
+_PRESS = LipMove(
+    corner=(0.16, 0.08, -0.22),
+    upper=(0.0, -0.01, -0.07),
+    lower=(0.0, 0.03, -0.06),
+    turned=(-15.0, -15.0),
+    size=(0.8, 0.8),
+    places=(((3.2, 66.2, 13.6), (0.04, 0.06, 0.06), 0.3),),
 )
 _UPPER_UP = LipMove(
     corner=(0.0, 0.02, -0.02),
@@ -135,6 +143,7 @@ def lip_shapes(skin: Skin, control: Floats, rings: MouthRings) -> dict[str, Floa
     sided = {
         "mouthStretch": _STRETCH,
         "mouthDimple": _DIMPLE,
+        "mouthPress": _PRESS,
         "mouthUpperUp": _UPPER_UP,
         "mouthLowerDown": _LOWER_DOWN,
         "noseSneer": _SNEER,

@@ -111,7 +111,7 @@ STARTERS = (
             "eyeWide": 0.75,
             "eyeSquint": 0.45,
             "noseSneer": 0.45,
-            "mouthPress": 0.25,
+            "mouthPress": 0.5,
             "mouthFrown": 0.25,
             "mouthRollLower": 0.4,
             "mouthRollUpper": 0.4,
@@ -158,7 +158,7 @@ STARTERS = (
         "M B P",
         "Lips closed: mom, bob, pop.",
         {
-            "mouthPress": 0.15,
+            "mouthPress": 0.3,
             "mouthRollLower": 0.4,
             "mouthRollUpper": 0.4,
             "mouthClose": 0.04,
