@@ -100,7 +100,7 @@ _LOWER_DOWN = LipMove(
 )
 #: Levator labii superioris alaeque nasi lifts the border of the red; the lips stay shut.
 _SNEER = LipMove(
-    corner=(0.0, 0.0, 0.0),
+    corner=(0.0, 0.0, 0.05),
     upper=(0.0, 0.035, 0.05),
     lower=(0.0, 0.05, 0.05),
     turned=(5.0, 0.0),
