@@ -121,7 +121,7 @@ EXPRESSIONS: dict[str, dict[str, float]] = {
     "viseme_aa": {"jawOpen": 0.7, "mouthLowerDown": 0.2},
     "viseme_ee": {"mouthStretch": 0.5, "mouthSmile": 0.3, "jawOpen": 0.15, "mouthLowerDown": 0.5, "mouthUpperUp": 0.25},
     "viseme_oh": {"jawOpen": 0.4, "mouthFunnel": 0.9, "mouthPucker": 0.4},
-    "viseme_oo": {"mouthPucker": 1.5, "mouthFunnel": 0.3},
+    "viseme_oo": {"mouthPucker": 1.1, "mouthFunnel": 0.3},
     "viseme_mm": {"mouthPress": 0.5, "mouthRollLower": 0.5, "mouthRollUpper": 0.5},
     "viseme_ff": {"mouthRollLower": 0.7, "mouthUpperUp": 0.3, "jawOpen": 0.05},
     "puffed": {"cheekPuff": 0.8, "mouthPucker": 0.2, "browInnerUp": 0.2, "earForward": 0.4},

@@ -28,7 +28,7 @@ TEXTURE_ANGLE = 100.0
 TEXTURE_RADIUS = 0.49
 
 #: Turn at full strength in degrees: about x (positive looks down) and about y (positive looks to the left).
-_GAZE = {"LookDown": (25.0, 0.0), "LookUp": (-22.0, 0.0), "LookIn": (0.0, -30.0), "LookOut": (0.0, 30.0)}
+GAZE = {"LookDown": (25.0, 0.0), "LookUp": (-22.0, 0.0), "LookIn": (0.0, -27.0), "LookOut": (0.0, 27.0)}
 
 
 def build_eye(
@@ -60,7 +60,7 @@ def build_eye(
     around = np.hypot(directions[:, 0], directions[:, 1])
     flat = directions[:, :2] / np.maximum(around, 1e-9)[:, None]
     shapes = np.zeros((len(shape_names), len(local), 3))
-    for action, (about_x, about_y) in _GAZE.items():
+    for action, (about_x, about_y) in GAZE.items():
         turn = _rotation(about_x, sign * about_y)
         shapes[shape_names.index(f"eye{action}{side}")] = local @ (turn - np.eye(3)).T
     return Piece(f"eye_{side.lower()}", "eye", local + centre, quads, 0.5 + flat * reach[:, None], quads.copy(), shapes)
@@ -75,8 +75,8 @@ def turned_eye(vertices: Floats, side: str, strengths: dict[str, float]) -> Floa
         strengths: Strength of each gaze shape ("LookUp", ...).
     """
     sign = 1.0 if side == "Left" else -1.0
-    about_x = sum(strength * _GAZE[action][0] for action, strength in strengths.items())
-    about_y = sum(strength * _GAZE[action][1] for action, strength in strengths.items())
+    about_x = sum(strength * GAZE[action][0] for action, strength in strengths.items())
+    about_y = sum(strength * GAZE[action][1] for action, strength in strengths.items())
     back, front = vertices[-1], vertices[0]
     centre = back + (front - back) / (2.0 + _CORNEA_HEIGHT)
     return (vertices - centre) @ (_rotation(about_x, sign * about_y) - np.eye(3)).T

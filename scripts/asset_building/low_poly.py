@@ -57,7 +57,7 @@ _POSES = (
     ("tongueOut", "jawOpen"),
 )
 #: Vertices that are kept along the edge of each lid and, from corner to middle, of each lip.
-_ON_LID, _ON_LIP = 8, 7
+_ON_LID, _ON_LIP = 11, 7
 #: A ring on the lids that stays a line beside their edges, so that between them they fold evenly.
 _FOLD_RING = LASH_RING + 2
 #: How far into the mouth, in centimetres, the lips' insides are still seen.

@@ -57,7 +57,7 @@ class SkinTexels:
         normal: Unit normal on the base mesh.
         occlusion: Share of the surroundings that is open, 0..1.
         masks: Further values by name: "lips", "eyelids", "ears", "free_ears" (rising softly from their
-            roots), "inside" (of the mouth), "lash_line", "wet_line".
+            roots), "inside" (of the mouth), "behind_lips" (on its lining), "lash_line", "wet_line".
     """
 
     texels: TexelMap
@@ -104,7 +104,9 @@ def paint_skin(skin: SkinTexels, look: SkinLook) -> NDArray[np.uint8]:
     colour = blend(colour, look.hair, look.lash_line * masks["lash_line"])
     colour = _scalp(colour, skin, look, rng, noise[3])
     colour = _brows(colour, skin, look, rng)
-    colour = blend(colour, (112, 41, 41), masks["inside"] * (1.0 - lips) * (1.0 + 0.05 * noise[3](p, 0.6, 2)))
+    lining = masks["inside"] * (1.0 - lips)
+    colour = blend(colour, (112, 41, 41), lining * (1.0 + 0.05 * noise[3](p, 0.6, 2)))
+    colour = blend(colour, (178, 92, 88), lining * masks["behind_lips"])
     colour *= darkening(skin.occlusion, masks)
     image = skin.texels.image(np.clip(colour, 0, 255))
     return np.rint(image).astype(np.uint8)
@@ -298,7 +300,7 @@ def darkening(occlusion: Image32, masks: dict[str, Image32]) -> Image32:
     # Lips and lids part when the face moves: what is shut in the neutral face must not be black then.
     moving = np.maximum(masks["lips"], masks["wet_line"])
     open_share = np.maximum(open_share, 0.75 * np.clip(moving, 0, 1))
-    open_share = np.maximum(open_share, 0.2 * masks["inside"])
+    open_share = np.maximum(open_share, (0.2 + 0.4 * masks["behind_lips"]) * masks["inside"])
     powers = np.array([0.35, 0.55, 0.60], dtype=np.float32)
     result: Image32 = np.maximum(open_share[:, None], 0.02) ** powers
     return result

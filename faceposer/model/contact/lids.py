@@ -25,7 +25,7 @@ PRESSED = 0.04
 # Two eyes, and their vertices, are mirror images up to this share of the radius.
 _SAME = 0.02
 # An edge vertex lies within so many cells of the border of the opening.
-_NEAR = 2.5
+_NEAR = 4.0
 # Vertices of an edge are so far apart, in radians of azimuth, and lie at most so far behind those beside them.
 _SPACING, _BEHIND = np.deg2rad(1.5), np.deg2rad(0.8)
 # An eighth of the largest curvature of an edge, in 1 / radians.
