@@ -142,7 +142,7 @@ def examples(man: FaceModel, creature: FaceModel, folder: Path) -> dict[str, dic
         "feelings": ("smile", "grin", "laugh", "frown", "sorrow", "anger", "snarl", "disgust", "fear", "surprise"),
         "one side": ("smirk_left", "smirk_right", "brow_left", "brow_right", "wink_left", "wink_right", "doubt"),
         "speech": tuple(name for name in expressions if name.startswith("viseme")),
-        "all thirty": tuple(expressions),
+        "all": tuple(expressions),
     }
     table: dict[str, dict[str, float]] = {group: {} for group in groups}
     for way, transfer in ways(man, creature).items():
