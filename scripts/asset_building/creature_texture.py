@@ -102,4 +102,4 @@ def _wrinkled(colour: Image32, look: HideLook, q: Image32, noise: Noise) -> Imag
     ridge_y = np.interp(x, [0.6, 1.6, 3.6, 5.6, 6.6], [74.3, 74.8, 75.3, 74.5, 73.8])
     ridge = np.exp(-(((y - ridge_y) / 0.42) ** 2)) * smoothstep(0.7, 1.5, x) * smoothstep(6.4, 5.0, x) * front
     dark = (0.55 * look.back[0], 0.55 * look.back[1], 0.55 * look.back[2])
-    return blend(colour, dark, (0.34 * furrows + 0.34 * feet + 0.38 * ridge).astype(np.float32))
+    return blend(colour, dark, (0.20 * furrows + 0.26 * feet + 0.38 * ridge).astype(np.float32))

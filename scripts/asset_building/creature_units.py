@@ -23,14 +23,14 @@ _FURTHER = {
     "mouthLowerDown": 1.15,
     "mouthShrugLower": 1.3,
     "mouthShrugUpper": 1.3,
-    "jawLeft": 1.6,
-    "jawRight": 1.6,
+    "jawLeft": 1.45,
+    "jawRight": 1.45,
     "jawForward": 1.5,
 }
 #: Along the brow, at these distances from the middle: factors on how far it goes down and up.
 _ALONG = (0.0, 1.6, 2.6, 3.8, 5.0, 6.2)
 _DOWN, _INNER_UP = (1.8, 1.9, 1.7, 1.0, 0.2, -0.4), (1.9, 2.1, 1.8, 1.0, 0.1, -0.6)
-_OUTER_UP = (0.0, 0.1, 0.7, 1.3, 1.6, 1.7)
+_OUTER_UP = (0.0, 0.1, 0.7, 1.3, 1.5, 1.4)
 #: Factor on how far browDown draws the inner ends together.
 _TOGETHER = 1.8
 #: Between these heights the upper lid, which keeps its motion, becomes the brow.
