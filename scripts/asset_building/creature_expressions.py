@@ -127,7 +127,7 @@ EXPRESSIONS: dict[str, dict[str, float]] = {
     "arched": {"browOuterUp": 1.2},
     "squint": {"eyeSquint": 1.2},
     "wrinkled_nose": {"noseSneer": 1.3, "mouthFrown": 0.2},
-    "raised_lip": {"mouthUpperUp": 1.5, "mouthFrown": 0.6},
+    "raised_lip": {"mouthUpperUp": 1.5, "mouthFrown": 0.65},
     "scowl": {"browDown": 1.2},
     "pleading": {"browInnerUp": 1.2},
     "stare": {"eyeWide": 1.0},

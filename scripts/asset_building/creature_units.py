@@ -16,7 +16,7 @@ _SIDES = ("Left", "Right")
 _FURTHER = {
     "eyeWide": 2.3,
     "eyeSquint": 1.3,
-    "cheekSquint": 1.3,
+    "cheekSquint": 1.1,
     "mouthFrown": 1.6,
     "mouthStretch": 1.35,
     "mouthUpperUp": 1.5,
@@ -36,12 +36,12 @@ _TOGETHER = 1.8
 #: Between these heights the upper lid, which keeps its motion, becomes the brow.
 _LID, _BROW = 73.4, 74.6
 #: Factors on noseSneer at the lips and at the nose, and the heights between which the one becomes the other.
-_SNEER_LIPS, _SNEER_NOSE, _LIPS, _NOSE = 0.25, 1.6, 66.5, 68.3
+_SNEER_LIPS, _SNEER_NOSE, _LIPS, _NOSE = 0.1, 1.4, 66.5, 68.3
 #: Places that noseSneer lifts beside what the source does, with the way and the radius: the wing of the nose, the fold
 #: beside it, and the skin below.
 _SNEER = (
-    ((1.45, 69.2, 15.2), (0.16, 0.62, 0.05), 1.0),
-    ((2.5, 69.6, 14.2), (0.10, 0.50, 0.25), 1.2),
+    ((1.5, 69.3, 15.0), (0.10, 0.42, 0.05), 1.3),
+    ((2.7, 69.6, 14.0), (0.08, 0.34, 0.24), 1.5),
     ((1.6, 67.9, 15.0), (0.04, 0.24, 0.06), 0.7),
 )
 

@@ -168,8 +168,8 @@ STARTERS = (
             "cheekSquint": 0.4,
         },
         {
-            "noseSneer": 1.2,
-            "mouthUpperUp": 0.9,
+            "noseSneer": 1.0,
+            "mouthUpperUp": 0.75,
             "mouthFrown": 0.5,
             "mouthLowerDown": 0.1,
             "mouthShrugLower": 0.4,
