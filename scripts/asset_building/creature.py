@@ -74,6 +74,7 @@ CREATURE = Recipe(
     neck_slim=0.7,
     lash_length=0.0,
     hair_height=0.0,
+    eye_forward=0.035,
 )
 _EARS = EarShape(reach=(5.4, 3.4, -1.8), sharpness=1.5, narrowing=0.4)
 #: Large eyes and a wide mouth.
@@ -188,7 +189,7 @@ def _finished_skin(builder: Builder, skin: Piece, free: Floats, expressions: Map
             if axis.any():
                 shapes[k] += turn_ears(skin.vertices, builder.place, free, side, axis)
     for side in SIDES:
-        eye = builder.eyeball(side, skin.vertices)
+        eye = builder.eyeball(side, skin.vertices, CREATURE)
         ids = socket_ids(builder.skin, side)
         shapes = keep_clear(skin.vertices, shapes, ids, eye.centre, eye.radius, (1.0, 0.75, 0.5, 0.25), _LID_REACH)
     return replace(skin, shapes=shapes)
