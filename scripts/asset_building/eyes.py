@@ -23,7 +23,7 @@ class EyeDetail:
 FULL_DETAIL = EyeDetail((PUPIL_ANGLE, 13.0, 18.5, IRIS_ANGLE, 30.0, 38.0, 48.0, 60.0, 75.0, 95.0, 125.0, 160.0), 28)
 LOW_DETAIL = EyeDetail((PUPIL_ANGLE, 13.0, 18.5, IRIS_ANGLE, 31.0, 42.0, 60.0, 90.0), 20)
 #: How far the cornea rises over the ball's sphere, in radii; in people it is about this much.
-CORNEA_HEIGHT = 0.085
+CORNEA_HEIGHT = 0.07
 #: The texture shows the ball from the gaze axis, in its middle, to this angle, at its border.
 TEXTURE_ANGLE = 100.0
 TEXTURE_RADIUS = 0.49
