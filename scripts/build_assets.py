@@ -83,7 +83,9 @@ def learn_creature(builder: Builder) -> Subject:
     neutral, examples = build_creature(builder)
     options = ExampleOptions(neutral.name, neutral.title, credits=neutral.credits)
     frames = [neutral.vertices, *examples]
-    return subject_from_frames(frames, len(frames), mesh_of(neutral), neutral, "forty-eight examples", options, Progress())
+    return subject_from_frames(
+        frames, len(frames), mesh_of(neutral), neutral, "forty-eight examples", options, Progress()
+    )
 
 
 def main() -> int:

@@ -7,7 +7,7 @@ narrower valley between, not a furrow in a plane (Wu, Beylot, Magnenat Thalmann 
 based on rational free form surfaces", 1992; Bando, Kuratate and Nishita, "A simple method for modeling wrinkles on human skin",
 2002). Each line is a valley along a smooth curve with a fold on both sides,
 
-    h(d) = -a [exp(-d² / 2 v²) - ⅓ exp(-d² / 2 (2.6 v)²)] + b exp(-(d - s)² / 2 (0.8 s)²),    v = w (1 - l sign(d)),
+    h(d) = -a [exp(-d² / 2 v²) - ⅓ exp(-d² / 2 (2 v)²)] + b exp(-(d - s)² / 2 (0.8 s)²),    v = w (1 - l sign(d)),
 
 d the signed distance to the curve, w the width, a the depth, l the lean: where skin hangs over the line, as the cheek does
 over the nasolabial fold, that side is steep and the other runs out gently. h has a continuous slope. b is the swelling of
@@ -119,7 +119,15 @@ def _crows_feet() -> list[_Line]:
         _Line("u", ((5.75, 1.50), (6.4, 1.36), (6.9, 1.22)), 0.009, 0.070, (0.5, 0.6), wobble=0.03),
         _Line("u", ((5.70, 2.02), (6.3, 2.16), (6.8, 2.20)), 0.008, 0.070, (0.5, 0.6), wobble=0.03),
         # Beneath the lower lid.
-        _Line("u", ((2.6, 0.20), (3.4, -0.06), (4.3, 0.12), (5.0, 0.50)), 0.018, 0.150, (1.1, 1.2), lean=-0.15, wobble=0.03),
+        _Line(
+            "u",
+            ((2.6, 0.20), (3.4, -0.06), (4.3, 0.12), (5.0, 0.50)),
+            0.018,
+            0.150,
+            (1.1, 1.2),
+            lean=-0.15,
+            wobble=0.03,
+        ),
     ]
     return lines
 
@@ -151,7 +159,7 @@ def _mouth() -> list[_Line]:
     corner = ((-7.0, 2.94), (-6.2, 3.12), (-5.6, 3.02), (-5.2, 2.86))
     return [
         # Broad: the border of the cheek; narrow: the fold proper, deepest beside the wing of the nose.
-        _Line("v", fold, 0.145, 0.290, (2.8, 0.9), (0.110, 0.80), 0.45, 0.015, 0.12),
+        _Line("v", fold, 0.145, 0.290, (2.8, 0.9), (0.110, 0.80), 0.35, 0.015, 0.12),
         _Line("v", fold, 0.030, 0.120, (3.4, 0.8), lean=0.40, wobble=0.015, unevenness=0.30),
         _Line("v", corner, 0.085, 0.190, (1.3, 0.6), (0.030, 0.5), 0.35, 0.02, layer=1),
     ]
@@ -215,7 +223,7 @@ def _carve(
     steep = 1.0 if line.swelling[1] > 0.0 else -1.0
     v = w.astype(np.float32) * np.where(steep * d > 0.0, np.float32(1.0 - line.lean), np.float32(1.0 + line.lean))
     squares = (d / v) ** 2
-    h = -a.astype(np.float32) * (np.exp(-0.5 * squares) - np.exp(-0.5 / 6.76 * squares) / 3.0)
+    h = -a.astype(np.float32) * (np.exp(-0.5 * squares) - np.exp(-0.125 * squares) / 3.0)
     if line.swelling[0]:
         at = np.float32(line.swelling[1])
         h += b.astype(np.float32) * np.exp(-0.5 * ((d - at) / (0.8 * at)) ** 2)

@@ -16,6 +16,8 @@ _TURN = {"LookIn": 30.0, "LookOut": 30.0, "LookUp": 22.0, "LookDown": 25.0}
 # The eye's picture is seen along the gaze axis: this share of its width is 100 degrees from the middle.
 _WIDTH_PER_DEGREE = 0.49 / 100.0
 _MIDDLE_CM = 0.3
+# Fewer vertices do not tell a sphere.
+_FEWEST_IN_BALL = 12
 
 
 def side_of(part: Part, vertices: NDArray[np.floating]) -> str:
@@ -24,6 +26,39 @@ def side_of(part: Part, vertices: NDArray[np.floating]) -> str:
     if abs(x) < _MIDDLE_CM and re.search(r"(?i:right)|[\W_]r\d*$|R$", part.name):
         return "Right"
     return "Left" if x > -_MIDDLE_CM else "Right"
+
+
+def misplaced_eyes(vertices: NDArray[np.floating], parts: Sequence[Part]) -> list[str]:
+    """Return a sentence if eyes do not lie in their sockets: nodes without their positions leave them at the origin.
+
+    Args:
+        vertices: Of the neutral face, upright, shape (N, 3).
+        parts: Pieces of the mesh; two eyes that overlap are misplaced, and so is one that lies outside the skin.
+    """
+    balls = {
+        part.name: fit_sphere(vertices[slice(*part.vertices)].astype(np.float64))
+        for part in parts
+        if part.material == "eye" and part.vertices[1] - part.vertices[0] >= _FEWEST_IN_BALL
+    }
+    skins = [vertices[slice(*part.vertices)] for part in parts if part.material == "skin"]
+    if not balls or not skins:
+        return []
+    skin = np.concatenate(skins)
+    low, high = skin.min(axis=0), skin.max(axis=0)
+    wrong = {name for name, (centre, _) in balls.items() if ((centre < low) | (centre > high)).any()}
+    for name, (centre, radius) in balls.items():
+        for other, (across, _) in balls.items():
+            # Cornea and sclera are often meshes of their own, on the same side of the face.
+            same_place = other != name and np.linalg.norm(centre - across) < radius
+            if same_place and abs(centre[0]) < 0.5 * radius:
+                wrong |= {name, other}
+    if not wrong:
+        return []
+    names = ", ".join(f"'{name}'" for name in balls if name in wrong)
+    return [
+        f"The eyes {names} do not lie in their sockets but where their meshes have their origin: give their nodes their "
+        "positions in the program that wrote the file, and export it again."
+    ]
 
 
 def add_gaze(vertices: Array, parts: Sequence[Part], names: Sequence[str], shapes: NDArray[np.float32]) -> list[str]:

@@ -19,6 +19,9 @@ _MATERIALS = (
     ("teeth", ("teeth", "tooth", "denture")),
     ("gums", ("gum",)),
     ("tongue", ("tongue",)),
+    # The lining of the mouth; lips belong to the face.
+    ("skin", ("lip",)),
+    ("gums", ("mouth", "oral", "palate")),
     ("skin", ("brow", "eyelid", "lid_", "eyeliner", "occlusion", "tearline", "caruncle")),
     ("eye", ("eye", "iris", "cornea", "sclera", "pupil")),
 )
