@@ -83,9 +83,7 @@ def learn_creature(builder: Builder) -> Subject:
     neutral, examples = build_creature(builder)
     options = ExampleOptions(neutral.name, neutral.title, credits=neutral.credits)
     frames = [neutral.vertices, *examples]
-    return subject_from_frames(
-        frames, len(frames), mesh_of(neutral), neutral, "forty-eight examples", options, Progress()
-    )
+    return subject_from_frames(frames, len(frames), mesh_of(neutral), neutral, "fifty examples", options, Progress())
 
 
 def main() -> int:

@@ -3,16 +3,17 @@
 Forehead lines follow the brows, frown lines stand between them, crow's feet radiate from the outer corners of the
 eyes, bunny lines cross the sides of the nose, nasolabial folds run from its wings past the corners of the mouth, and
 marionette lines run down from these. Skin that is pushed together is a sheet that buckles: broad rounded folds with a
-narrower valley between, not a furrow in a plane (Wu, Beylot, Magnenat Thalmann and Thalmann, "Simulation of facial muscle actions
-based on rational free form surfaces", 1992; Bando, Kuratate and Nishita, "A simple method for modeling wrinkles on human skin",
-2002). Each line is a valley along a smooth curve with a fold on both sides,
+narrower valley between, not a furrow in a plane (Wu, Kalra and Magnenat Thalmann, "Simulation of static and dynamic
+wrinkles of skin", 1996; Bando, Kuratate and Nishita, "A simple method for modeling wrinkles on human skin", 2002). Each
+line is a valley along a smooth curve with a fold on both sides,
 
-    h(d) = -a [exp(-d² / 2 v²) - ⅓ exp(-d² / 2 (2 v)²)] + b exp(-(d - s)² / 2 (0.8 s)²),    v = w (1 - l sign(d)),
+    h(d) = -a [exp(-d² / 2 v²) - ⅓ exp(-d² / 2 (c v)²)] + b exp(-(d - s)² / 2 (0.8 s)²),  v = w (1 ± l),
 
-d the signed distance to the curve, w the width, a the depth, l the lean: where skin hangs over the line, as the cheek does
-over the nasolabial fold, that side is steep and the other runs out gently. h has a continuous slope. b is the swelling of
-the skin at the distance s on the steep side. Depth, width and course vary along the curves, which fade out at both ends,
-and the two sides of the face differ a little.
+d the signed distance to the curve, w the width, a the depth, l the lean: where skin hangs over the line, as the cheek
+does over the nasolabial fold, that side is steep (-) and the other runs out gently (+). c is 2, and 1.3 on the gentle
+side of lines that lean much, where hardly a fold stands up. h has a continuous slope. b is the swelling of the skin at
+the distance s on the steep side. Depth, width and course vary along the curves, which fade out at both ends, and the
+two sides of the face differ a little.
 """
 
 from dataclasses import dataclass
@@ -34,6 +35,8 @@ DENSITY = 40
 _STEP = 0.05
 _SMOOTHED_CM = 0.22
 _SEED = 7
+# Lines that lean more than this have hardly a fold on their gentle side.
+_MUCH = 0.3
 
 
 @dataclass(frozen=True)
@@ -134,14 +137,14 @@ def _crows_feet() -> list[_Line]:
 
 def _bunny() -> list[_Line]:
     slanting = [
-        (((-0.15, 1.66), (0.5, 1.44), (1.35, 0.78)), 0.056),
-        (((-0.10, 1.16), (0.6, 0.84), (1.50, 0.12)), 0.098),
-        (((-0.05, 0.62), (0.6, 0.30), (1.50, -0.48)), 0.088),
+        (((-0.15, 1.66), (0.5, 1.44), (1.35, 0.78)), 0.080),
+        (((-0.10, 1.16), (0.6, 0.84), (1.50, 0.12)), 0.120),
+        (((-0.05, 0.62), (0.6, 0.30), (1.50, -0.48)), 0.105),
         (((0.30, 0.06), (0.8, -0.20), (1.45, -0.80)), 0.032),
     ]
     lines = [_Line("u", knots, depth, 0.115, (0.7, 1.0), lean=0.25, wobble=0.03, layer=1) for knots, depth in slanting]
     middle = ((-0.7, 1.00), (0.0, 1.12), (0.6, 1.04))
-    return [*lines, _Line("u", middle, 0.020, 0.090, (0.6, 0.6), wobble=0.03, layer=1, sides=(0,))]
+    return [*lines, _Line("u", middle, 0.030, 0.090, (0.6, 0.6), wobble=0.03, layer=1, sides=(0,))]
 
 
 def _mouth() -> list[_Line]:
@@ -220,10 +223,11 @@ def _carve(
     x = across[0][x_ids]
     y, scale, a, w, b = (np.interp(x, xs, values) for values in (ys, tilt, depth, width, swelling))
     d = ((across[1][y_ids][:, None] - y) * scale).astype(np.float32)
-    steep = 1.0 if line.swelling[1] > 0.0 else -1.0
-    v = w.astype(np.float32) * np.where(steep * d > 0.0, np.float32(1.0 - line.lean), np.float32(1.0 + line.lean))
+    is_steep = d > 0.0 if line.swelling[1] > 0.0 else d < 0.0
+    v = w.astype(np.float32) * np.where(is_steep, np.float32(1.0 - line.lean), np.float32(1.0 + line.lean))
     squares = (d / v) ** 2
-    h = -a.astype(np.float32) * (np.exp(-0.5 * squares) - np.exp(-0.125 * squares) / 3.0)
+    broader = np.where(is_steep, np.float32(2.0), np.float32(1.3 if line.lean > _MUCH else 2.0))
+    h = -a.astype(np.float32) * (np.exp(-0.5 * squares) - np.exp(-0.5 * squares / broader**2) / 3.0)
     if line.swelling[0]:
         at = np.float32(line.swelling[1])
         h += b.astype(np.float32) * np.exp(-0.5 * ((d - at) / (0.8 * at)) ** 2)

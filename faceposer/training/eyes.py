@@ -56,8 +56,8 @@ def misplaced_eyes(vertices: NDArray[np.floating], parts: Sequence[Part]) -> lis
         return []
     names = ", ".join(f"'{name}'" for name in balls if name in wrong)
     return [
-        f"The eyes {names} do not lie in their sockets but where their meshes have their origin: give their nodes their "
-        "positions in the program that wrote the file, and export it again."
+        f"The eyes {names} do not lie in their sockets, as if their nodes had no positions: place them in the program "
+        "that wrote the file, and export it again."
     ]
 
 

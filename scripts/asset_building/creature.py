@@ -1,4 +1,4 @@
-"""Builds the creature: a goblin that has no rig, but forty-eight example expressions."""
+"""Builds the creature: a goblin that has no rig, but fifty example expressions."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The creature's forty-eight example expressions, as strengths of face units; a name without a side means both sides.
+"""The creature's fifty example expressions, as strengths of face units; a name without a side means both sides.
 
 Strengths above 1 go further than a person's face would. The ears have units of their own: earUp, earDown, earBack and
 earForward.
@@ -86,7 +86,9 @@ EXPRESSIONS: dict[str, dict[str, float]] = {
         "mouthFunnel": 0.2,
         "earUp": 1.0,
     },
-    "doubt": {
+    "sleepy": {"eyeBlink": 0.6, "browInnerUp": 0.2, "browOuterUp": 0.3, "jawOpen": 0.06, "earDown": 0.7},
+    # One side at a time.
+    "doubt_left": {
         "browDownRight": 0.6,
         "browOuterUpLeft": 0.7,
         "mouthLeft": 0.5,
@@ -95,8 +97,15 @@ EXPRESSIONS: dict[str, dict[str, float]] = {
         "earUpLeft": 0.5,
         "earDownRight": 0.4,
     },
-    "sleepy": {"eyeBlink": 0.6, "browInnerUp": 0.2, "browOuterUp": 0.3, "jawOpen": 0.06, "earDown": 0.7},
-    # One side at a time.
+    "doubt_right": {
+        "browDownLeft": 0.6,
+        "browOuterUpRight": 0.7,
+        "mouthRight": 0.5,
+        "mouthPress": 0.4,
+        "eyeSquintLeft": 0.4,
+        "earUpRight": 0.5,
+        "earDownLeft": 0.4,
+    },
     "smirk_left": {
         "mouthSmileLeft": 0.8,
         "mouthDimpleLeft": 0.5,
@@ -126,6 +135,7 @@ EXPRESSIONS: dict[str, dict[str, float]] = {
     # One muscle at a time.
     "arched": {"browOuterUp": 1.2},
     "squint": {"eyeSquint": 1.2},
+    "pout": {"mouthShrugLower": 1.0, "mouthPucker": 0.5},
     "wrinkled_nose": {"noseSneer": 1.3, "mouthFrown": 0.2},
     "raised_lip": {"mouthUpperUp": 1.5, "mouthFrown": 0.65},
     "scowl": {"browDown": 1.2},

@@ -117,8 +117,8 @@ def keep_clear(
 ) -> Floats:
     """Return ``shapes`` (S, N, 3) with skin that would enter the eyeball pushed out of it.
 
-    The eyeball looks ahead. Every shape is mended at full strength, and on the way there as well: the straight path of a lid cuts into the
-    ball, deepest at half strength if the lid was clear of the ball before.
+    The eyeball looks ahead. Every shape is mended at full strength, and on the way there as well: the straight path of
+    a lid cuts into the ball, deepest at half strength if the lid was clear of the ball before.
 
     Args:
         vertices: The neutral skin, shape (N, 3).

@@ -21,11 +21,16 @@ class Brows(Protocol):
     """A look that has brows, with the attributes that `SkinLook` has for them."""
 
     @property
-    def hair(self) -> Colour: ...
+    def hair(self) -> Colour:
+        """Their colour."""
+
     @property
-    def brow(self) -> tuple[tuple[float, float, float], ...]: ...
+    def brow(self) -> tuple[tuple[float, float, float], ...]:
+        """Curve of the left brow."""
+
     @property
-    def brow_strength(self) -> float: ...
+    def brow_strength(self) -> float:
+        """Opacity of the hairs."""
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ def test_it_is_another_mesh_without_a_rig(creature: tuple[Subject, NDArray[np.fl
     man = load_subject("man")
     assert 8_000 < len(subject.vertices) < 0.6 * len(man.vertices)
     assert subject.shape_names == ()
-    assert examples.shape == (48, len(subject.vertices), 3)
+    assert examples.shape == (50, len(subject.vertices), 3)
     assert np.isfinite(examples).all()
     is_triangle = subject.polygons[:, 3] < 0
     assert 0.02 < is_triangle.mean() < 0.3
