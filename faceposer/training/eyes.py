@@ -54,11 +54,12 @@ def misplaced_eyes(vertices: NDArray[np.floating], parts: Sequence[Part]) -> lis
                 wrong |= {name, other}
     if not wrong:
         return []
-    names = ", ".join(f"'{name}'" for name in balls if name in wrong)
-    return [
-        f"The eyes {names} do not lie in their sockets, as if their nodes had no positions: place them in the program "
-        "that wrote the file, and export it again."
-    ]
+    names = " and ".join(f"'{name}'" for name in balls if name in wrong)
+    if len(wrong) > 1:
+        where = f"{names} do not lie in their sockets, as if their nodes had no positions"
+    else:
+        where = f"{names} does not lie in its socket, as if its node had no position"
+    return [f"{where}: place the eyes in the program that wrote the file, and export it again."]
 
 
 def add_gaze(vertices: Array, parts: Sequence[Part], names: Sequence[str], shapes: NDArray[np.float32]) -> list[str]:

@@ -74,7 +74,7 @@ CREATURE = Recipe(
     neck_slim=0.7,
     lash_length=0.0,
     hair_height=0.0,
-    eye_forward=0.035,
+    eye_forward=0.02,
 )
 _EARS = EarShape(reach=(5.4, 3.4, -1.8), sharpness=1.5, narrowing=0.4)
 #: Large eyes and a wide mouth.

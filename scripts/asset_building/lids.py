@@ -130,7 +130,7 @@ def keep_clear(
         reach: How far around the ball skin is looked after, in centimetres.
     """
     rest_distance, surface = _distances(vertices - centre, radius)
-    near = (rest_distance > surface) & (rest_distance < surface + reach) & (vertices[:, 2] > centre[2] - 0.2)
+    near = (rest_distance > radius) & (rest_distance < surface + reach) & (vertices[:, 2] > centre[2] - 0.2)
     near[ids] = False
     chosen = np.flatnonzero(near)
     clearance = np.minimum(rest_distance - surface, _CLEARANCE)[chosen]
