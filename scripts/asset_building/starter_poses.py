@@ -190,7 +190,7 @@ STARTERS = (
             "mouthRollUpper": 0.25,
             "jawOpen": 0.06,
         },
-        {"mouthPress": 0.1, "mouthRollLower": 0.5, "mouthRollUpper": 0.5, "jawOpen": 0.06},
+        {"mouthPress": 0.1, "mouthRollLower": 0.3, "mouthRollUpper": 0.3, "jawOpen": 0.06},
     ),
     Starter(
         "viseme-02-w",
