@@ -21,7 +21,7 @@ class EyeDetail:
 
 #: Pupil and iris end on a ring.
 FULL_DETAIL = EyeDetail((PUPIL_ANGLE, 13.0, 18.5, IRIS_ANGLE, 30.0, 38.0, 48.0, 60.0, 75.0, 95.0, 125.0, 160.0), 28)
-LOW_DETAIL = EyeDetail((PUPIL_ANGLE, 15.0, IRIS_ANGLE, 36.0, 56.0, 90.0), 16)
+LOW_DETAIL = EyeDetail((PUPIL_ANGLE, 15.0, IRIS_ANGLE, 36.0, 56.0, 90.0), 14)
 #: How far the cornea rises over the ball's sphere, in radii; in people it is about this much.
 CORNEA_HEIGHT = 0.07
 #: The texture shows the ball from the gaze axis, in its middle, to this angle, at its border.

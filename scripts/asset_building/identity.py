@@ -46,7 +46,7 @@ class Recipe:
     neck_slim: float
     lash_length: float
     hair_height: float
-    eye_forward: float = 0.10
+    eye_forward: float = 0.05
 
 
 MAN = Recipe(
@@ -106,7 +106,6 @@ WOMAN = Recipe(
     neck_slim=0.95,
     lash_length=1.0,
     hair_height=0.5,
-    eye_forward=0.05,
 )
 
 RECIPES = (MAN, WOMAN)
