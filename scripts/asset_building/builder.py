@@ -33,8 +33,6 @@ CREDITS = (
 )
 SIDES = ("Left", "Right")
 _EYE_RADIUS = 1.43
-#: Strengths at which shapes are kept off the eyeballs.
-_MENDED_AT = (1.0, 0.75, 0.5, 0.4, 0.25)
 #: How much more the lids follow an upward gaze than in the source, whose lid would cover the pupil.
 _LID_FOLLOWS_UP = 1.9
 _UPPER_TEETH, _LOWER_TEETH = "helper-upper-teeth", "helper-lower-teeth"
@@ -166,7 +164,7 @@ class Builder:
             shapes[ARKIT_SHAPES.index(f"eyeLookUp{eye.side}")] *= _LID_FOLLOWS_UP
             ids = socket_ids(skin, eye.side)
             vertices = tuck_socket(vertices, ids, eye.centre, eye.radius)
-            shapes = keep_clear(vertices, shapes, ids, eye.centre, eye.radius, _MENDED_AT)
+            shapes = keep_clear(vertices, shapes, ids, eye.centre, eye.radius)
         uv, quad_uvs = split_uv(self.layout.uv, self.layout.quad_uvs)
         return Piece("skin", "skin", vertices, skin.fine.quads, uv, quad_uvs, shapes)
 
