@@ -81,7 +81,7 @@ def follow(
     for frame in range(len(poses)):
         problem = make.problem(frame, pose)
         if not look_ahead and smoothness > 0 and frame > 1:
-            problem.terms.append(SmoothnessTerm(metric, poses[frame - 2], pose))
+            problem.add(SmoothnessTerm(metric, poses[frame - 2], pose))
         poses[frame] = pose = solve(problem, pose).coefficients
         if on_frame is not None:
             on_frame(frame, pose)
@@ -157,7 +157,7 @@ class _Frames:
         )
         # As it was learned, the prior looks the same from everywhere.
         if self.prior_weight > 0 and self.prior != "plain":
-            problem.terms.append(MixturePrior(at_home.mixture, _HOMEWARD * self.prior_weight))
+            problem.add(MixturePrior(at_home.mixture, _HOMEWARD * self.prior_weight))
         return problem
 
 

@@ -11,14 +11,18 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.blas import dtrsm
 
-from faceposer.model.mixture import GaussianMixture
+from faceposer.model.mixture import GaussianMixture, PrecisionGaussian
 
 Array = NDArray[np.float64]
+Singles = NDArray[np.float32]
 
 _DRAWS = 4000
 # Variance that every weight keeps, as a share of their mean second moment: no draw moves all of them.
 _FAINT = 3e-3
+# Energy, and share of the farthest examples, that keep sums above 0.
+_TINY, _LEAST_SHARE = np.float32(1e-12), np.float32(1e-9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,12 +106,14 @@ class LocalMoments:
             wholeness: From 0, muscles tell of each other as far as ``coupling`` allows, to 1, all that examples say.
         """
         self._directions = density.directions
-        self._offsets = density.draws - density.directions @ start
-        self._coefficients = np.ascontiguousarray(self._offsets @ density.projection.T, dtype=np.float32)
+        offsets = density.draws - density.directions @ start
+        # Single precision is enough for sums over examples, to which a faint variance is added.
+        self._offsets = offsets.astype(np.float32)
+        self._coefficients = np.ascontiguousarray((offsets @ density.projection.T).T, dtype=np.float32)
         self._factors = density.coupling + wholeness * (1.0 - density.coupling)
         self._along = density.along + wholeness * (np.eye(len(density.along)) - density.along)
         self._wholeness = wholeness
-        moments = np.mean(self._offsets * self._offsets, axis=0)
+        moments = np.mean(offsets * offsets, axis=0)
         self._faint = _FAINT * float(moments.mean()) + 1e-12
         self._start = start
         self._projection, self._largest = density.projection, density.largest
@@ -124,12 +130,14 @@ class LocalMoments:
         shift = None
         if self._wholeness > 0.0 and len(rows):
             energy = float(residual @ residual)
-            shift = self._wholeness * energy / (energy + self.notable) * (shares @ offsets)
-            offsets = offsets - shift
+            shift = self._wholeness * energy / (energy + self.notable) * (shares @ offsets).astype(np.float64)
+            offsets = offsets - shift.astype(np.float32)
         weighted = offsets * np.sqrt(shares)[:, None]
+        moment = (weighted.T @ weighted).astype(np.float64)
         if len(rows):
-            weighted *= self._meant(rows, residual)
-        return self.gaussian(weighted.T @ weighted, shift)
+            meant = self._meant(rows, residual)
+            moment *= meant * meant[:, None]
+        return self.gaussian(moment, shift)
 
     def _meant(self, rows: Array, residual: Array) -> Array:
         """Return the diagonal of G, shape (W,)."""
@@ -142,18 +150,24 @@ class LocalMoments:
         meant: Array = least + (1.0 - least) * t * t * (3.0 - 2.0 * t)
         return meant
 
-    def nearest(self, rows: Array, residual: Array) -> tuple[Array, Array]:
-        """Return the examples nearest to the constraints, less the start, (n, W), and their shares of 1, (n,)."""
+    def nearest(self, rows: Array, residual: Array) -> tuple[Singles, Singles]:
+        """Return the examples nearest to the constraints, less the start, (n, W), and their shares of 1, (n,).
+
+        Both in single precision.
+        """
+        count = len(self._offsets)
         if not len(rows):
-            return self._offsets, np.full(len(self._offsets), 1.0 / len(self._offsets))
-        off = self._coefficients @ rows.T.astype(np.float32)
-        off += residual.astype(np.float32)
-        energies = np.einsum("nm,nm->n", off, off).astype(np.float64)
-        k = max(1, min(int(self.share * len(energies)), len(energies) - 1))
+            return self._offsets, np.full(count, 1.0 / count, dtype=np.float32)
+        off = rows.astype(np.float32) @ self._coefficients
+        off += residual.astype(np.float32)[:, None]
+        energies = np.einsum("mn,mn->n", off, off)
+        k = max(1, min(int(self.share * count), count - 1))
         order = np.argpartition(energies, k)[:k]
-        relative = np.sqrt(energies[order] / max(float(energies[order].max()), 1e-12))
-        shares = (1.0 - np.minimum(relative, 1.0) ** 3) ** 3 + 1e-9
-        return self._offsets[order], shares / shares.sum()
+        chosen = energies.take(order)
+        relative = np.sqrt(chosen / np.maximum(chosen.max(), _TINY))
+        shares = (1.0 - relative * relative * relative).clip(0.0, 1.0)
+        shares = shares * shares * shares + _LEAST_SHARE
+        return self._offsets.take(order, axis=0), shares / shares.sum()
 
     def gaussian(self, moment: Array, shift: Array | None = None) -> GaussianMixture:
         """Return the Gaussian over coefficients whose spread is the ``moment`` of the weights, (W, W), damped.
@@ -163,12 +177,13 @@ class LocalMoments:
             shift: Of the mean from the start, in the weights, shape (W,); none if None.
         """
         damped = self._along @ (self._factors * moment) @ self._along.T
-        damped[np.diag_indices_from(damped)] += self._faint
+        damped.flat[:: len(damped) + 1] += self._faint
         root = np.linalg.cholesky(damped)
-        # In the face's subspace a Gaussian over the weights is the Gaussian of what its coefficients reach.
-        whitened = np.linalg.solve(root, self._directions)
+        # In the face's subspace a Gaussian over the weights is the Gaussian of what its coefficients reach. To BLAS,
+        # which counts by columns, a matrix is its transpose: it finds X with X root^T = directions^T.
+        whitened = dtrsm(1.0, root.T, self._directions.T, side=1).T
         precision = whitened.T @ whitened
         mean = self._start
         if shift is not None:
             mean = mean + np.linalg.solve(precision, whitened.T @ np.linalg.solve(root, shift))
-        return GaussianMixture.from_precision(mean, np.linalg.cholesky(precision))
+        return PrecisionGaussian(mean, precision)

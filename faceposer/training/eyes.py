@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.model.contact.eyeballs import fit_sphere
+from faceposer.model.contact.eyeballs import CONCENTRIC, fit_sphere
 from faceposer.model.subject import Part
 
 Array = NDArray[np.float64]
@@ -16,8 +16,6 @@ _TURN = {"LookIn": 30.0, "LookOut": 30.0, "LookUp": 22.0, "LookDown": 25.0}
 # The eye's picture is seen along the gaze axis: this share of its width is 100 degrees from the middle.
 _WIDTH_PER_DEGREE = 0.49 / 100.0
 _MIDDLE_CM = 0.3
-# Fewer vertices do not tell a sphere.
-_FEWEST_IN_BALL = 12
 
 
 def side_of(part: Part, vertices: NDArray[np.floating]) -> str:
@@ -29,43 +27,23 @@ def side_of(part: Part, vertices: NDArray[np.floating]) -> str:
 
 
 def misplaced_eyes(vertices: NDArray[np.floating], parts: Sequence[Part]) -> list[str]:
-    """Return a sentence if eyes do not lie in their sockets: nodes without their positions leave them at the origin.
-
-    Args:
-        vertices: Of the neutral face, upright, shape (N, 3).
-        parts: Pieces of the mesh; two eyes that overlap are misplaced, and so is one that lies outside the skin.
-    """
-    balls = {
-        part.name: fit_sphere(vertices[slice(*part.vertices)].astype(np.float64))
-        for part in parts
-        if part.material == "eye" and part.vertices[1] - part.vertices[0] >= _FEWEST_IN_BALL
-    }
-    skins = [vertices[slice(*part.vertices)] for part in parts if part.material == "skin"]
-    if not balls or not skins:
-        return []
-    skin = np.concatenate(skins)
-    low, high = skin.min(axis=0), skin.max(axis=0)
-    wrong = {name for name, (centre, _) in balls.items() if ((centre < low) | (centre > high)).any()}
-    for name, (centre, radius) in balls.items():
-        for other, (across, _) in balls.items():
-            # Cornea and sclera are often meshes of their own, on the same side of the face.
-            same_place = other != name and np.linalg.norm(centre - across) < radius
-            if same_place and abs(centre[0]) < 0.5 * radius:
-                wrong |= {name, other}
-    if not wrong:
-        return []
-    names = " and ".join(f"'{name}'" for name in balls if name in wrong)
-    if len(wrong) > 1:
-        where = f"{names} do not lie in their sockets, as if their nodes had no positions"
-    else:
-        where = f"{names} does not lie in its socket, as if its node had no position"
-    return [f"{where}: place the eyes in the program that wrote the file, and export it again."]
+    """Return a sentence for left and right eyes that lie in one place, as exporters leave them that lose transforms."""
+    eyes = [(part, vertices[slice(*part.vertices)].mean(axis=0)) for part in parts if part.material == "eye"]
+    return [
+        f"{left.name} and {right.name} lie in the same place instead of behind the lids: the file has lost where they "
+        "belong. Put them there in the program that wrote it."
+        for left, here in eyes
+        for right, there in eyes
+        if (side_of(left, vertices), side_of(right, vertices)) == ("Left", "Right")
+        and float(np.abs(here - there).max()) < _MIDDLE_CM
+    ]
 
 
 def add_gaze(vertices: Array, parts: Sequence[Part], names: Sequence[str], shapes: NDArray[np.float32]) -> list[str]:
     """Turn the eyes that no eyeLook shape moves, in ``shapes`` of shape (S, N, 3), and return their parts' names.
 
-    In many files the eyes are turned by bones; as shapes they follow the gaze here.
+    In many files the eyes are turned by bones; as shapes they follow the gaze here. Concentric shells, such as sclera
+    and iris, turn about one centre.
 
     Args:
         vertices: Upright, shape (N, 3).
@@ -79,7 +57,7 @@ def add_gaze(vertices: Array, parts: Sequence[Part], names: Sequence[str], shape
         looks = [i for i, name in enumerate(names) if name.startswith("eyeLook")]
         if part.material != "eye" or not looks or np.any(shapes[looks, ids]):
             continue
-        centre, _ = fit_sphere(vertices[ids])
+        centre = _centre_of_shells(part, parts, vertices)
         side = side_of(part, vertices)
         for i in looks:
             if names[i].endswith(side):
@@ -87,6 +65,18 @@ def add_gaze(vertices: Array, parts: Sequence[Part], names: Sequence[str], shape
                 shapes[i, ids] = _turned(vertices[ids] - centre, action, side) - (vertices[ids] - centre)
         turned.append(part.name)
     return turned
+
+
+def _centre_of_shells(part: Part, parts: Sequence[Part], vertices: Array) -> Array:
+    """Return the centre, (3,), of the largest of the shells that make one eye with ``part``."""
+    centre, radius = fit_sphere(vertices[slice(*part.vertices)])
+    shells = [(radius, centre)]
+    for other in parts:
+        if other.material == "eye" and other is not part and side_of(other, vertices) == side_of(part, vertices):
+            other_centre, other_radius = fit_sphere(vertices[slice(*other.vertices)])
+            if np.linalg.norm(centre - other_centre) < CONCENTRIC * min(radius, other_radius):
+                shells.append((other_radius, other_centre))
+    return max(shells, key=lambda shell: shell[0])[1]
 
 
 def _turned(points: Array, action: str, side: str) -> Array:

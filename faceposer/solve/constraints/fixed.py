@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from faceposer.errors import FacePoserError
+from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.point import SIGMA_PX
 from faceposer.solve.constraints.switches import KEYS, Switches, switches_from_json
-from faceposer.solve.term import Array, Indices, PoseState, Term
+from faceposer.solve.term import Array, Indices, PoseState, QuadraticTerm, Term
 
 #: How many pixels a centimetre takes in an ordinary view: a distance in space counts like one in such a picture.
 PX_PER_CM = 25.0
@@ -65,6 +66,18 @@ class FixedConstraint(Switches):
     @property
     def _targets(self) -> Array:
         return np.zeros((0, 3)) if self.positions is None else self.positions
+
+    def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> "FixedConstraint":
+        """Return the constraint at ``places`` of another version of the character, its positions moved likewise.
+
+        Offsets from the neutral face are kept, in the size of the other version. A vertex that several places came to
+        is held once.
+        """
+        assert places is not None
+        _, kept = np.unique(np.column_stack([places.faces, places.barycentric.round(9)]), axis=0, return_index=True)
+        kept.sort()
+        positions = None if self.positions is None else (frame.apply(self.positions) + shift)[kept]
+        return replace(self, anchors=places.subset(kept), positions=positions, rest=None)
 
     def resolved(self, model: FaceModel, p: ArrayLike) -> "FixedConstraint":
         """Return the constraint with positions: its own, or else those of the face ``p``, shape (r,).
@@ -121,7 +134,7 @@ class FixedConstraint(Switches):
         return cls(points, positions, **switches_from_json(data, where))
 
 
-class FixedTerm:
+class FixedTerm(QuadraticTerm):
     """w m / n sum over i of |x_i(p) - x_i,original|^2 / sigma^2 (paper, eqs. (15) and (30); (30) lacks a factor 2).
 
     Positions are linear in p, so that the energy is a quadratic form whose matrix is gathered once for a set of points:

@@ -8,13 +8,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.fixed import PX_PER_CM
 from faceposer.solve.constraints.switches import KEYS, Switches, switches_from_json
-from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
+from faceposer.solve.term import Array, Indices, PoseState, QuadraticTerm, ResidualTerm, Term
 
 #: Degrees that an eye turns when its shape is at full strength: outwards or inwards, up or down.
 MOST_YAW, MOST_PITCH = 31.0, 23.0
@@ -45,6 +46,15 @@ class GazeConstraint(Switches):
     def points(self) -> SurfacePoints:
         """No points: the constraint speaks of the rig's weights."""
         return _NO_POINTS
+
+    @property
+    def places(self) -> None:
+        """None: nothing on the surface is stored."""
+        return None
+
+    def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> "GazeConstraint":
+        """Return the constraint as it is: directions are the same for every version of a character."""
+        return self
 
     def weights(self) -> dict[str, float]:
         """Return the values of the eight eyeLook shapes, 0 to 1, by name."""
@@ -115,7 +125,7 @@ def gaze_direction(model: FaceModel, p: ArrayLike) -> tuple[float, float]:
     return (MOST_YAW * left, MOST_PITCH * up)
 
 
-class GazeTerm(ResidualTerm):
+class GazeTerm(ResidualTerm, QuadraticTerm):
     """w / sigma^2 sum over the eyeLook shapes of (weight_j(p) - value_j)^2: other constraints do not turn the eyes."""
 
     def __init__(self, constraint: GazeConstraint, model: FaceModel) -> None:
