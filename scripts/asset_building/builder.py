@@ -101,7 +101,7 @@ class Builder:
             recipe: The rest of what makes the head; lashes of length 0 are left out.
         """
         vertices = self._skin_vertices(everyone, recipe)
-        eyeballs = [self.eyeball(side, vertices) for side in SIDES]
+        eyeballs = [self.eyeball(side, vertices, recipe) for side in SIDES]
         units = self._opened(everyone, units)
         skin = self._skin(vertices, units, eyeballs)
         pieces = [skin, *(build_eye(eye.side, eye.centre, eye.radius, ARKIT_SHAPES) for eye in eyeballs)]
@@ -145,14 +145,15 @@ class Builder:
         depth = _smoothed(hair_depth(self.place.astype(np.float32)).astype(float), skin.fine.quads)
         return vertices + recipe.hair_height * depth[:, None] * normals
 
-    def eyeball(self, side: str, vertices: Floats) -> Eyeball:
-        """Return the eyeball that fits the lids of ``side`` on the skin's ``vertices``, shape (N, 3)."""
+    def eyeball(self, side: str, vertices: Floats, recipe: Recipe) -> Eyeball:
+        """Return the eyeball that fits the lids of ``side`` on the skin's ``vertices``, shape (N, 3), of ``recipe``."""
         lids = np.concatenate([self.skin.rings_left[k] for k in LID_RINGS])
         if side == "Right":
             lids = self.skin.mirror[lids]
         rest_centre = self.rest[self.group(_EYES[side])].mean(axis=0)
         centre, scale = place_eye(self.place[lids], vertices[lids], rest_centre)
-        return Eyeball(side, centre, _EYE_RADIUS * scale)
+        radius = _EYE_RADIUS * scale
+        return Eyeball(side, centre + [0.0, 0.0, recipe.eye_forward * radius], radius)
 
     def _skin(self, vertices: Floats, units: Floats, eyeballs: list[Eyeball]) -> Piece:
         skin = self.skin

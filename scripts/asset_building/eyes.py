@@ -21,8 +21,9 @@ class EyeDetail:
 
 #: Pupil and iris end on a ring.
 FULL_DETAIL = EyeDetail((PUPIL_ANGLE, 13.0, 18.5, IRIS_ANGLE, 30.0, 38.0, 48.0, 60.0, 75.0, 95.0, 125.0, 160.0), 28)
-LOW_DETAIL = EyeDetail((PUPIL_ANGLE, 15.0, IRIS_ANGLE, 33.0, 50.0, 70.0, 90.0), 12)
-_CORNEA_HEIGHT = 0.025
+LOW_DETAIL = EyeDetail((PUPIL_ANGLE, 15.0, IRIS_ANGLE, 36.0, 56.0, 90.0), 14)
+#: How far the cornea rises over the ball's sphere, in radii; in people it is about this much.
+CORNEA_HEIGHT = 0.07
 #: The texture shows the ball from the gaze axis, in its middle, to this angle, at its border.
 TEXTURE_ANGLE = 100.0
 TEXTURE_RADIUS = 0.49
@@ -49,8 +50,7 @@ def build_eye(
     # Both eyes are each other's mirror image, vertex by vertex.
     directions[:, 0] *= sign
     angle = np.degrees(np.arccos(np.clip(directions[:, 2], -1, 1)))
-    bulge = 1.0 + _CORNEA_HEIGHT * np.maximum(1.0 - (angle / IRIS_ANGLE) ** 2, 0.0) ** 2
-    local = directions * (radius * bulge)[:, None]
+    local = directions * (radius * surface_radius(angle))[:, None]
 
     last = len(local) - 1
     sides = grid_quads(rings, sectors, closed=True, first=1)
@@ -66,6 +66,12 @@ def build_eye(
     return Piece(f"eye_{side.lower()}", "eye", local + centre, quads, 0.5 + flat * reach[:, None], quads.copy(), shapes)
 
 
+def surface_radius(angle: Floats) -> Floats:
+    """Return the distance of the surface from the centre, in radii, at ``angle`` in degrees from the gaze axis."""
+    risen: Floats = 1.0 + CORNEA_HEIGHT * np.maximum(1.0 - (angle / IRIS_ANGLE) ** 2, 0.0) ** 2
+    return risen
+
+
 def turned_eye(vertices: Floats, side: str, strengths: dict[str, float]) -> Floats:
     """Return the offsets, shape (N, 3), of the eyeball ``vertices`` of `build_eye`, turned by gaze shapes together.
 
@@ -78,7 +84,7 @@ def turned_eye(vertices: Floats, side: str, strengths: dict[str, float]) -> Floa
     about_x = sum(strength * GAZE[action][0] for action, strength in strengths.items())
     about_y = sum(strength * GAZE[action][1] for action, strength in strengths.items())
     back, front = vertices[-1], vertices[0]
-    centre = back + (front - back) / (2.0 + _CORNEA_HEIGHT)
+    centre = back + (front - back) / (2.0 + CORNEA_HEIGHT)
     return (vertices - centre) @ (_rotation(about_x, sign * about_y) - np.eye(3)).T
 
 

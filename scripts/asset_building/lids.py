@@ -6,6 +6,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
+from scripts.asset_building.eyes import surface_radius
 from scripts.asset_building.falloff import ramp
 from scripts.asset_building.head import LASH_RING, Skin
 from scripts.asset_building.piece import Floats, Ints
@@ -151,8 +152,8 @@ def keep_clear(
 ) -> Floats:
     """Return ``shapes`` (S, N, 3) with skin that would enter the eyeball pushed out of it.
 
-    Every shape is mended at full strength, and on the way there as well: the straight path of a lid cuts into the
-    ball, deepest at half strength if the lid was clear of the ball before.
+    The eyeball looks ahead. Every shape is mended at full strength, and on the way there as well: the straight path of
+    a lid cuts into the ball, deepest at half strength if the lid was clear of the ball before.
 
     Args:
         vertices: The neutral skin, shape (N, 3).
@@ -163,15 +164,22 @@ def keep_clear(
         strengths: Those at which shapes are mended.
         reach: How far around the ball skin is looked after, in centimetres.
     """
-    rest_distance = np.linalg.norm(vertices - centre, axis=1)
-    near = (rest_distance > radius) & (rest_distance < radius + reach) & (vertices[:, 2] > centre[2] - 0.2)
+    rest_distance, surface = _distances(vertices - centre, radius)
+    near = (rest_distance > radius) & (rest_distance < surface + reach) & (vertices[:, 2] > centre[2] - 0.2)
     near[ids] = False
     chosen = np.flatnonzero(near)
-    wanted = radius + np.minimum(rest_distance[chosen] - radius, _CLEARANCE)
+    clearance = np.minimum(rest_distance - surface, _CLEARANCE)[chosen]
     result = shapes.copy()
     for strength in strengths:
         away = vertices[chosen] + strength * result[:, chosen] - centre
-        distance = np.linalg.norm(away, axis=2)
-        lack = np.maximum(wanted - distance, 0.0) * shapes[:, chosen].any(axis=2)
+        distance, surface = _distances(away, radius)
+        lack = np.maximum(surface + clearance - distance, 0.0) * shapes[:, chosen].any(axis=2)
         result[:, chosen] += (lack / distance / strength)[..., None] * away
     return result
+
+
+def _distances(away: Floats, radius: float) -> tuple[Floats, Floats]:
+    """Return the lengths of ``away`` (..., 3) from the centre of a ball that looks ahead, and its surface's there."""
+    distance = np.linalg.norm(away, axis=-1)
+    angle = np.degrees(np.arccos(np.clip(away[..., 2] / np.maximum(distance, 1e-9), -1.0, 1.0)))
+    return distance, radius * surface_radius(angle)

@@ -78,7 +78,7 @@ def build_low(builder: Builder) -> Subject:
     named = regions(skin, place, masks, ())
     mesh = _simplified_skin(skin, pieces[0], place, named, list(fine_points.values()))
     number = mesh.index(len(place))
-    eyes = [builder.eyeball(side, pieces[0].vertices) for side in SIDES]
+    eyes = [builder.eyeball(side, pieces[0].vertices, LOW) for side in SIDES]
     low_skin = _closing(mesh.applied(pieces[0]), skin, number, eyes)
     contact = number[skin.fine_loop(skin.lip_contact)]
     low_skin = replace(low_skin, vertices=_sealed(low_skin.vertices, contact[contact >= 0]))

@@ -5,6 +5,7 @@ y = 73, the lips at 66, the top of the head at 85), so that every person is pain
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,22 @@ from scipy.spatial import cKDTree
 from scripts.asset_building.raster import Image32, Noise, TexelMap, draw_strokes, smoothstep, softened, softening
 
 Colour = tuple[float, float, float]
+
+
+class Brows(Protocol):
+    """A look that has brows, with the attributes that `SkinLook` has for them."""
+
+    @property
+    def hair(self) -> Colour:
+        """Their colour."""
+
+    @property
+    def brow(self) -> tuple[tuple[float, float, float], ...]:
+        """Curve of the left brow."""
+
+    @property
+    def brow_strength(self) -> float:
+        """Opacity of the hairs."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +120,7 @@ def paint_skin(skin: SkinTexels, look: SkinLook) -> NDArray[np.uint8]:
     colour = blend(colour, (198, 120, 112), 0.7 * masks["wet_line"])
     colour = blend(colour, look.hair, look.lash_line * masks["lash_line"])
     colour = _scalp(colour, skin, look, rng, noise[3])
-    colour = _brows(colour, skin, look, rng)
+    colour = paint_brows(colour, skin, look, rng)
     lining = masks["inside"] * (1.0 - lips)
     colour = blend(colour, (112, 41, 41), lining * (1.0 + 0.05 * noise[3](p, 0.6, 2)))
     colour = blend(colour, (178, 92, 88), lining * masks["behind_lips"])
@@ -246,7 +263,7 @@ def _scalp(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Gen
     return colour
 
 
-def brow_frame(p: Image32, look: SkinLook) -> tuple[Image32, Image32, Image32]:
+def brow_frame(p: Image32, look: Brows) -> tuple[Image32, Image32, Image32]:
     """Return for ``p`` (K, 3) the position along the brow (0..1), across it (-1..1 inside) and its slope dy/dx."""
     curve = np.array(look.brow)
     x = np.abs(p[:, 0])
@@ -257,7 +274,8 @@ def brow_frame(p: Image32, look: SkinLook) -> tuple[Image32, Image32, Image32]:
     return along, across, middle.derivative()(clipped).astype(np.float32)
 
 
-def _brows(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Generator) -> Image32:
+def paint_brows(colour: Image32, skin: SkinTexels, look: Brows, rng: np.random.Generator) -> Image32:
+    """Return ``colour`` (K, 3) of the texels of ``skin`` with the hairs of brows."""
     p = skin.place
     front = (p[:, 2] > 10.0).astype(np.float32)
     along, across, slope = brow_frame(p, look)
