@@ -114,7 +114,7 @@ class PointTerm(ResidualTerm):
         self._points = points
         self._across = np.tile([0.0, 1.0], (len(constraints), 1))
 
-    def take_up(self, model: FaceModel, state: PoseState, limits: Array, wholeness: float = 0.0) -> None:
+    def take_up(self, model: FaceModel, state: PoseState, limits: Array, trusted: float = 0.0) -> None:
         """Look at the pulls from the ``state`` where they begin: their reach (``faceposer.solve.reach``) and direction.
 
         Targets that no face reaches are brought back to its reach.
@@ -123,7 +123,8 @@ class PointTerm(ResidualTerm):
             model: The face.
             state: The pose that the pulls start from.
             limits: Of the weights of the model's density there, shape (W, 2).
-            wholeness: See ``LocalMoments``; the more of the face follows, the more the pulls count as they are.
+            trusted: From 0 to 1, how far the pulls count as they are, without regard to reach and direction: the more
+                of the face follows, and the more of it is pulled.
         """
         here = state.pixels[self._points]
         rows, neutral = state.anchored_at(self._points)
@@ -131,12 +132,12 @@ class PointTerm(ResidualTerm):
             seen = [i for i, own in enumerate(self._cameras) if own == camera]
             reach = reach_of_rows(model, state.p, rows[seen], neutral[seen], camera, limits)
             pulls = self._targets[seen] - here[seen]
-            self._targets[seen] = here[seen] + (1.0 - wholeness) * reach.limited(pulls) + wholeness * pulls
+            self._targets[seen] = here[seen] + (1.0 - trusted) * reach.limited(pulls) + trusted * pulls
         pulls = self._targets - here
         lengths = np.hypot(*pulls.T)
         far = lengths > 1e-6
         self._across[far] = np.column_stack([-pulls[far, 1], pulls[far, 0]]) / lengths[far, None]
-        slack = (1.0 - wholeness) * _SLACK * min(1.0, _FEW / len(lengths)) * lengths
+        slack = (1.0 - trusted) * _SLACK * min(1.0, _FEW / len(lengths)) * lengths
         self.weights[1::2] /= 1.0 + (slack / SIGMA_PX) ** 2
 
     def residual(self, state: PoseState) -> Array:
