@@ -81,8 +81,8 @@ class LocalMoments:
     meant from those that only take the pulled place along.
 
     Covered c from 0 to 1 says that the constraints speak of much of the face (``faceposer.solve.coverage``), so that
-    they need no guess which muscles they mean: F becomes F + c (F1 - F) with F1 the coupling of both sides moving as usual, G
-    becomes G + c (1 - G), L becomes I + (1 - c) (L - I).
+    they need no guess which muscles they mean: F becomes F + c (F1 - F) with F1 the coupling of sides that move as
+    usual, and G becomes G + c (1 - G).
 
     Wholeness s from 0 to 1 goes over to the expressions of the examples as they are: F becomes F + s (1 - F), G
     likewise, L becomes I + (1 - s) (L - I), and the peak moves by s g towards the mean of the nearest examples, where
@@ -185,10 +185,8 @@ class LocalMoments:
         density = self._density
         factors = density.coupling + covered * (self._usual - density.coupling)
         factors = factors + self._wholeness * (1.0 - factors)
-        alone = 1.0 - (1.0 - self._wholeness) * (1.0 - covered)
-        return self._damped(
-            moment, factors, density.along + alone * (np.eye(len(density.along)) - density.along), shift
-        )
+        along = density.along + self._wholeness * (np.eye(len(density.along)) - density.along)
+        return self._damped(moment, factors, along, shift)
 
     def _damped(self, moment: Array, factors: Array, along: Array, shift: Array | None = None) -> GaussianMixture:
         """Return the Gaussian over coefficients for F and L, both of shape (W, W)."""
