@@ -6,9 +6,29 @@ In Python, ``faceposer.load("man")`` gives a face to pose (docs/api.md).
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from faceposer.api import Camera, Face, FacePoserError, Performance, Pose, Trajectories, load, subjects
+    from faceposer.api import (
+        Camera,
+        Face,
+        FacePoserError,
+        FacePoserWarning,
+        Performance,
+        Pose,
+        Trajectories,
+        load,
+        subjects,
+    )
 
-__all__ = ["Camera", "Face", "FacePoserError", "Performance", "Pose", "Trajectories", "load", "subjects"]
+__all__ = [
+    "Camera",
+    "Face",
+    "FacePoserError",
+    "FacePoserWarning",
+    "Performance",
+    "Pose",
+    "Trajectories",
+    "load",
+    "subjects",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -166,13 +166,14 @@ def _solve(options: argparse.Namespace) -> int:
     if options.report is not None:
         check_output(options.report, ".json")
         check_apart(options.report, options.session)
-    from faceposer.api import load
+    from faceposer.api import Face
+    from faceposer.cli_applications.opening import open_with_remark
     from faceposer.session.document import write_text
     from faceposer.session.report import solve_report
 
     if options.session.suffix.lower() != ".json":
         raise FacePoserError(f"'{options.session}' is no session file; give one that ends in '.json'.")
-    face = load(options.session)
+    face = Face(open_with_remark(str(options.session)))
     if options.spread is not None:
         face.spread = options.spread
     face.contact = face.contact and options.contact
@@ -201,9 +202,10 @@ def _render(options: argparse.Namespace) -> int:
         view = OrbitView.preset(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0), options.view)
         write_png(options.output, render_mesh(mesh.vertices, mesh.triangles(), view.camera(options.size)))
     else:
-        from faceposer.api import load
+        from faceposer.api import Face
+        from faceposer.cli_applications.opening import open_with_remark
 
-        face = load(options.what)
+        face = Face(open_with_remark(options.what))
         face.contact = face.contact and options.contact
         face.render(options.output, options.view, options.size, expression_lines=not options.no_expression_lines)
     print(f"{options.output} written")

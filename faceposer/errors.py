@@ -1,4 +1,4 @@
-"""Errors that a user can cause and mend."""
+"""Errors that a user can cause and mend, and warnings of what may not be as it was meant."""
 
 
 class FacePoserError(Exception):
@@ -7,3 +7,7 @@ class FacePoserError(Exception):
 
 class NoWindowError(FacePoserError):
     """The system shows no window: it has no display, or no OpenGL that is up to it. All but the window still works."""
+
+
+class FacePoserWarning(UserWarning):
+    """A remark told to the user of Python's interface: what was changed, or may not be as it was meant."""

@@ -1,6 +1,7 @@
 """Contact is one switch: in sessions, in Python, in commands, and in every file that shows the face."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,12 @@ import faceposer
 from faceposer.cli import main
 from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_io import read_mesh
+from faceposer.interchange.glb import CONTACT_NOTE, write_glb
 from faceposer.interchange.meshes import write_sequence
 from faceposer.model.performance import Performance
 from faceposer.session.document import Document, read_document, write_document
 from faceposer.session.opening import load_model, open_session
+from faceposer.viewer.panels import export_dialog
 
 CLOSED = {"eyeBlinkLeft": 1.7, "eyeBlinkRight": 1.7}
 
@@ -107,3 +110,22 @@ def test_morph_targets_and_weights_are_the_same_with_contact_and_without(session
         assert run("export", session, "-o", files[0]) == 0
         assert run("export", session, "-o", files[1], "--no-contact") == 0
         assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_everybody_who_writes_weights_or_targets_is_told_that_contact_is_not_in_them(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    for command in ("solve", "export", "animate", "transfer"):
+        assert run(command, "--help") == 0
+        said = " ".join(capsys.readouterr().out.split())
+        assert "morph targets and weights cannot contain contact" in said, command
+    for documented in (faceposer.Face.export, faceposer.Face.save, write_glb):
+        said = " ".join((documented.__doc__ or "").split())
+        assert re.search("[Cc]ontact (is in pictures|step)", said), documented
+        assert ".glb" in said or "not in them" in said, documented
+    dialog = {suffix: purpose for suffix, _, purpose in export_dialog._FORMATS}
+    for suffix in (".glb", ".csv", ".json"):
+        assert "without contact" in dialog[suffix], suffix
+    face = faceposer.load("low")
+    face.export(tmp_path / "a.glb")
+    assert CONTACT_NOTE.encode() in (tmp_path / "a.glb").read_bytes()

@@ -29,10 +29,12 @@ class Key:
     Attributes:
         frame: Counted from 0.
         pose: Coefficients, shape (r,), read-only.
+        weights: Weights of the shapes in that pose, shape (S,), in a file; None while the animation is edited.
     """
 
     frame: int
     pose: Array
+    weights: Array | None = None
 
     @classmethod
     def of(cls, frame: int, pose: ArrayLike) -> "Key":
@@ -216,7 +218,7 @@ class Keyframes:
             "rate": self.rate,
             "length": self.length,
             "loop": self.loop,
-            "keys": [{"frame": key.frame, "coefficients": key.pose.tolist()} for key in self.keys],
+            "keys": [_key_to_json(key) for key in self.keys],
         }
 
     @classmethod
@@ -243,15 +245,23 @@ class Keyframes:
         return cls(keys, rate, length, codec.flag_from_json(data.get("loop", False), f"{where}.loop"))
 
 
+def _key_to_json(key: Key) -> dict[str, Any]:
+    data: dict[str, Any] = {"frame": key.frame, "coefficients": key.pose.tolist()}
+    return data if key.weights is None else data | {"weights": codec.weights_to_json(key.weights)}
+
+
 def _key_from_json(data: Any, where: str) -> Key:
-    codec.check_keys(data, {"frame", "coefficients"}, set(), where)
+    codec.check_keys(data, {"frame", "coefficients"}, {"weights"}, where)
     frame = codec.index_from_json(data["frame"], f"{where}.frame")
     if frame >= LONGEST:
         raise FacePoserError(f"{where}.frame must be below {LONGEST}, not {frame}.")
     values = data["coefficients"]
     if not isinstance(values, list) or len(values) > _MOST_COEFFICIENTS:
         raise FacePoserError(f"{where}.coefficients must be a list of numbers.")
-    return Key.of(frame, codec.numbers_from_json(values, len(values), f"{where}.coefficients"))
+    key = Key.of(frame, codec.numbers_from_json(values, len(values), f"{where}.coefficients"))
+    if "weights" not in data:
+        return key
+    return replace(key, weights=codec.weights_from_json(data["weights"], f"{where}.weights"))
 
 
 def _shifted(keys: list[Key], by: int) -> list[Key]:

@@ -2,9 +2,19 @@
 
 from faceposer.animation.trajectories import Trajectories
 from faceposer.api.face import Face, load, subjects
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, FacePoserWarning
 from faceposer.geometry.camera import Camera
 from faceposer.model.performance import Performance
 from faceposer.poses.pose_file import Pose
 
-__all__ = ["Camera", "Face", "FacePoserError", "Performance", "Pose", "Trajectories", "load", "subjects"]
+__all__ = [
+    "Camera",
+    "Face",
+    "FacePoserError",
+    "FacePoserWarning",
+    "Performance",
+    "Pose",
+    "Trajectories",
+    "load",
+    "subjects",
+]

@@ -1,5 +1,6 @@
 """A face to pose in Python: what the window does to a session, ``Face`` does to it too (docs/api.md)."""
 
+import warnings
 from collections.abc import Iterable, Mapping
 from os import PathLike, fspath
 from pathlib import Path
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.api import checks
 from faceposer.api.motion import InMotion
 from faceposer.api.places import Pixels, Place, fixed_vertices, pixels_of, point_at
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, FacePoserWarning
 from faceposer.geometry.camera import VIEW_ANGLES, Camera, ViewName
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.strokes import StrokeShape
@@ -45,10 +46,16 @@ _LARGEST_SHAPE = 1000.0
 def load(what: PathName) -> "Face":
     """Return a face: a shipped subject by its name ("man"), a subject's file (.npz), or a saved session (.json).
 
+    A session that was made on another version of its character is made to fit, with a ``FacePoserWarning`` that says
+    what was done and what may be off (docs/session-format.md).
+
     Raises:
         FacePoserError: If it cannot be found or read.
     """
-    return Face(open_session(fspath(what)))
+    session = open_session(fspath(what))
+    if session.remark:
+        warnings.warn(session.remark, FacePoserWarning, stacklevel=2)
+    return Face(session)
 
 
 def subjects() -> list[str]:
@@ -98,7 +105,10 @@ class Face(InMotion):
 
     @property
     def contact(self) -> bool:
-        """Whether surfaces are kept apart after the solve: lids, eyeballs, lips and teeth (docs/contact.md)."""
+        """Whether surfaces are kept apart after the solve: lids, eyeballs, lips and teeth (docs/contact.md).
+
+        It shows in ``vertices``, pictures, films and meshes; morph targets of .glb and weights cannot contain it.
+        """
         return self.session.document.contact
 
     @contact.setter
@@ -330,7 +340,10 @@ class Face(InMotion):
     # Files and pictures
 
     def save(self, path: PathName) -> Path:
-        """Write the session (.json), a picture (.png), or the pose as ``export`` does, and return the path."""
+        """Write the session (.json), a picture (.png), or the pose as ``export`` does, and return the path.
+
+        Contact is in pictures and meshes, not in the morph targets of .glb nor in weights.
+        """
         target = Path(path)
         suffix = target.suffix.lower()
         if suffix == ".json":

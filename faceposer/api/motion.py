@@ -116,6 +116,9 @@ class InMotion:
     ) -> Path:
         """Write the pose, or a performance, for other programs (docs/interchange.md), and return the path.
 
+        Meshes, pictures and films show the face after the contact step while ``contact`` is on. The morph targets of
+        .glb and the weights of .csv and .json cannot contain it: lids, lips and teeth may lie in each other there.
+
         Args:
             path: Ends in .obj, .ply, .glb, .csv, .json (weights, no session), .png, .gif or .mp4.
             motion: What to write in place of the pose, such as ``performance``; for .glb, .csv, .json, .gif and .mp4.

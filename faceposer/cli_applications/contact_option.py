@@ -9,5 +9,6 @@ def add_contact_option(parser: argparse.ArgumentParser) -> None:
         "--no-contact",
         dest="contact",
         action="store_false",
-        help="leave out the contact step of meshes and pictures: lids, lips and teeth may lie in each other",
+        help="leave out the contact step of meshes and pictures: lids, lips and teeth may lie in each other, as they "
+        "may in .glb, .csv and .json in any case, since morph targets and weights cannot contain contact",
     )

@@ -116,13 +116,13 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write what ``options`` ask for and return the exit status."""
     _check_options(options)
+    from faceposer.cli_applications.opening import open_with_remark
     from faceposer.interchange.meshes import write_sequence
     from faceposer.interchange.sampling import resampled
     from faceposer.model.performance import Performance
-    from faceposer.session.opening import open_session
     from faceposer.viewer.exporting import Look, write
 
-    session = open_session(options.what)
+    session = open_with_remark(options.what)
     session.wait()
     motion = _motion(options, session)
     path: Path = options.output

@@ -54,11 +54,11 @@ def run(options: argparse.Namespace) -> int:
         raise FacePoserError("The focal length must be from 1 to 1,000,000 pixels.")
     from dataclasses import replace
 
+    from faceposer.cli_applications.opening import open_with_remark
     from faceposer.photo.aligning import aligned, residuals_px
     from faceposer.photo.photo import Photo
     from faceposer.photo.pins_file import read_pins
     from faceposer.photo.reading import focal_in_mm, inspect_photo, read_photo
-    from faceposer.session.opening import open_session
     from faceposer.session.photos import with_expression
     from faceposer.solve.camera_fit import LEAST_POINTS
 
@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     read_photo(options.photo, _CHECKED_SIDE)
     pins = read_pins(options.pins)
     _check_pins(options.pins, pins, file.size)
-    session = _with_spread(open_session(options.what), options.spread)
+    session = _with_spread(open_with_remark(options.what), options.spread)
     model = session.model
     path = str(options.photo.absolute())
     photo = aligned(Photo(path, file.size, pins, focal=options.focal or file.focal), model, session.coefficients)

@@ -155,9 +155,10 @@ class _Source:
 
 
 def _source(options: argparse.Namespace) -> _Source:
+    from faceposer.cli_applications.opening import open_with_remark
     from faceposer.interchange.reading import MESHES, WEIGHTS, read_performance, read_pose
     from faceposer.model.performance import Performance
-    from faceposer.session.opening import load_model, open_session
+    from faceposer.session.opening import load_model
 
     path: Path = options.source
     suffix = path.suffix.lower()
@@ -171,7 +172,7 @@ def _source(options: argparse.Namespace) -> _Source:
             raise FacePoserError(
                 f"'{path}' is a session, which names its subject and its rate; leave out --from, --frames and --rate."
             )
-        session = open_session(str(path))
+        session = open_with_remark(str(path))
         session.wait()
         still = Performance(session.coefficients[None], _USUAL_RATE)
         return _Source(session.model, session.animation.performance or still, still, session.document)
@@ -213,7 +214,8 @@ def _write_session(options: argparse.Namespace, source: _Source, transfer: "Tran
     assert pose is not None
     subject = subject_from(options.target, options.output.parent)
     document = transferred(source.document, pose, transfer, subject, target)
-    write_document(options.output, replace(document, contact=document.contact and options.contact))
+    document = replace(document, contact=document.contact and options.contact)
+    write_document(options.output, document.stamped(target))
     keys = 0 if document.keyframes is None else len(document.keyframes.keys)
     what = f"{keys} keys" if keys else "pose"
     print(f"{options.output} written: {what} by {options.method}")
@@ -231,6 +233,6 @@ def _write(
         write(path, model, performance, Look(contact=contact), line.share)
     elif path.suffix.lower() == ".json":
         document = Document(subject_from(subject, path.parent), contact=contact)
-        write_document(path, document.starting_from(pose).posed(pose))
+        write_document(path, document.starting_from(pose).posed(pose).stamped(model))
     else:
         write(path, model, pose, Look(contact=contact))

@@ -14,6 +14,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from faceposer.geometry.alignment import Similarity
+
 Array = NDArray[np.float64]
 ViewName = Literal["front", "back", "left", "right", "three-quarter", "top", "bottom"]
 
@@ -85,6 +87,15 @@ class Camera:
     def principal_point(self) -> Array:
         """The pixel that the optical axis meets, shape (2,)."""
         return np.array([self.size[0] / 2.0 + self.shift[0], self.size[1] / 2.0 + self.shift[1]])
+
+    def following(self, frame: Similarity) -> "Camera":
+        """Return the camera that sees what ``frame`` moves just where this one sees it before it is moved."""
+        if float(frame.scale) == 1.0 and not frame.translation.any() and np.array_equal(frame.rotation, np.eye(3)):
+            return self
+        rotation = self.rotation @ frame.rotation.T
+        return replace(
+            self, rotation=rotation, translation=float(frame.scale) * self.translation - rotation @ frame.translation
+        )
 
     def to_camera(self, points: ArrayLike) -> Array:
         """Return world ``points`` of shape (n, 3) in camera space, shape (n, 3)."""

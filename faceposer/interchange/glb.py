@@ -27,6 +27,8 @@ METRES_PER_UNIT = 0.01
 #: What the file says of contact, in ``asset.extras.contact``.
 CONTACT_NOTE = "not contained in the morph targets"
 _SMALL_INDEX = 65_535
+# How much of what lies behind a clear shell is covered by it.
+_FILM_ALPHA = 0.05
 _ROUGHNESS = {"eye": 0.12, "teeth": 0.3, "gums": 0.35, "tongue": 0.45}
 _SKIN_ROUGHNESS = 0.55
 
@@ -55,6 +57,8 @@ def write_glb(
     progress: Progress = no_progress,
 ) -> None:
     """Write the face of ``model`` as GLB, all or nothing.
+
+    Targets add up linearly: the contact step is not in them, which ``asset.extras.contact`` says in the file.
 
     Args:
         path: The file.
@@ -205,7 +209,9 @@ class _Materials:
         entry: dict[str, Any] = {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True}
         picture = self._subject.textures.get(name)
         if picture is None:
-            surface["baseColorFactor"] = [*BASE_COLOURS[material], 1.0]
+            surface["baseColorFactor"] = [*BASE_COLOURS[material], _FILM_ALPHA if material == "film" else 1.0]
+            if material == "film":
+                entry["alphaMode"] = "BLEND"
             return builder.add("materials", entry)
         is_png = picture.startswith(b"\x89PNG")
         kind = "image/png" if is_png else "image/jpeg"

@@ -8,4 +8,5 @@ BASE_COLOURS: dict[str, tuple[float, float, float]] = {
     "gums": (0.42, 0.13, 0.12),
     "tongue": (0.46, 0.16, 0.15),
     "lashes": (0.02, 0.015, 0.012),
+    "film": (0.80, 0.80, 0.80),
 }

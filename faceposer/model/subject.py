@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.origin import Origin
-from faceposer.model.subject_checks import check_subject
+from faceposer.model.subject_checks import SEE_THROUGH, check_subject
 
 #: The 52 facial action shapes of Apple's ARKit, in the order of its documentation.
 ARKIT_SHAPES: tuple[str, ...] = (
@@ -37,7 +37,8 @@ class Part:
 
     Attributes:
         name: For example "skin" or "eye_left".
-        material: "skin", "eye", "teeth", "gums", "tongue" or "lashes".
+        material: "skin", "eye", "teeth", "gums", "tongue", "lashes", or "film" for clear shells over an eye, which are
+            kept for files and not drawn.
         polygons: First polygon and the one after the last.
         vertices: First vertex and the one after the last.
     """
@@ -145,8 +146,8 @@ class Subject:
 
     @cached_property
     def solid_triangles(self) -> NDArray[np.intp]:
-        """Indices of the triangles of all parts but the lashes, which pointers pass through."""
-        runs = [self.part_triangles(part) for part in self.parts if part.material != "lashes"]
+        """Indices of the triangles of all parts but lashes and films, which pointers pass through."""
+        runs = [self.part_triangles(part) for part in self.parts if part.material not in SEE_THROUGH]
         return np.concatenate([np.arange(*run) for run in runs]) if runs else np.zeros(0, dtype=np.intp)
 
     @property

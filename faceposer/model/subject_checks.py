@@ -7,7 +7,9 @@ import numpy as np
 if TYPE_CHECKING:
     from faceposer.model.subject import Subject
 
-MATERIALS = ("skin", "eye", "teeth", "gums", "tongue", "lashes")
+MATERIALS = ("skin", "eye", "teeth", "gums", "tongue", "lashes", "film")
+#: Materials that are drawn over others, and that pointers pass through.
+SEE_THROUGH = ("lashes", "film")
 
 
 def check_subject(subject: "Subject") -> None:

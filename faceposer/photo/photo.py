@@ -1,13 +1,14 @@
 """A photo beside the face: its pins, the camera that took it and how it is shown (docs/photo.md)."""
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
-from faceposer.geometry.picking import SurfacePoint
+from faceposer.geometry.picking import SurfacePoint, SurfacePoints
+from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
 
 Pixel = tuple[float, float]
@@ -26,16 +27,27 @@ class Pin:
     Attributes:
         place: Name of a feature point, a surface point, or the index of a vertex.
         pixel: (u, v) in the photo, from its top left.
+        rest: Where a place that has no name lies on the neutral face, in a file; None while the pin is edited.
     """
 
     place: Place
     pixel: Pixel
+    rest: tuple[float, float, float] | None = field(default=None, compare=False)
+
+    def with_rest(self, model: FaceModel) -> "Pin":
+        """Return the pin as a file keeps it, with its rest position unless it has a name."""
+        if isinstance(self.place, str):
+            return replace(self, rest=None)
+        positions = SurfacePoints.of([self.place]).positions(model.subject.vertices, model.triangles)
+        x, y, z = codec.rest_to_json(positions)[0]
+        return replace(self, rest=(x, y, z))
 
     def to_json(self) -> dict[str, Any]:
         """Return the pin as files have it."""
         if isinstance(self.place, str):
             return {"point": self.place, "pixel": list(self.pixel)}
-        return {"anchor": codec.anchor_to_json(self.place), "pixel": list(self.pixel)}
+        data = {"anchor": codec.anchor_to_json(self.place), "pixel": list(self.pixel)}
+        return data if self.rest is None else data | {"rest": list(self.rest)}
 
     @classmethod
     def from_json(cls, data: Any, where: str) -> "Pin":
@@ -44,15 +56,19 @@ class Pin:
         Raises:
             FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
         """
+        rest = None
         if isinstance(data, dict) and "anchor" in data:
-            codec.check_keys(data, {"anchor", "pixel"}, set(), where)
+            codec.check_keys(data, {"anchor", "pixel"}, {"rest"}, where)
             place: Place = codec.anchor_from_json(data["anchor"], f"{where}.anchor")
+            if "rest" in data:
+                x, y, z = codec.numbers_from_json(data["rest"], 3, f"{where}.rest")
+                rest = (x, y, z)
         else:
             codec.check_keys(data, {"point", "pixel"}, set(), where)
             if not isinstance(data["point"], str) or not data["point"]:
                 raise FacePoserError(f'{where}.point must be the name of a feature point, such as "8.3".')
             place = data["point"]
-        return cls(place, codec.pixel_from_json(data["pixel"], f"{where}.pixel"))
+        return cls(place, codec.pixel_from_json(data["pixel"], f"{where}.pixel"), rest)
 
 
 def pins_from_json(value: Any, where: str) -> tuple[Pin, ...]:
@@ -111,6 +127,10 @@ class Photo:
     def without_pin(self, index: int) -> "Photo":
         """Return the photo without the pin ``index``."""
         return replace(self, pins=(*self.pins[:index], *self.pins[index + 1 :]))
+
+    def with_rest(self, model: FaceModel) -> "Photo":
+        """Return the photo as a session's file keeps it, with the rest positions of its pins."""
+        return replace(self, pins=tuple(pin.with_rest(model) for pin in self.pins))
 
     def to_json(self) -> dict[str, Any]:
         """Return the photo as a session has it."""

@@ -158,7 +158,7 @@ def _to_json(session: Session, document: Document, camera: Camera | None, now: d
         "version": VERSION,
         "path": None if path is None else str(path),
         "saved_at": now.isoformat(),
-        "session": document.to_json(),
+        "session": document.stamped(session.model).to_json(),
     }
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.aligning import aligned
 from faceposer.photo.photo import Photo, photos_from_json
+from faceposer.session.character_version import CharacterVersion
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.registry import Constraint, constraint_from_json
 from faceposer.solve.priors import PRIORS, Prior
@@ -25,6 +27,27 @@ VERSION = 1
 _MAX_BYTES = 64 * 2**20
 _MAX_PRIOR_WEIGHT = 1000.0
 _MAX_CONSTRAINTS = 10_000
+_OPTIONAL = {
+    *("prior_weight", "prior", "spread", "coefficients", "weights", "start", "start_weights", "contact", "camera"),
+    *("photos", "animation", "character"),
+}
+# A list of numbers over several lines, as an indented file has it.
+_NUMBERS = re.compile(r"\[\s+([-+.eE\d]+(?:,\s+[-+.eE\d]+)*)\s+\]")
+
+
+@dataclass(frozen=True, eq=False)
+class MadeOn:
+    """What a file says of the character that its session was made on.
+
+    Attributes:
+        character: Its version.
+        weights: Weights of its shapes in the pose, shape (S,), or None.
+        start_weights: Weights of its shapes in the start pose, shape (S,), or None.
+    """
+
+    character: CharacterVersion
+    weights: NDArray[np.float64] | None = None
+    start_weights: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +73,8 @@ class Document:
         animated: Whether the pose and the start are just what the animation has at that frame, so that there is
             nothing to lose in going to another one.
         contact: Whether the face is shown and exported after the contact step (docs/contact.md).
+        made_on: In a file, the version of the character that all was made on, and the weights of its poses; None while
+            it is edited, and in files that do not say.
     """
 
     subject: str
@@ -66,6 +91,7 @@ class Document:
     frame: int = 0
     animated: bool = False
     contact: bool = True
+    made_on: MadeOn | None = None
 
     def posed(self, coefficients: ArrayLike) -> "Document":
         """Return the document with the pose that was solved for it, shape (r,)."""
@@ -105,6 +131,12 @@ class Document:
         theirs = (other.subject, other.constraints, other.prior_weight, other.prior, other.spread)
         return ours == theirs and _same(self.start, other.start)
 
+    def rests_like(self, other: "Document") -> bool:
+        """Whether nothing pulls in either and both start from the same pose under one prior, which is then the pose."""
+        return (
+            not (self.constraints or other.constraints) and self.prior == other.prior and _same(self.start, other.start)
+        )
+
     def to_json(self) -> dict[str, Any]:
         """Return the document as its file has it."""
         data: dict[str, Any] = {
@@ -114,14 +146,12 @@ class Document:
             "prior_weight": self.prior_weight,
             "constraints": [constraint.to_json() for constraint in self.constraints],
         }
+        made_on = self.made_on
         if self.prior != "regions":
             data["prior"] = self.prior
         if self.spread != SPREAD:
             data["spread"] = self.spread
-        if self.coefficients is not None:
-            data["coefficients"] = self.coefficients.tolist()
-        if self.start is not None and self.constraints:
-            data["start"] = self.start.tolist()
+        data |= self._poses_to_json()
         if not self.contact:
             data["contact"] = False
         if self.camera is not None:
@@ -130,7 +160,46 @@ class Document:
             data["photos"] = [photo.to_json() for photo in self.photos]
         if self.keyframes is not None:
             data["animation"] = {"frame": self.frame, **self.keyframes.to_json()}
+        if made_on is not None:
+            data["character"] = made_on.character.to_json()
         return data
+
+    def _poses_to_json(self) -> dict[str, Any]:
+        data: dict[str, Any] = {}
+        made_on, start = self.made_on, self.start
+        if self.coefficients is not None:
+            data["coefficients"] = self.coefficients.tolist()
+            if made_on is not None and made_on.weights is not None:
+                data["weights"] = codec.weights_to_json(made_on.weights)
+            if start is None and not self.constraints and self.prior != "regions":
+                # The prior alone moves the face away from where it starts.
+                start = np.zeros_like(self.coefficients)
+        if start is not None and (self.constraints or not _same(start, self.coefficients)):
+            data["start"] = start.tolist()
+            if made_on is not None and made_on.start_weights is not None:
+                data["start_weights"] = codec.weights_to_json(made_on.start_weights)
+        return data
+
+    def stamped(self, model: FaceModel) -> "Document":
+        """Return the document as a file keeps it: with what another version of the character ``model`` needs of it.
+
+        That is the version of the mesh, the rest positions of all places, and the weights of all poses.
+        """
+
+        def weights(pose: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+            return None if pose is None else model.weights_of(pose)
+
+        keyframes = self.keyframes
+        if keyframes is not None:
+            keys = tuple(replace(key, weights=weights(key.pose)) for key in keyframes.keys)
+            keyframes = replace(keyframes, keys=keys)
+        return replace(
+            self,
+            constraints=tuple(constraint.with_rest(model) for constraint in self.constraints),
+            photos=tuple(photo.with_rest(model) for photo in self.photos),
+            keyframes=keyframes,
+            made_on=MadeOn(CharacterVersion.of(model.subject), weights(self.coefficients), weights(self.start)),
+        )
 
     @classmethod
     def from_json(cls, data: Any) -> "Document":
@@ -147,7 +216,7 @@ class Document:
         codec.check_keys(
             data,
             {"format", "version", "subject", "constraints"},
-            {"prior_weight", "prior", "spread", "coefficients", "start", "contact", "camera", "photos", "animation"},
+            _OPTIONAL,
             "the session",
         )
         if not isinstance(data["subject"], str) or not data["subject"]:
@@ -177,7 +246,9 @@ class Document:
             document = document.posed(_pose_from_json(data["coefficients"], "coefficients"))
             if not entries and "start" not in data:
                 document = replace(document, start=document.coefficients)
-        return document._with_animation(data["animation"]) if "animation" in data else document
+        if "animation" in data:
+            document = document._with_animation(data["animation"])
+        return replace(document, made_on=_made_on_from_json(data))
 
     def _with_animation(self, data: Any) -> "Document":
         if not isinstance(data, dict):
@@ -251,8 +322,18 @@ def _pose_from_json(values: Any, where: str) -> list[float]:
     return codec.numbers_from_json(values, len(values), where)
 
 
+def _made_on_from_json(data: dict[str, Any]) -> MadeOn | None:
+    if "character" not in data:
+        return None
+    weights = (codec.weights_from_json(data[key], key) if key in data else None for key in ("weights", "start_weights"))
+    return MadeOn(CharacterVersion.from_json(data["character"], "character"), *weights)
+
+
 def _same(one: NDArray[np.float64] | None, other: NDArray[np.float64] | None) -> bool:
-    return one is other or (one is not None and other is not None and np.array_equal(one, other))
+    """Whether both are the same pose; None is the neutral face, which is zeros in a file."""
+    if one is None or other is None:
+        return one is other or not np.any(other if one is None else one)
+    return one is other or np.array_equal(one, other)
 
 
 def read_document(path: Path) -> Document:
@@ -284,12 +365,14 @@ def read_document(path: Path) -> Document:
 
 
 def write_document(path: Path, document: Document) -> None:
-    """Write ``document`` to ``path``, all or nothing.
+    """Write ``document`` to ``path``, all or nothing; see ``Document.stamped`` for what another version needs of it.
 
     Raises:
         FacePoserError: If the file cannot be written.
     """
-    write_text(path, json.dumps(document.to_json(), indent=1) + "\n", "session")
+    text = json.dumps(document.to_json(), indent=1)
+    text = _NUMBERS.sub(lambda found: f"[{', '.join(found[1].replace(',', ' ').split())}]", text)
+    write_text(path, text + "\n", "session")
 
 
 def write_text(path: Path, text: str, kind: str) -> None:

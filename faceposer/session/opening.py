@@ -11,6 +11,7 @@ from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.subject_file import available_subjects, load_subject
 from faceposer.photo.photo import whole_path
 from faceposer.session.document import Document, read_document, whole_subject
+from faceposer.session.rebinding import rebound
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
 
@@ -68,7 +69,9 @@ def session_of(document: Document, path: Path | None, worker: Worker | None = No
     subject = whole_subject(document.subject, folder)
     photos = tuple(replace(photo, path=whole_path(photo.path, folder)) for photo in document.photos)
     try:
-        return Session(load_model(subject), replace(document, subject=subject, photos=photos), worker, path)
+        model = load_model(subject)
+        rebinding = rebound(replace(document, subject=subject, photos=photos), model)
+        return Session(model, rebinding.document, worker, path, rebinding.remark)
     except FacePoserError as error:
         if path is None:
             raise

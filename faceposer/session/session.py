@@ -35,10 +35,17 @@ class Session:
 
     Attributes:
         animation: What is done with the keys of the document.
+        remark: What opening its file changed, in sentences for the user, because it was made on another version of the
+            character; usually empty.
     """
 
     def __init__(
-        self, model: FaceModel, document: Document, worker: Worker | None = None, path: Path | None = None
+        self,
+        model: FaceModel,
+        document: Document,
+        worker: Worker | None = None,
+        path: Path | None = None,
+        remark: str = "",
     ) -> None:
         """Open ``document`` over ``model``.
 
@@ -47,6 +54,7 @@ class Session:
             document: What to edit.
             worker: Solves; in the caller's thread if None.
             path: The file that the document came from, if any.
+            remark: What opening that file changed.
 
         Raises:
             FacePoserError: If the document does not fit the face.
@@ -55,6 +63,7 @@ class Session:
         self.model = model
         self.worker: Worker = InlineWorker() if worker is None else worker
         self.path = path
+        self.remark = remark
         self.solution: Solution | None = None
         self.revision = 0
         self.epoch = 0
@@ -176,7 +185,8 @@ class Session:
         """
         if not self._editing:
             raise RuntimeError("documents are replaced inside an edit")
-        solved = self._document.solved and document.same_face(self._document)
+        unmoved = document.same_face(self._document) or document.rests_like(self._document)
+        solved = self._document.solved and unmoved
         self._document = replace(document, solved=solved)
         self.revision += 1
         self._follow()
@@ -379,7 +389,8 @@ class Session:
             subject=subject_from(self._document.subject, path.parent),
             photos=tuple(replace(photo, path=path_from(photo.path, path.parent)) for photo in self._document.photos),
         )
-        write_document(path, written if camera is None else replace(written, camera=camera))
+        written = written if camera is None else replace(written, camera=camera)
+        write_document(path, written.stamped(self.model))
         self.path = path
         self._saved = self._document
         self.revision += 1

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.model.contact.eyeballs import fit_sphere
+from faceposer.model.contact.eyeballs import CONCENTRIC, fit_sphere
 from faceposer.model.subject import Part
 
 Array = NDArray[np.float64]
@@ -26,10 +26,24 @@ def side_of(part: Part, vertices: NDArray[np.floating]) -> str:
     return "Left" if x > -_MIDDLE_CM else "Right"
 
 
+def misplaced_eyes(vertices: NDArray[np.floating], parts: Sequence[Part]) -> list[str]:
+    """Return a sentence for left and right eyes that lie in one place, as exporters leave them that lose transforms."""
+    eyes = [(part, vertices[slice(*part.vertices)].mean(axis=0)) for part in parts if part.material == "eye"]
+    return [
+        f"{left.name} and {right.name} lie in the same place instead of behind the lids: the file has lost where they "
+        "belong. Put them there in the program that wrote it."
+        for left, here in eyes
+        for right, there in eyes
+        if (side_of(left, vertices), side_of(right, vertices)) == ("Left", "Right")
+        and float(np.abs(here - there).max()) < _MIDDLE_CM
+    ]
+
+
 def add_gaze(vertices: Array, parts: Sequence[Part], names: Sequence[str], shapes: NDArray[np.float32]) -> list[str]:
     """Turn the eyes that no eyeLook shape moves, in ``shapes`` of shape (S, N, 3), and return their parts' names.
 
-    In many files the eyes are turned by bones; as shapes they follow the gaze here.
+    In many files the eyes are turned by bones; as shapes they follow the gaze here. Concentric shells, such as sclera
+    and iris, turn about one centre.
 
     Args:
         vertices: Upright, shape (N, 3).
@@ -43,7 +57,7 @@ def add_gaze(vertices: Array, parts: Sequence[Part], names: Sequence[str], shape
         looks = [i for i, name in enumerate(names) if name.startswith("eyeLook")]
         if part.material != "eye" or not looks or np.any(shapes[looks, ids]):
             continue
-        centre, _ = fit_sphere(vertices[ids])
+        centre = _centre_of_shells(part, parts, vertices)
         side = side_of(part, vertices)
         for i in looks:
             if names[i].endswith(side):
@@ -51,6 +65,18 @@ def add_gaze(vertices: Array, parts: Sequence[Part], names: Sequence[str], shape
                 shapes[i, ids] = _turned(vertices[ids] - centre, action, side) - (vertices[ids] - centre)
         turned.append(part.name)
     return turned
+
+
+def _centre_of_shells(part: Part, parts: Sequence[Part], vertices: Array) -> Array:
+    """Return the centre, (3,), of the largest of the shells that make one eye with ``part``."""
+    centre, radius = fit_sphere(vertices[slice(*part.vertices)])
+    shells = [(radius, centre)]
+    for other in parts:
+        if other.material == "eye" and other is not part and side_of(other, vertices) == side_of(part, vertices):
+            other_centre, other_radius = fit_sphere(vertices[slice(*other.vertices)])
+            if np.linalg.norm(centre - other_centre) < CONCENTRIC * min(radius, other_radius):
+                shells.append((other_radius, other_centre))
+    return max(shells, key=lambda shell: shell[0])[1]
 
 
 def _turned(points: Array, action: str, side: str) -> Array:

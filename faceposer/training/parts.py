@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from faceposer.geometry.polygon_mesh import Group, PolygonMesh
 from faceposer.model.subject import Part
+from faceposer.training.mouth_parts import find_mouth
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -19,7 +20,8 @@ _MATERIALS = (
     ("teeth", ("teeth", "tooth", "denture")),
     ("gums", ("gum",)),
     ("tongue", ("tongue",)),
-    ("skin", ("brow", "eyelid", "lid_", "eyeliner", "occlusion", "tearline", "caruncle")),
+    ("film", ("occlusion", "tear", "lacrimal", "eyeblend", "eye_blend", "eyeshell", "eye_shell", "eyewet", "wetness")),
+    ("skin", ("brow", "eyelid", "lid_", "eyeliner", "caruncle")),
     ("eye", ("eye", "iris", "cornea", "sclera", "pupil")),
 )
 
@@ -51,7 +53,7 @@ def into_parts(mesh: PolygonMesh, vertices: Array, motion: Array) -> PartedMesh:
 
     Groups of faces that share vertices are one part. Vertices of a group at one place that move alike are one, since
     formats such as glTF and STL repeat them at seams, where the light would show an edge. Two eyes in one mesh
-    become two.
+    become two, and rows of teeth in a mesh of skin a part of their own, with the inside of the mouth.
 
     Args:
         mesh: As its file has it.
@@ -63,6 +65,7 @@ def into_parts(mesh: PolygonMesh, vertices: Array, motion: Array) -> PartedMesh:
     welded = _welded(polygons, owners, groups, mesh.vertices, motion)
     labels, names, materials, own = _part_of_polygons(welded[polygons.clip(0)], polygons >= 0, owners, groups)
     labels, names, materials, own = _split_eyes(labels, names, materials, own, polygons, welded, vertices)
+    labels, names, materials, own = _split_mouth(labels, names, materials, own, polygons, welded, vertices)
 
     order = np.argsort(labels, kind="stable")
     polygons, corner_uvs, labels = polygons[order], corner_uvs[order], labels[order]
@@ -205,6 +208,32 @@ def _split_eyes(
             names[part] = f"{names[part]}_left"
             materials.append("eye")
             own.append(own[part])
+    return labels, names, materials, own
+
+
+def _split_mouth(
+    labels: NDArray[np.intp],
+    names: list[str],
+    materials: list[str],
+    own: list[str],
+    polygons: Ints,
+    welded: NDArray[np.intp],
+    vertices: Array,
+) -> tuple[NDArray[np.intp], list[str], list[str], list[str]]:
+    """Return the parts with the teeth and the inside of the mouth that lie unconnected in the skin as their own."""
+    labels, names, materials, own = labels.copy(), list(names), list(materials), list(own)
+    for part in [i for i, material in enumerate(materials) if material == "skin"]:
+        faces = np.flatnonzero(labels == part)
+        found = find_mouth(welded[polygons[faces, :3]], vertices)
+        if found is None:
+            continue
+        for material, islands in (("teeth", found.teeth), ("gums", found.mouth)):
+            chosen = faces[np.isin(found.islands, islands)]
+            if len(chosen):
+                labels[chosen] = len(names)
+                names.append(f"{names[part]}_{'mouth' if material == 'gums' else material}")
+                materials.append(material)
+                own.append(own[part])
     return labels, names, materials, own
 
 

@@ -14,7 +14,7 @@ from faceposer.model.face_model import build_face_model
 from faceposer.model.shape_names import halves_of, match_arkit
 from faceposer.model.subject import Subject
 from faceposer.training.assemble import UprightMesh, assemble
-from faceposer.training.eyes import add_gaze
+from faceposer.training.eyes import add_gaze, misplaced_eyes
 from faceposer.training.landmarks import find_landmarks
 from faceposer.training.measures import curves_of
 from faceposer.training.performances import Learned, statistics_of_captures
@@ -144,7 +144,7 @@ def _subject(
         "empty": [name for name in names if not np.any(named[name])],
         "not_arkit": list(others),
         "eyes_turned": turned,
-        "warnings": [_EXCHANGED] if exchanged else [],
+        "warnings": ([_EXCHANGED] if exchanged else []) + misplaced_eyes(mesh.vertices, mesh.parts),
         "prior": learned.as_json() if learned else {"from": "the shipped statistics"},
         **_measures(subject),
     }

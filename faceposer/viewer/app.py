@@ -25,7 +25,7 @@ from faceposer.viewer.files import Files
 from faceposer.viewer.gui import Gui
 from faceposer.viewer.importing import Importing
 from faceposer.viewer.panels.constraints import ConstraintsPanel
-from faceposer.viewer.panels.dialogs import Dialogs
+from faceposer.viewer.panels.dialogs import Dialogs, Question
 from faceposer.viewer.panels.guide import GuideCard
 from faceposer.viewer.panels.import_character import ImportDialog
 from faceposer.viewer.panels.layout import draw_window
@@ -306,6 +306,8 @@ class App:
         else:
             self.viewport.look_through(camera)
         self.features.session_changed()
+        if session.remark:
+            self.dialogs.ask(Question("The character may have changed", session.remark))
         self.redraw()
 
     def viewport_placed(self) -> None:

@@ -73,9 +73,9 @@ class DrawnConstraints:
                 if conflict.mobility is not None and conflict.mobility < HARDLY_MOVES:
                     texts[conflict.index] = "Not reached: this part of the face hardly moves."
                 elif conflict.mobility is not None:
-                    texts[conflict.index] = "Not reached: this is farther than this part of the face can go."
+                    texts[conflict.index] = "Not reached: this part of the face cannot move that far."
                 elif conflict.opponent is None:
-                    texts[conflict.index] = "Not reached: no face usually goes so far."
+                    texts[conflict.index] = "Not reached: beyond this face's natural range."
                 else:
                     opponent = document.constraints[conflict.opponent]
                     texts[conflict.index] = f"Fights with {self.names.of(opponent)} ({opponent.kind})."

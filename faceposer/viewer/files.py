@@ -54,8 +54,35 @@ class Files:
         )
 
     def open(self, what: str) -> None:
-        """Open the subject or session ``what``, after asking about changes that are not saved."""
-        self.guard(lambda: self._open(what))
+        """Open the subject or session ``what``, after asking about changes that are not saved.
+
+        Of the session that is open already, one can only want what its file holds, and to save would write over that.
+        """
+        if self._is_open(what):
+            self._revert(what)
+        else:
+            self.guard(lambda: self._open(what))
+
+    def _is_open(self, what: str) -> bool:
+        path = self._app.session.path
+        return path is not None and Path(what).suffix.lower() == ".json" and Path(what).resolve() == path.resolve()
+
+    def _revert(self, what: str) -> None:
+        """Open the file ``what`` of the session again, after asking whether changes may be lost."""
+        app = self._app
+        app.toolbox.finish()
+        app.slider_edit.let_go()
+        if not app.session.dirty:
+            self._open(what)
+            return
+        app.dialogs.ask(
+            Question(
+                f"Revert to the saved {Path(what).name}?",
+                "It is open, with changes that are not saved. They will be lost.",
+                (Choice("Revert", lambda: self._open(what)), Choice("Cancel")),
+                default=1,
+            )
+        )
 
     def _open(self, what: str) -> None:
         if self.show(lambda worker: open_session(what, worker), "This cannot be opened"):
@@ -172,6 +199,7 @@ class Files:
                 "Stop learning and quit?",
                 "A character is being learned. What has been learned of it so far would be lost.",
                 (Choice("Stop and quit", lambda: self.guard(app.close_soon)), Choice("Go on learning")),
+                default=1,
             )
         )
 

@@ -304,6 +304,7 @@ class Importing:
                 f"Replace {output.name}?",
                 f"There is a file of this name in '{output.parent}'.",
                 (Choice("Replace", lambda: self._train(output)), Choice("Cancel")),
+                default=1,
             )
         )
 

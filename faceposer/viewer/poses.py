@@ -321,6 +321,7 @@ class PosesFeature(Feature):
                 f"Replace '{entry.title}'?",
                 "It becomes the face as it is now. What it has been is lost.",
                 (Choice("Replace", lambda: self._safely(update)), Choice("Cancel")),
+                default=1,
             )
         )
 
@@ -335,6 +336,7 @@ class PosesFeature(Feature):
                 f"Delete '{entry.title}'?",
                 f"The file {entry.path.name} and its picture are removed. This cannot be undone.",
                 (Choice("Delete", delete), Choice("Cancel")),
+                default=1,
             )
         )
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from faceposer.geometry.camera import Camera
 from faceposer.model.materials import BASE_COLOURS
 from faceposer.model.subject import Subject
+from faceposer.model.subject_checks import SEE_THROUGH
 from faceposer.resources import shader_text
 from faceposer.viewer.eye_painter import EyePainter
 from faceposer.viewer.mesh_buffers import MeshBuffers
@@ -226,7 +227,7 @@ class Renderer:
         buffers = self._require_buffers()
         subject = buffers.subject
         for part in subject.parts:
-            if (part.material == "lashes") == opaque:
+            if part.material == "film" or (part.material == "lashes") == opaque:
                 continue
             clay = shading == "clay" and part.material in ("skin", "lashes")
             if clay and part.material == "lashes":
@@ -251,7 +252,7 @@ class Renderer:
     def draw_ids(self, target: moderngl.Framebuffer, camera: Camera) -> None:
         """Write the index plus one of the nearest front-facing triangle into each pixel of ``target``, 0 where none.
 
-        Lashes are left out: a press on them means the lid behind.
+        Lashes and films are left out: a press on them means the lid behind.
         """
         subject = self._require_buffers().subject
         target.use()
@@ -262,7 +263,7 @@ class Renderer:
         self.ctx.disable(moderngl.BLEND)
         self._set_camera(self._triangle_id, camera)
         for part in subject.parts:
-            if part.material != "lashes":
+            if part.material not in SEE_THROUGH:
                 first, last = subject.part_triangles(part)
                 set_uniform(self._triangle_id, "first", first)
                 self._arrays["id"].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)

@@ -213,8 +213,10 @@ def test_a_training_can_be_stopped() -> None:
 def test_a_rig_of_another_program() -> None:
     path = Path(os.environ["FACEPOSER_RIGS"]) / "facecap_multi.glb"
     subject = subject_from_rig(path, OPTIONS)
-    assert [part.name for part in subject.parts] == ["eyeLeft", "eyeRight", "teeth", "head"]
-    assert [part.material for part in subject.parts] == ["eye", "eye", "teeth", "skin"]
+    assert [part.name for part in subject.parts] == ["eyeLeft", "eyeRight", "teeth", "head", "head_teeth", "head_mouth"]
+    assert [part.material for part in subject.parts] == ["eye", "eye", "teeth", "skin", "teeth", "gums"]
+    # Its exporter has lost the places of the eyes.
+    assert "eyeLeft and eyeRight lie in the same place" in subject.summary["warnings"][0]
     assert subject.summary["empty"] == ["tongueOut"]
     corners = subject.vertices[[subject.feature_points["8.3"], subject.feature_points["8.4"]]]
     np.testing.assert_allclose(corners[0], corners[1] * [-1, 1, 1], atol=0.3)

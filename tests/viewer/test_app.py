@@ -253,7 +253,9 @@ def test_session_saved_and_opened_again(robot: Robot, tmp_path: Path) -> None:
     assert app.window.title == "smile.json - Face Poser"
     robot.key("R")
     app.window.play_event(Drop((str(path),)))
-    answer(robot, 1)
+    robot.frames(1)
+    assert app.dialogs.waiting[0].title == "Revert to the saved smile.json?"
+    answer(robot, 0)
     np.testing.assert_allclose(app.session.coefficients, pose, atol=1e-9)
     assert app.viewport.view.yaw == pytest.approx(view.yaw, abs=1e-6)
 

@@ -159,12 +159,16 @@ class DentalArch:
 
 
 def find_arches(subject: Subject) -> list[DentalArch]:
-    """Return the dental arches of the ``subject``: its teeth and gums, sorted by how they move."""
+    """Return the dental arches of the ``subject``: its teeth and gums, sorted by how they move.
+
+    The soft inside of a mouth that bends with the jaw is no obstacle.
+    """
     candidates: list[Ids] = []
     for part in subject.parts:
         if part.material in ("teeth", "gums"):
             whole = np.arange(*part.vertices, dtype=np.intp)
-            candidates += [whole] if moves_as_one(subject, whole) else pieces(subject, part)
+            found = [whole] if moves_as_one(subject, whole) else pieces(subject, part)
+            candidates += [ids for ids in found if part.material == "teeth" or moves_as_one(subject, ids)]
     arches = [_arch(subject, ids) for ids in group_by_motion(subject, [ids for ids in candidates if len(ids) >= 4])]
     return [arch for arch in arches if arch is not None]
 

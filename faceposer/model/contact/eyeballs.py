@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.model.contact.frames import AffineFrame
+from faceposer.model.contact.frames import AffineFrame, moves_as_one
 from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
@@ -15,6 +15,8 @@ _STEPS, _ANGLES = 400, 90
 # Radius over the sphere's, from which a bulge is a cornea; nearer to the axis than this angle it belongs to the bulge.
 _BULGE = 0.005
 _SCLERA_COSINE = 0.6
+#: Spheres whose centres are nearer than this share of the smaller radius are shells of one eyeball.
+CONCENTRIC = 0.35
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +66,27 @@ def fit_sphere(points: Array) -> tuple[Array, float]:
 
 
 def find_eyeballs(subject: Subject) -> list[Eyeball]:
-    """Return the eyeballs of the ``subject``, one for each part of the material "eye" that is about a sphere."""
+    """Return the eyeballs of the ``subject``: parts of the material "eye" that are about a sphere.
+
+    Parts with one centre that move as one, such as sclera and iris in separate shells, are one eyeball.
+    """
     balls = []
+    for ids in _spheres(subject):
+        points = subject.vertices[ids].astype(np.float64)
+        centre, radius = fit_sphere(points)
+        axis = _gaze_axis(points - centre, radius)
+        sclera = (points - centre) @ axis < _SCLERA_COSINE * radius
+        if sclera.sum() >= 12 and np.ptp((points - centre)[sclera] @ axis) > 0.8 * radius:
+            centre, radius = fit_sphere(points[sclera])
+        balls.append(
+            Eyeball(AffineFrame.of(ids, subject.vertices), centre, radius, axis, _profile(points - centre, axis))
+        )
+    return balls
+
+
+def _spheres(subject: Subject) -> list[NDArray[np.intp]]:
+    """Return the vertices of each sphere among the parts of eyes, those of concentric shells together."""
+    found: list[tuple[NDArray[np.intp], Array, float]] = []
     for part in subject.parts:
         ids = np.arange(*part.vertices, dtype=np.intp)
         if part.material != "eye" or len(ids) < 12:
@@ -75,14 +96,14 @@ def find_eyeballs(subject: Subject) -> list[Eyeball]:
         distance = np.linalg.norm(points - centre, axis=1)
         if not 0.0 < radius < 0.25 * subject.height or distance.min() < 0.5 * radius:
             continue
-        axis = _gaze_axis(points - centre, radius)
-        sclera = (points - centre) @ axis < _SCLERA_COSINE * radius
-        if sclera.sum() >= 12 and np.ptp((points - centre)[sclera] @ axis) > 0.8 * radius:
-            centre, radius = fit_sphere(points[sclera])
-        balls.append(
-            Eyeball(AffineFrame.of(ids, subject.vertices), centre, radius, axis, _profile(points - centre, axis))
-        )
-    return balls
+        for i, (others, other_centre, other_radius) in enumerate(found):
+            near = np.linalg.norm(centre - other_centre) < CONCENTRIC * min(radius, other_radius)
+            if near and moves_as_one(subject, np.concatenate([others, ids])):
+                found[i] = np.concatenate([others, ids]), other_centre, other_radius
+                break
+        else:
+            found.append((ids, centre, radius))
+    return [ids for ids, _, _ in found]
 
 
 def _gaze_axis(relative: Array, radius: float) -> Array:

@@ -5,6 +5,7 @@ from collections.abc import Set as AbstractSet
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
@@ -106,6 +107,39 @@ def points_to_json(points: SurfacePoints) -> list[dict[str, Any]]:
 def points_from_json(value: Any, where: str) -> SurfacePoints:
     """Return the points in the list ``value``, or raise ``FacePoserError``."""
     return SurfacePoints.of(anchors_from_json(value, where))
+
+
+def weights_to_json(weights: NDArray[np.float64]) -> list[float]:
+    """Return the weights of shapes, shape (S,), as the session file has them, to a millionth."""
+    rounded: list[float] = np.round(weights, 6).tolist()
+    return rounded
+
+
+def weights_from_json(value: Any, where: str) -> NDArray[np.float64]:
+    """Return the weights of shapes in the list ``value``, shape (S,), or raise ``FacePoserError``."""
+    if not isinstance(value, list) or len(value) > _MAX_POINTS:
+        raise FacePoserError(f"{where} must be a list of numbers, one per shape.")
+    return np.array(numbers_from_json(value, len(value), where))
+
+
+def rest_to_json(positions: NDArray[np.float64]) -> list[list[float]]:
+    """Return rest positions, shape (n, 3), as the session file has them, to a ten-thousandth of the unit."""
+    rounded: list[list[float]] = np.round(positions, 4).tolist()
+    return rounded
+
+
+def rest_from_json(value: Any, where: str) -> NDArray[np.float64]:
+    """Return the rest positions in the list ``value``, shape (n, 3), or raise ``FacePoserError``."""
+    if not isinstance(value, list) or not 1 <= len(value) <= _MAX_POINTS:
+        raise FacePoserError(f"{where} must be a list of positions, one per anchor.")
+    return np.array([numbers_from_json(row, 3, f"{where}[{i}]") for i, row in enumerate(value)])
+
+
+def check_rest(rest: NDArray[np.float64] | None, places: SurfacePoints | None, where: str) -> None:
+    """Raise ``FacePoserError`` unless there is a position in ``rest``, shape (n, 3), for all ``places``, or none."""
+    count = 0 if places is None else len(places)
+    if rest is not None and len(rest) != count:
+        raise FacePoserError(f"{where}.rest must be a list of {count} positions, one per anchor.")
 
 
 def pixels_from_json(value: Any, where: str, least: int) -> tuple[tuple[float, float], ...]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from faceposer.errors import FacePoserError
+from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.curves import curve_at, even_parameters, relaxed_bezier
 from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera, mirrored_pixels
@@ -65,6 +66,15 @@ class CurveConstraint(Switches):
         positions, derivatives = curve_at(relaxed_bezier(self.target), self.parameters)
         lengths = np.hypot(derivatives[:, 0], derivatives[:, 1])[:, None]
         return positions, np.where(lengths > 1e-9, derivatives / np.maximum(lengths, 1e-9), (1.0, 0.0))
+
+    @property
+    def places(self) -> SurfacePoints | None:
+        """The points of the face along the source, or None if they are still to be looked up."""
+        return self.anchors
+
+    def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> "CurveConstraint":
+        """Return the constraint at ``places`` of another version of the character, its camera moved by ``frame``."""
+        return replace(self, anchors=places, camera=self.camera.following(frame), rest=None)
 
     def resolved(self, model: FaceModel, p: ArrayLike) -> "CurveConstraint":
         """Return the constraint with points along its source, if it has none looked up on the face ``p``.

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
@@ -41,6 +42,11 @@ class DistanceConstraint(Switches):
     def points(self) -> SurfacePoints:
         """The two points of the surface."""
         return SurfacePoints.of(self.anchors)
+
+    def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> "DistanceConstraint":
+        """Return the constraint at ``places`` of another version of the character, its camera moved by ``frame``."""
+        assert places is not None
+        return replace(self, anchors=(places[0], places[1]), camera=self.camera.following(frame), rest=None)
 
     def pixels(self, model: FaceModel, p: ArrayLike) -> Array:
         """Return where ``camera`` sees the two points of the face ``p``, shape (2, 2)."""

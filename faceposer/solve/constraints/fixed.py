@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from faceposer.errors import FacePoserError
+from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
@@ -65,6 +66,18 @@ class FixedConstraint(Switches):
     @property
     def _targets(self) -> Array:
         return np.zeros((0, 3)) if self.positions is None else self.positions
+
+    def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> "FixedConstraint":
+        """Return the constraint at ``places`` of another version of the character, its positions moved likewise.
+
+        Offsets from the neutral face are kept, in the size of the other version. A vertex that several places came to
+        is held once.
+        """
+        assert places is not None
+        _, kept = np.unique(np.column_stack([places.faces, places.barycentric.round(9)]), axis=0, return_index=True)
+        kept.sort()
+        positions = None if self.positions is None else (frame.apply(self.positions) + shift)[kept]
+        return replace(self, anchors=places.subset(kept), positions=positions, rest=None)
 
     def resolved(self, model: FaceModel, p: ArrayLike) -> "FixedConstraint":
         """Return the constraint with positions: its own, or else those of the face ``p``, shape (r,).

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
@@ -45,6 +46,15 @@ class GazeConstraint(Switches):
     def points(self) -> SurfacePoints:
         """No points: the constraint speaks of the rig's weights."""
         return _NO_POINTS
+
+    @property
+    def places(self) -> None:
+        """None: nothing on the surface is stored."""
+        return None
+
+    def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> "GazeConstraint":
+        """Return the constraint as it is: directions are the same for every version of a character."""
+        return self
 
     def weights(self) -> dict[str, float]:
         """Return the values of the eight eyeLook shapes, 0 to 1, by name."""

@@ -1,13 +1,14 @@
 """A point of the face that should lie under a pixel (Lau et al. 2009, section 4.1)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera, mirrored_pixels
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
@@ -43,6 +44,11 @@ class PointConstraint(Switches):
     def points(self) -> SurfacePoints:
         """The point of the surface, as a batch of one."""
         return SurfacePoints.of([self.anchor])
+
+    def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> "PointConstraint":
+        """Return the constraint at ``places`` of another version of the character, its camera moved by ``frame``."""
+        assert places is not None
+        return replace(self, anchor=places[0], camera=self.camera.following(frame), rest=None)
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return the distance to the target in pixels on the face ``p``, shape (r,)."""

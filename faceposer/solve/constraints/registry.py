@@ -6,6 +6,7 @@ from typing import Any, ClassVar, Protocol, Self
 from numpy.typing import ArrayLike
 
 from faceposer.errors import FacePoserError
+from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.geometry.picking import SurfacePoints
@@ -48,6 +49,28 @@ class Constraint(Protocol):
     @property
     def points(self) -> SurfacePoints:
         """The points of the surface that the constraint speaks of."""
+        ...
+
+    @property
+    def rest(self) -> Array | None:
+        """Rest positions of ``places``, shape (n, 3), in a file; None while the constraint is edited."""
+        ...
+
+    @property
+    def places(self) -> SurfacePoints | None:
+        """The points of the surface that a file stores for the constraint, or None where it stores none."""
+        ...
+
+    def with_rest(self, model: FaceModel) -> Self:
+        """Return the constraint as a file keeps it, with the rest positions of its ``places``."""
+        ...
+
+    def without_rest(self) -> Self:
+        """Return the constraint as it is edited, without rest positions."""
+        ...
+
+    def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> Self:
+        """Return the constraint at ``places`` of another version of the character; see ``Switches.rebound``."""
         ...
 
     def resolved(self, model: FaceModel, p: ArrayLike) -> Self:
@@ -110,4 +133,6 @@ def constraint_from_json(data: Any, where: str) -> Constraint:
     if not isinstance(name, str) or name not in CONSTRAINTS:
         known = ", ".join(f"'{kind}'" for kind in CONSTRAINTS)
         raise FacePoserError(f"{where}.type is {codec.shown(name)}; the types are {known}.")
-    return CONSTRAINTS[name].from_json(data, where)
+    constraint = CONSTRAINTS[name].from_json(data, where)
+    codec.check_rest(constraint.rest, constraint.places, where)
+    return constraint

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Literal, cast, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera, mirrored_pixels
 from faceposer.geometry.picking import SurfacePoints
@@ -70,6 +71,17 @@ class StrokeConstraint(Switches):
     def target_pixels(self) -> Array:
         """Centres of the pixels that the target covers, shape (m, 2)."""
         return stroke_pixels(self.target, self.width, self.shape)
+
+    @property
+    def places(self) -> SurfacePoints | None:
+        """All points of the source, or None if they are still to be looked up."""
+        return self.source if isinstance(self.source, SurfacePoints) else None
+
+    def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> "StrokeConstraint":
+        """Return the constraint at ``places`` of another version of the character, its camera moved by ``frame``."""
+        return replace(
+            self, source=self.source if places is None else places, camera=self.camera.following(frame), rest=None
+        )
 
     def resolved(self, model: FaceModel, p: ArrayLike) -> "StrokeConstraint":
         """Return the constraint with its source on the face: if it was pixels, looked up on the face ``p``.

@@ -1,17 +1,18 @@
 """What the user can set on a constraint of any kind."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 from numpy.typing import ArrayLike
 
+from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
 from faceposer.solve.term import Array
 
 #: The keys that the session file may have for a constraint of any kind.
-KEYS = frozenset({"weight", "enabled", "locked"})
+KEYS = frozenset({"weight", "enabled", "locked", "rest"})
 LARGEST_WEIGHT = 1e6
 
 
@@ -23,15 +24,43 @@ class Switches:
         weight: Factor on its energy, at least 0.
         enabled: Whether it counts.
         locked: Whether it is safe from being moved or removed by hand.
+        rest: Where its ``places`` lie on the neutral face, shape (n, 3), in a file; None while it is edited.
     """
 
     weight: float = 1.0
     enabled: bool = True
     locked: bool = False
+    rest: Array | None = field(default=None, compare=False, repr=False)
 
     @property
     def points(self) -> SurfacePoints:
         """The points of the surface that the constraint speaks of."""
+        raise NotImplementedError
+
+    @property
+    def places(self) -> SurfacePoints | None:
+        """The points of the surface that a file stores for the constraint, or None where it stores none."""
+        return self.points
+
+    def with_rest(self, model: FaceModel) -> Self:
+        """Return the constraint as a file keeps it, with the rest positions of its ``places``."""
+        places = self.places
+        if places is None or not len(places):
+            return replace(self, rest=None)
+        return replace(self, rest=places.positions(model.subject.vertices, model.triangles))
+
+    def without_rest(self) -> Self:
+        """Return the constraint as it is edited, without rest positions."""
+        return self if self.rest is None else replace(self, rest=None)
+
+    def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> Self:
+        """Return the constraint on another version of the character.
+
+        Args:
+            places: Takes the stead of ``places``; None if those are None.
+            frame: Lays the old version on the new one; what was drawn is seen by a camera that is moved likewise.
+            shift: From where ``frame`` takes the rest position of each place to that of the new one, shape (n, 3).
+        """
         raise NotImplementedError
 
     def resolved(self, model: FaceModel, p: ArrayLike) -> Self:
@@ -50,7 +79,11 @@ class Switches:
     def switches_to_json(self) -> dict[str, Any]:
         """Return the switches as the session file has them; a lock is written only where there is one."""
         data: dict[str, Any] = {"weight": self.weight, "enabled": self.enabled}
-        return data | {"locked": True} if self.locked else data
+        if self.locked:
+            data["locked"] = True
+        if self.rest is not None:
+            data["rest"] = codec.rest_to_json(self.rest)
+        return data
 
 
 def switches_from_json(data: dict[str, Any], where: str) -> dict[str, Any]:
@@ -63,4 +96,5 @@ def switches_from_json(data: dict[str, Any], where: str) -> dict[str, Any]:
         "weight": codec.number_from_json(data.get("weight", 1.0), f"{where}.weight", 0.0, LARGEST_WEIGHT),
         "enabled": codec.flag_from_json(data.get("enabled", True), f"{where}.enabled"),
         "locked": codec.flag_from_json(data.get("locked", False), f"{where}.locked"),
+        "rest": codec.rest_from_json(data["rest"], f"{where}.rest") if "rest" in data else None,
     }

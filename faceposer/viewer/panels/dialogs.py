@@ -46,7 +46,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Question:
-    """Text with buttons; Enter takes the first, Esc the last.
+    """Text with buttons; Enter takes the default, Esc the last.
 
     Attributes:
         title: In bold.
@@ -54,6 +54,7 @@ class Question:
         choices: At least one.
         details: Small print, such as a traceback, or "".
         bad: Whether it reports that something went wrong.
+        default: Index of the choice that Enter takes: the last one where the first destroys what nothing brings back.
     """
 
     title: str
@@ -61,6 +62,7 @@ class Question:
     choices: tuple[Choice, ...] = (Choice("OK"),)
     details: str = ""
     bad: bool = False
+    default: int = 0
 
 
 @dataclass
@@ -156,16 +158,16 @@ class Dialogs:
         for i, choice in enumerate(question.choices):
             if i:
                 imgui.same_line()
-            else:
+            if i == question.default:
                 imgui.push_style_color(imgui.Col_.button, ACCENT_DARK)
             if imgui.button(choice.label, (widths[i], 0.0)):
                 taken = choice
-            if not i:
+            if i == question.default:
                 imgui.pop_style_color()
             self.marks.note(f"choice:{i}")
         if not fresh:
             if _pressed(imgui.Key.enter, imgui.Key.keypad_enter):
-                taken = question.choices[0]
+                taken = question.choices[question.default]
             if _pressed(imgui.Key.escape):
                 taken = question.choices[-1]
         return taken

@@ -41,6 +41,11 @@ def draw_view_panel(app: "App") -> None:
     _, app.points_shown = imgui.checkbox("Show constraints", app.points_shown)
     app.marks.note("points-shown")
     tooltip(app.actions["points"].tooltip)
+    marks = app.actions["range-marks"]
+    if imgui.checkbox("Show range marks", app.settings.range_marks)[0]:
+        marks.run()
+    app.marks.note("range-marks")
+    tooltip(marks.tooltip)
 
 
 def draw_output_panel(app: "App") -> None:
