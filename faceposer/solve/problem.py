@@ -16,6 +16,7 @@ from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.constraints.point import PointConstraint, PointTerm
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
 from faceposer.solve.constraints.stroke import StrokeConstraint
+from faceposer.solve.coverage import coverage
 from faceposer.solve.least_motion import Evidence, LeastMotion
 from faceposer.solve.priors import MixturePrior, ParallelGaze, Prior, WeightBounds, centred_at, gaze_differences
 from faceposer.solve.reach import limits_around
@@ -27,8 +28,8 @@ SPREAD = 0.5
 RECORDED_SPREAD = 1.0
 # Factors on the prior's weight, of the Gaussian and of the bounds.
 _GAUSSIAN, _BOUNDS = 0.7, 1.5
-# Least motion: its strength at a spread of 0, and how fast it falls with the spread, 5 (1 - spread)^1.74.
-_MOTION, _MOTION_POWER = 5.0, 1.74
+# Least motion: its strength at a spread of 0 and of 1, and how fast it falls, to 1.5 at the default.
+_MOTION, _LEAST_MOTION, _MOTION_POWER = 5.0, 0.3, 1.97
 # From this spread on the prior goes over to the examples' own expressions.
 _WHOLE_FROM = 0.75
 # However little the prior weighs, a rig's limits and a common direction of both eyes count at least so much.
@@ -68,6 +69,7 @@ class PoseProblem:
     Attributes:
         start: The pose that the prior is seen from, shape (r,): the one that is given, with the eyes turned.
         limits: Of the weights of the model's density, widened to where the face began, shape (W, 2); None without any.
+        trusted: How far points count as they are pulled, from 0 to 1; see ``PointTerm.take_up``.
     """
 
     def __init__(
@@ -135,14 +137,20 @@ class PoseProblem:
         self.at_rest = centred and len(self._terms) == 1
         self.mixture = model.mixture if mixture is None else mixture
         self.limits: Array | None = None
+        self.trusted = 1.0 if bare else 0.0
         self._home = self.start if home is None else np.asarray(home, dtype=np.float64)
         if bare:
             return
         wholeness = max(0.0, (spread - _WHOLE_FROM) / (1.0 - _WHOLE_FROM)) if centred else 0.0
+        covered = 0.0
+        if centred and pulls:
+            # A spread of less than the default asks for the part alone, whatever the pulls say.
+            covered = min(1.0, spread / SPREAD) * coverage(model, begin, _linearised(pulls, self._start_state)[0])
         if mixture is None:
-            self._take_up_points(pulls, wholeness)
+            self.trusted = 1.0 - (1.0 - wholeness) * (1.0 - covered)
+            self._take_up_points(pulls)
         if centred:
-            self._take_up_prior(begin, prior, spread, wholeness, pulls)
+            self._take_up_prior(begin, prior, spread, wholeness, covered, pulls)
         elif prior_weight > 0:
             self._terms.append(MixturePrior(self.mixture, prior_weight))
         if mixture is None:
@@ -158,12 +166,12 @@ class PoseProblem:
         self._terms.append(term)
         self.__dict__.pop("_form", None)
 
-    def _take_up_points(self, pulls: Sequence[Term], wholeness: float) -> None:
+    def _take_up_points(self, pulls: Sequence[Term]) -> None:
         """Widen the rig's limits to the start, and let points see it."""
         self.limits = _limits_at(self.model, self._home.tobytes())
         for term in pulls:
             if isinstance(term, PointTerm):
-                term.take_up(self.model, self._start_state, self.limits, wholeness)
+                term.take_up(self.model, self._start_state, self.limits, self.trusted)
 
     def _hold_together(self, pulls: Sequence[Term]) -> None:
         """Add what holds at every weight of the prior: the rig's limits, and that both eyes look the same way.
@@ -177,19 +185,19 @@ class PoseProblem:
         self._terms.append(ParallelGaze(gaze_differences(self.model), self.start, weight))
 
     def _take_up_prior(
-        self, begin: Array, prior: Prior, spread: float, wholeness: float, pulls: Sequence[Term]
+        self, begin: Array, prior: Prior, spread: float, wholeness: float, covered: float, pulls: Sequence[Term]
     ) -> None:
         """Add the terms of the model's density as it looks from the pose ``begin``, given the terms ``pulls``.
 
         What moves the start keeps the prior as it was seen from before: only its place moves along.
         """
         rows, residual = _linearised(pulls, self._start_state)
-        self.mixture = centred_at(self.model, begin, prior, wholeness).near(rows, residual)
+        self.mixture = centred_at(self.model, begin, prior, wholeness).near(rows, residual, covered)
         if self.start is not begin:
             self.mixture = self.mixture.moved_by(self.start - begin)
         weight = max(self.prior_weight, _LEAST_WEIGHT)
         self._terms.append(MixturePrior(self.mixture, _GAUSSIAN * weight))
-        strength = _MOTION * weight * (1.0 - spread) ** _MOTION_POWER
+        strength = weight * (_LEAST_MOTION + (_MOTION - _LEAST_MOTION) * (1.0 - spread) ** _MOTION_POWER)
         if strength > 0 and len(rows) and prior == "regions" and self.limits is not None:
             evidence = Evidence(rows, residual)
             precision = 0.5 * _GAUSSIAN * weight * self.mixture.precisions[0]
