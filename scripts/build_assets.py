@@ -68,7 +68,7 @@ def _look_alike(one: bytes, other: bytes) -> bool:
 
 
 def write_examples(folder: Path, neutral: Subject, examples: NDArray[np.float32]) -> None:
-    """Write the neutral face and the ``examples``, shape (30, N, 3), as OBJ files named after `EXPRESSIONS`."""
+    """Write the neutral face and the ``examples``, shape (E, N, 3), as OBJ files named after `EXPRESSIONS`."""
     folder.mkdir(parents=True, exist_ok=True)
     groups = [Group(part.name, part.polygons, part.material) for part in neutral.parts]
     for name, vertices in [("neutral", neutral.vertices), *zip(EXPRESSIONS, examples, strict=True)]:
@@ -83,7 +83,7 @@ def learn_creature(builder: Builder) -> Subject:
     neutral, examples = build_creature(builder)
     options = ExampleOptions(neutral.name, neutral.title, credits=neutral.credits)
     frames = [neutral.vertices, *examples]
-    return subject_from_frames(frames, len(frames), mesh_of(neutral), neutral, "thirty examples", options, Progress())
+    return subject_from_frames(frames, len(frames), mesh_of(neutral), neutral, "fifty examples", options, Progress())
 
 
 def main() -> int:

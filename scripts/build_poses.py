@@ -1,4 +1,4 @@
-"""Builds ``assets/poses``: six expressions and thirteen visemes for the faces that come with the program.
+"""Builds ``assets/poses``: seven expressions and thirteen visemes for the faces that come with the program.
 
 Run from the root of a checkout::
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Evaluator characters that are learned from a few example meshes by examples that were left out.
 
-    python -m scripts.build_assets --examples goblin          # thirty examples of the program's own goblin
+    python -m scripts.build_assets --examples goblin          # fifty examples of the program's own goblin
     python scripts/study_examples.py goblin --json examples.json
 
 The examples are parted into folds. A character is learned from the neutral face and all folds but one; visible points

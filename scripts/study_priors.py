@@ -71,7 +71,7 @@ class MovedMean(LocalMoments):
         self._scales = np.mean((density.draws - density.directions @ start) ** 2, axis=0)
         self._coupling = density.coupling
 
-    def near(self, rows: Array, residual: Array) -> GaussianMixture:
+    def near(self, rows: Array, residual: Array, covered: float = 0.0) -> GaussianMixture:
         """Return one Gaussian about a pose between the start and the mean of the nearest draws."""
         offsets, shares = self.nearest(rows, residual)
         shift = self.part * (shares @ offsets) if len(rows) else np.zeros(offsets.shape[1])
@@ -79,7 +79,7 @@ class MovedMean(LocalMoments):
             told = np.sum((rows @ self._projection) ** 2, axis=0) * self._scales
             shift *= np.max(self._coupling * np.sqrt(told / told.max()), axis=1)
         weighted = (offsets - shift) * np.sqrt(shares)[:, None]
-        return self.gaussian(weighted.T @ weighted, shift)
+        return self.gaussian(weighted.T @ weighted, shift, covered)
 
 
 class NearRegions(MovedMean):

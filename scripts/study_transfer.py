@@ -140,9 +140,18 @@ def examples(man: FaceModel, creature: FaceModel, folder: Path) -> dict[str, dic
         expressions[name] = (man.coefficients_of(values), read_mesh(folder / f"{name}.obj").vertices)
     groups = {
         "feelings": ("smile", "grin", "laugh", "frown", "sorrow", "anger", "snarl", "disgust", "fear", "surprise"),
-        "one side": ("smirk_left", "smirk_right", "brow_left", "brow_right", "wink_left", "wink_right", "doubt"),
+        "one side": (
+            "smirk_left",
+            "smirk_right",
+            "brow_left",
+            "brow_right",
+            "wink_left",
+            "wink_right",
+            "doubt_left",
+            "doubt_right",
+        ),
         "speech": tuple(name for name in expressions if name.startswith("viseme")),
-        "all thirty": tuple(expressions),
+        "all": tuple(expressions),
     }
     table: dict[str, dict[str, float]] = {group: {} for group in groups}
     for way, transfer in ways(man, creature).items():

@@ -23,7 +23,7 @@ void add_expression_lines(vec3 position, inout vec3 n, inout vec3 albedo) {
     vec3 gradient = sign(area) * (rx * dot(slope, sx) + ry * dot(slope, sy));
     vec3 tilted = abs(area) * n - gradient;
     if (gl_FrontFacing && dot(tilted, tilted) > 0.0) n = normalize(tilted);
-    // Little light reaches the bottom of a fold, and what does has gone through flesh.
+    // Less light reaches the bottom of a fold, and what does has gone through flesh.
     float depth = max(-0.5 * (east + north), 0.0);
-    albedo *= mix(vec3(1.0), vec3(0.60, 0.45, 0.40), smoothstep(0.0, 0.045, depth));
+    albedo *= mix(vec3(1.0), vec3(0.72, 0.57, 0.53), smoothstep(0.0, 0.115, depth));
 }

@@ -80,7 +80,7 @@ def follow(
     for frame in range(len(poses)):
         problem = make.problem(frame, pose)
         if not look_ahead and smoothness > 0 and frame > 1:
-            problem.terms.append(SmoothnessTerm(metric, poses[frame - 2], pose))
+            problem.add(SmoothnessTerm(metric, poses[frame - 2], pose))
         poses[frame] = pose = solve(problem, pose).coefficients
         progress.at(f"Frame {frame + 1} of {len(poses)}", (frame + 1) / len(poses))
         if not look_ahead or smoothness <= 0:
@@ -153,7 +153,7 @@ class _Frames:
         )
         # As it was learned, the prior looks the same from everywhere.
         if self.prior_weight > 0 and self.prior != "plain":
-            problem.terms.append(MixturePrior(at_home.mixture, _HOMEWARD * self.prior_weight))
+            problem.add(MixturePrior(at_home.mixture, _HOMEWARD * self.prior_weight))
         return problem
 
 

@@ -69,14 +69,15 @@ class Camera:
             raise ValueError("shift must be finite")
         object.__setattr__(self, "shift", shift)
 
+    @cached_property
     def _key(self) -> tuple[object, ...]:
         return (self.rotation.tobytes(), self.translation.tobytes(), float(self.focal), self.size, self.shift)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Camera) and self._key() == other._key()
+        return self is other or (isinstance(other, Camera) and self._key == other._key)
 
     def __hash__(self) -> int:
-        return hash(self._key())
+        return hash(self._key)
 
     @cached_property
     def center(self) -> Array:

@@ -2,12 +2,18 @@
 
 Forehead lines follow the brows, frown lines stand between them, crow's feet radiate from the outer corners of the
 eyes, bunny lines cross the sides of the nose, nasolabial folds run from its wings past the corners of the mouth, and
-marionette lines run down from these. Each is a valley along a smooth curve with a swelling beside it,
+marionette lines run down from these. Skin that is pushed together is a sheet that buckles: broad rounded folds with a
+narrower valley between, not a furrow in a plane (Wu, Kalra and Magnenat Thalmann, "Simulation of static and dynamic
+wrinkles of skin", 1996; Bando, Kuratate and Nishita, "A simple method for modeling wrinkles on human skin", 2002). Each
+line is a valley along a smooth curve with a fold on both sides,
 
-    h(d) = -a [¾ exp(-d² / 2 w²) + ¼ exp(-2 d² / w²) - ⅖ exp(-d² / 2 (2.8 w)²)] + b exp(-(d - s)² / 2 (0.8 s)²),
+    h(d) = -a [exp(-d² / 2 v²) - ⅓ exp(-d² / 2 (c v)²)] + b exp(-(d - s)² / 2 (0.8 s)²),  v = w (1 ± l),
 
-d the signed distance to the curve, w the width, a the depth, and b the swelling of the skin at the distance s on one
-side. Depth, width and course vary along the curves, and the two sides of the face differ a little.
+d the signed distance to the curve, w the width, a the depth, l the lean: where skin hangs over the line, as the cheek
+does over the nasolabial fold, that side is steep (-) and the other runs out gently (+). c is 2, and 1.3 on the gentle
+side of lines that lean much, where hardly a fold stands up. h has a continuous slope. b is the swelling of the skin at
+the distance s on the steep side. Depth, width and course vary along the curves, which fade out at both ends, and the
+two sides of the face differ a little.
 """
 
 from dataclasses import dataclass
@@ -25,10 +31,12 @@ EXTENT = (-8.0, 8.0, -8.5, 9.0)
 #: nasolabial folds, in the second frown lines, bunny lines and marionette lines, which come near to these.
 LAYERS = 2
 #: Samples per centimetre of the chart.
-DENSITY = 56
+DENSITY = 40
 _STEP = 0.05
 _SMOOTHED_CM = 0.22
 _SEED = 7
+# Lines that lean more than this have hardly a fold on their gentle side.
+_MUCH = 0.3
 
 
 @dataclass(frozen=True)
@@ -42,6 +50,7 @@ class _Line:
         width: Standard deviation across, in centimetres.
         ends: Over which lengths it fades at the least and the greatest x.
         swelling: Height beside it, in centimetres, and at which distance; the sign says on which side.
+        lean: How much steeper the side with the swelling, or that of greater y, is than the other, as a share.
         wobble: Amplitude of its irregular course, in centimetres.
         unevenness: How much its depth varies along it, as a share; its width varies by two thirds of that.
         layer: Of the map.
@@ -54,8 +63,9 @@ class _Line:
     width: float
     ends: tuple[float, float] = (0.5, 0.5)
     swelling: tuple[float, float] = (0.0, 1.0)
+    lean: float = 0.0
     wobble: float = 0.05
-    unevenness: float = 0.35
+    unevenness: float = 0.4
     layer: int = 0
     sides: tuple[int, ...] = (1, -1)
 
@@ -63,10 +73,10 @@ class _Line:
 def _forehead() -> list[_Line]:
     main = [
         # Height in the middle, arch over the brows, fall at the temples, reach, depth, width.
-        (5.28, 0.24, 0.070, 5.0, 0.034, 0.058),
-        (5.98, 0.22, 0.060, 5.6, 0.048, 0.068),
-        (6.72, 0.15, 0.050, 5.3, 0.044, 0.066),
-        (7.42, 0.08, 0.040, 4.3, 0.028, 0.058),
+        (5.24, 0.24, 0.070, 5.0, 0.046, 0.125),
+        (5.98, 0.22, 0.060, 5.6, 0.068, 0.150),
+        (6.74, 0.15, 0.050, 5.3, 0.062, 0.145),
+        (7.48, 0.08, 0.040, 4.3, 0.040, 0.130),
     ]
     lines = []
     for middle, arch, fall, reach, depth, width in main:
@@ -74,7 +84,7 @@ def _forehead() -> list[_Line]:
         vs = middle + arch * np.exp(-(((np.abs(us) - 2.7) / 1.5) ** 2))
         vs -= fall * np.maximum(np.abs(us) - 2.8, 0.0) ** 2
         knots = tuple(zip(us.tolist(), vs.tolist(), strict=True))
-        lines.append(_Line("u", knots, depth, width, (2.4, 2.4), wobble=0.05, sides=(0,)))
+        lines.append(_Line("u", knots, depth, width, (3.0, 3.0), lean=0.25, wobble=0.06, sides=(0,)))
     short = [
         ((-2.9, 5.70), (-0.4, 5.58)),
         ((1.0, 6.36), (3.9, 6.50)),
@@ -84,46 +94,57 @@ def _forehead() -> list[_Line]:
         ((-3.6, 7.10), (-1.7, 7.16)),
         ((0.2, 5.66), (1.5, 5.60)),
     ]
-    lines += [_Line("u", knots, 0.015, 0.040, (0.9, 0.9), wobble=0.05, sides=(0,)) for knots in short]
+    lines += [_Line("u", knots, 0.014, 0.080, (1.2, 1.2), lean=0.2, wobble=0.05, sides=(0,)) for knots in short]
     return lines
 
 
 def _frown() -> list[_Line]:
     main = ((2.7, 0.48), (3.4, 0.64), (4.0, 0.78), (5.1, 0.74))
     beside, between = ((3.3, 1.06), (4.0, 1.16), (4.7, 1.06)), ((3.1, 0.07), (4.0, -0.04), (4.6, -0.02))
+    across = ((-1.0, 1.98), (0.0, 2.14), (1.0, 2.00))
     return [
-        _Line("v", main, 0.066, 0.074, (0.8, 1.4), (0.045, 0.45), 0.03, 0.25, 1),
-        _Line("v", beside, 0.018, 0.055, (0.7, 0.9), wobble=0.03, layer=1),
-        _Line("v", between, 0.010, 0.046, (0.7, 0.9), wobble=0.02, layer=1, sides=(0,)),
-        _Line(
-            "u", ((-1.0, 1.98), (0.0, 2.14), (1.0, 2.00)), 0.022, 0.062, (0.9, 0.9), wobble=0.03, layer=1, sides=(0,)
-        ),
+        _Line("v", main, 0.145, 0.150, (1.2, 1.6), (0.080, 0.46), 0.35, 0.03, layer=1),
+        _Line("v", beside, 0.034, 0.110, (0.8, 0.9), lean=0.3, wobble=0.03, layer=1),
+        _Line("v", between, 0.016, 0.090, (0.8, 0.9), wobble=0.02, layer=1, sides=(0,)),
+        _Line("u", across, 0.048, 0.120, (0.9, 0.9), wobble=0.03, layer=1, sides=(0,)),
     ]
 
 
 def _crows_feet() -> list[_Line]:
-    return [
-        _Line("u", ((5.30, 2.05), (5.9, 2.42), (6.6, 2.70), (7.1, 2.82)), 0.026, 0.048, (0.45, 0.9), wobble=0.03),
-        _Line("u", ((5.35, 1.66), (6.0, 1.80), (6.7, 1.82), (7.3, 1.76)), 0.034, 0.050, (0.45, 1.0), wobble=0.03),
-        _Line("u", ((5.35, 1.26), (5.9, 1.08), (6.6, 0.86), (7.2, 0.62)), 0.034, 0.050, (0.45, 1.0), wobble=0.03),
-        _Line("u", ((5.15, 0.86), (5.6, 0.46), (6.2, -0.02), (6.7, -0.46)), 0.024, 0.048, (0.45, 0.9), wobble=0.03),
-        _Line("u", ((5.75, 1.50), (6.4, 1.36), (6.9, 1.22)), 0.012, 0.036, (0.4, 0.6), wobble=0.03),
-        _Line("u", ((5.70, 2.02), (6.3, 2.16), (6.8, 2.20)), 0.011, 0.036, (0.4, 0.6), wobble=0.03),
-        # Beneath the lower lid.
-        _Line("u", ((2.6, 0.22), (3.4, -0.02), (4.3, 0.16), (5.1, 0.62)), 0.018, 0.060, (1.0, 0.9), wobble=0.03),
+    fan = [
+        (((5.20, 2.10), (5.9, 2.46), (6.6, 2.76), (7.2, 2.92)), 0.024),
+        (((5.25, 1.66), (6.0, 1.82), (6.7, 1.84), (7.4, 1.76)), 0.036),
+        (((5.25, 1.22), (5.9, 1.06), (6.6, 0.82), (7.3, 0.56)), 0.034),
+        (((5.25, 0.72), (5.7, 0.34), (6.2, -0.08), (6.8, -0.56)), 0.024),
     ]
+    lines = [_Line("u", knots, depth, 0.105, (0.8, 1.3), lean=0.25, wobble=0.03) for knots, depth in fan]
+    lines += [
+        _Line("u", ((5.75, 1.50), (6.4, 1.36), (6.9, 1.22)), 0.009, 0.070, (0.5, 0.6), wobble=0.03),
+        _Line("u", ((5.70, 2.02), (6.3, 2.16), (6.8, 2.20)), 0.008, 0.070, (0.5, 0.6), wobble=0.03),
+        # Beneath the lower lid.
+        _Line(
+            "u",
+            ((2.6, 0.20), (3.4, -0.06), (4.3, 0.12), (5.0, 0.50)),
+            0.018,
+            0.150,
+            (1.1, 1.2),
+            lean=-0.15,
+            wobble=0.03,
+        ),
+    ]
+    return lines
 
 
 def _bunny() -> list[_Line]:
-    return [
-        _Line("u", ((-0.15, 1.66), (0.5, 1.44), (1.35, 0.78)), 0.030, 0.056, (0.5, 0.8), wobble=0.03, layer=1),
-        _Line("u", ((-0.10, 1.18), (0.6, 0.86), (1.50, 0.14)), 0.046, 0.064, (0.5, 0.9), wobble=0.03, layer=1),
-        _Line("u", ((-0.05, 0.66), (0.6, 0.36), (1.50, -0.42)), 0.040, 0.060, (0.5, 0.9), wobble=0.03, layer=1),
-        _Line("u", ((0.30, 0.12), (0.8, -0.12), (1.45, -0.70)), 0.020, 0.050, (0.4, 0.6), wobble=0.02, layer=1),
-        _Line(
-            "u", ((-0.7, 1.00), (0.0, 1.12), (0.6, 1.04)), 0.012, 0.045, (0.5, 0.5), wobble=0.03, layer=1, sides=(0,)
-        ),
+    slanting = [
+        (((-0.15, 1.66), (0.5, 1.44), (1.35, 0.78)), 0.080),
+        (((-0.10, 1.16), (0.6, 0.84), (1.50, 0.12)), 0.120),
+        (((-0.05, 0.62), (0.6, 0.30), (1.50, -0.48)), 0.105),
+        (((0.30, 0.06), (0.8, -0.20), (1.45, -0.80)), 0.032),
     ]
+    lines = [_Line("u", knots, depth, 0.115, (0.7, 1.0), lean=0.25, wobble=0.03, layer=1) for knots, depth in slanting]
+    middle = ((-0.7, 1.00), (0.0, 1.12), (0.6, 1.04))
+    return [*lines, _Line("u", middle, 0.030, 0.090, (0.6, 0.6), wobble=0.03, layer=1, sides=(0,))]
 
 
 def _mouth() -> list[_Line]:
@@ -138,19 +159,12 @@ def _mouth() -> list[_Line]:
         (-1.2, 1.65),
         (-0.8, 1.6),
     )
+    corner = ((-7.0, 2.94), (-6.2, 3.12), (-5.6, 3.02), (-5.2, 2.86))
     return [
-        _Line("v", fold, 0.052, 0.110, (2.8, 0.5), (0.090, 0.80), 0.015, 0.12),
-        _Line("v", fold, 0.034, 0.240, (3.0, 0.7), wobble=0.015, unevenness=0.10),
-        _Line(
-            "v",
-            ((-7.0, 2.94), (-6.2, 3.12), (-5.6, 3.02), (-5.2, 2.86)),
-            0.046,
-            0.085,
-            (1.1, 0.4),
-            (0.024, 0.5),
-            0.02,
-            layer=1,
-        ),
+        # Broad: the border of the cheek; narrow: the fold proper, deepest beside the wing of the nose.
+        _Line("v", fold, 0.145, 0.290, (2.8, 0.9), (0.110, 0.80), 0.35, 0.015, 0.12),
+        _Line("v", fold, 0.030, 0.120, (3.4, 0.8), lean=0.40, wobble=0.015, unevenness=0.30),
+        _Line("v", corner, 0.085, 0.190, (1.3, 0.6), (0.030, 0.5), 0.35, 0.02, layer=1),
     ]
 
 
@@ -191,12 +205,13 @@ def _carve(
     ys += line.wobble * (_irregular(xs, random, 1.1) + random.normal())
     tilt = 1.0 / np.sqrt(1.0 + np.gradient(ys, xs) ** 2)
     fade = _ramp((xs - low) / line.ends[0]) * _ramp((high - xs) / line.ends[1])
-    depth = line.depth * random.uniform(0.8, 1.2) * fade * (1.0 + line.unevenness * _irregular(xs, random, 1.6))
-    width = line.width * (1.0 + 0.65 * line.unevenness * _irregular(xs, random, 1.3)) * (0.65 + 0.35 * fade)
+    strength = np.maximum(1.0 + line.unevenness * _irregular(xs, random, 1.6), 0.1)
+    depth = line.depth * random.uniform(0.8, 1.2) * fade * strength
+    width = line.width * (1.0 + 0.5 * line.unevenness * _irregular(xs, random, 1.3)) * (0.75 + 0.25 * fade)
     # A swelling begins and ends more softly than its valley.
     swelling = line.swelling[0] * _ramp((xs - low) / (2.2 * line.ends[0])) * _ramp((high - xs) / (2.2 * line.ends[1]))
 
-    reach = max(6.5 * line.width, 3.0 * abs(line.swelling[1]) if line.swelling[0] else 0.0)
+    reach = max(8.0 * line.width, 3.0 * abs(line.swelling[1]) if line.swelling[0] else 0.0)
     across, sign = ((us, vs) if line.along == "u" else (vs, us)), (-1.0 if side < 0 else 1.0)
     # On the right side u is mirrored; the map's grid is symmetric, and so is the run of its columns.
     first, second = (slice(None), slice(None)) if sign > 0 else (slice(None), slice(None, None, -1))
@@ -208,10 +223,11 @@ def _carve(
     x = across[0][x_ids]
     y, scale, a, w, b = (np.interp(x, xs, values) for values in (ys, tilt, depth, width, swelling))
     d = ((across[1][y_ids][:, None] - y) * scale).astype(np.float32)
-    squares = d * d
-    w2 = (w * w).astype(np.float32)
-    crease = 0.75 * np.exp(-0.5 * squares / w2) + 0.25 * np.exp(-2.0 * squares / w2)
-    h = -a.astype(np.float32) * (crease - 0.4 * np.exp(-0.5 * squares / (7.84 * w2)))
+    is_steep = d > 0.0 if line.swelling[1] > 0.0 else d < 0.0
+    v = w.astype(np.float32) * np.where(is_steep, np.float32(1.0 - line.lean), np.float32(1.0 + line.lean))
+    squares = (d / v) ** 2
+    broader = np.where(is_steep, np.float32(2.0), np.float32(1.3 if line.lean > _MUCH else 2.0))
+    h = -a.astype(np.float32) * (np.exp(-0.5 * squares) - np.exp(-0.5 * squares / broader**2) / 3.0)
     if line.swelling[0]:
         at = np.float32(line.swelling[1])
         h += b.astype(np.float32) * np.exp(-0.5 * ((d - at) / (0.8 * at)) ** 2)

@@ -281,6 +281,7 @@ def build_face_model(
         co_contraction(kept_names),
         largest_motions(subject, moving_rows),
         None if statistics.examples is None else statistics.examples[:, kept],
+        statistics.factors[np.ix_(kept, kept)] * independence(kept_names, sides=False),
     )
     return FaceModel(
         subject,

@@ -34,14 +34,6 @@ class GaussianMixture:
         lower = np.linalg.cholesky(self.covariances)
         return np.linalg.inv(lower)
 
-    @classmethod
-    def from_precision(cls, mean: Array, lower: Array) -> "GaussianMixture":
-        """Return the Gaussian about ``mean``, shape (r,), with the precision ``lower @ lower.T``, (r, r) triangular."""
-        inverse = np.linalg.inv(lower)
-        gaussian = cls(np.ones(1), mean[None], (inverse.T @ inverse)[None])
-        gaussian.__dict__.update(whiteners=lower.T[None], precisions=(lower @ lower.T)[None])
-        return gaussian
-
     def draws(self, n: int, rng: np.random.Generator) -> Array:
         """Return ``n`` points drawn from the density with ``rng``, shape (n, r), their components in order.
 
@@ -139,3 +131,25 @@ class GaussianMixture:
         """Return the single Gaussian with the same mean and covariance (probabilistic PCA's kind of prior)."""
         mean, covariance = self.moments()
         return GaussianMixture(np.ones(1), mean[None], covariance[None])
+
+
+class PrecisionGaussian(GaussianMixture):
+    """A mixture of one Gaussian that is known by its precision; what else it has is worked out when it is asked for."""
+
+    def __init__(self, mean: Array, precision: Array) -> None:
+        """Keep the ``mean``, shape (r,), and the ``precision``, shape (r, r), positive definite."""
+        self.__dict__.update(weights=np.ones(1), means=mean[None], precisions=precision[None])
+
+    @cached_property
+    def whiteners(self) -> Array:
+        """Upper triangular W with W^T W the precision, shape (1, r, r)."""
+        return np.asarray(np.linalg.cholesky(self.precisions).transpose(0, 2, 1), dtype=np.float64)
+
+    @cached_property
+    def covariances(self) -> Array:
+        """The inverse of the precision, shape (1, r, r)."""
+        return np.asarray(np.linalg.inv(self.precisions), dtype=np.float64)
+
+    def moved_by(self, offset: Array) -> "PrecisionGaussian":
+        """Return the density of p + ``offset``, shape (r,)."""
+        return PrecisionGaussian(self.means[0] + offset, self.precisions[0])

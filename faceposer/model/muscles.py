@@ -72,20 +72,24 @@ def side_of_shape(name: str) -> str:
     return next((side for side in _SIDES if name.endswith(side)), "")
 
 
-def independence(names: Sequence[str]) -> Array:
+def independence(names: Sequence[str], sides: bool = True) -> Array:
     """Return how far the weights of shapes tell of each other as an artist means them, a correlation matrix, (S, S).
 
     Performers mostly move both sides alike, because exercises ask for it; an artist who pulls one side means that side.
     Each weight is taken for a sum of independent parts, the squares of whose shares add up to 1: one that is common to
     both sides and one of its own side, of which a shape of both sides has the first alone; of the jaw likewise one that
     it has in common with the rest of the face, and one of its own. The tongue has nothing in common with the rest.
+
+    Args:
+        names: Of the S shapes.
+        sides: Whether sides have parts of their own; if not, only jaw and tongue have.
     """
     groups = [muscle_of_shape(name) for name in names]
-    sides = np.array([side_of_shape(name) for name in names])
+    side = np.array([side_of_shape(name) for name in names])
     common = np.array([_COMMON.get(group, _USUALLY_COMMON) for group in groups])
-    common[sides == ""] = 1.0
+    common[(side == "") | (not sides)] = 1.0
     both, own = np.sqrt(common), np.sqrt(1.0 - common)
-    factors = np.outer(both, both) + np.outer(own, own) * (sides[:, None] == sides)
+    factors = np.outer(both, both) + np.outer(own, own) * (side[:, None] == side)
     jaw = np.array([group == "jaw" for group in groups])
     factors[jaw[:, None] != jaw] *= np.sqrt(_JAW_COMMON)
     # The tongue comes out when it is pulled, and with nothing else.

@@ -13,8 +13,8 @@ from faceposer.model.subject import Subject
 # Units of the textures; unit 0 has that of the material.
 _HEIGHTS, _STRENGTHS = 1, 2
 # Heights of less than this many centimetres do not show; lines are looked for in blocks of so many samples each way.
-_FLAT = 2e-4
-_BLOCK = 7
+_FLAT = 4e-4
+_BLOCK = 5
 
 
 class LineBuffers:

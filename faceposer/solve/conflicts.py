@@ -57,11 +57,12 @@ def find_conflicts(problem: PoseProblem, p: ArrayLike) -> list[Conflict]:
         if isinstance(constraint, PointConstraint) and problem.limits is not None:
             for term in terms:
                 if isinstance(term, PointTerm):
-                    term.take_up(problem.model, start, problem.limits)
+                    term.take_up(problem.model, start, problem.limits, problem.trusted)
             rows, neutral = start.anchored_at(slots[i])
             reach = reach_of_rows(problem.model, start.p, rows, neutral, constraint.camera, problem.limits)
             pull = constraint.target - start.pixels[slots[i]]
-            if i in unmet and float(np.hypot(*(pull - reach.limited(pull))[0])) > _BEYOND * residuals[i]:
+            lost = (1.0 - problem.trusted) * float(np.hypot(*(pull - reach.limited(pull))[0]))
+            if i in unmet and lost > _BEYOND * residuals[i]:
                 beyond[i] = float(reach.mobility[0])
         forces[i] = -np.sum([term.value_and_gradient(state)[1] for term in terms], axis=0)
     metric = np.linalg.inv(problem.curvature(pose))

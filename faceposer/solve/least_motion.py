@@ -11,7 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from faceposer.model.face_model import FaceModel
-from faceposer.solve.term import Array, PoseState
+from faceposer.model.motion_samples import gram_of_places
+from faceposer.solve.definite import solved, solved_by_root, square_root
+from faceposer.solve.term import Array, PoseState, QuadraticTerm
 
 # Centimetres on a head of usual size: what the first round takes all places to move, and what motion counts as none.
 _FIRST_MOTION, _NO_MOTION = 0.4, 0.01
@@ -25,15 +27,15 @@ class Evidence:
     """The constraints' energy about a pose, |J d + r|^2 for a change d of its coefficients.
 
     Attributes:
-        curvature: J^T J, shape (r, r).
-        slope: J^T r, shape (r,).
+        rows: J, shape (m, r).
+        residual: r, shape (m,).
     """
 
-    curvature: Array
-    slope: Array
+    rows: Array
+    residual: Array
 
 
-class LeastMotion:
+class LeastMotion(QuadraticTerm):
     """nu sum over places v of a_v w_v |X_v (p - p0)|^2 (``MotionSamples``: shares of area a_v, X_v = ``single``).
 
     Weights follow from the constraints alone: from w_v = 1 / c0^2, in turn
@@ -59,20 +61,20 @@ class LeastMotion:
         """
         samples, density = model.motion_samples, model.rig_density
         self._start = start
-        rows = samples.single
-        stiff = evidence.curvature + precision
-        determined = float(np.trace(np.linalg.solve(stiff, evidence.curvature)))
+        stiff = evidence.rows.T @ evidence.rows + precision
+        # With L L^T = J^T J + Q, n is the sum of the squares of L^-1 J^T.
+        told = solved_by_root(square_root(stiff), evidence.rows.T)
+        determined = float(np.vdot(told, told))
         factor = strength * min(1.0, _FEW_DIRECTIONS / max(determined, 1e-9))
-        weights0 = density.directions @ start
-        lower, upper = (limits - weights0[:, None]).T
-        weights = samples.areas / _FIRST_MOTION**2
-        quadratic = _gram(rows, factor * weights)
+        pull = -(evidence.rows.T @ evidence.residual)
+        lower, upper = (limits - (density.directions @ start)[:, None]).T
+        areas, rows = factor * samples.areas, samples.single_by_place
+        quadratic = (factor / _FIRST_MOTION**2) * samples.gram
         for _ in range(_ROUNDS):
-            change = density.directions @ np.linalg.solve(stiff + quadratic, -evidence.slope)
-            within = density.projection @ np.clip(change, lower, upper)
-            moved = (rows @ within).reshape(-1, 3)
-            weights = samples.areas / (np.einsum("nk,nk->n", moved, moved) + _NO_MOTION**2)
-            quadratic = _gram(rows, factor * weights)
+            change = density.directions @ solved(stiff + quadratic, pull)
+            within = density.projection @ np.minimum(np.maximum(change, lower), upper)
+            moved = rows @ within.astype(np.float32)
+            quadratic = gram_of_places(rows, areas / (np.einsum("nk,nk->n", moved, moved) + _NO_MOTION**2))
         self._quadratic = quadratic
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
@@ -84,10 +86,3 @@ class LeastMotion:
     def curvature(self, state: PoseState) -> Array:
         """Return the second derivative, shape (r, r)."""
         return 2.0 * self._quadratic
-
-
-def _gram(rows: Array, weights: Array) -> Array:
-    """Return the sum over places of ``weights``, (n,), times X^T X for their three ``rows``, (3 n, r)."""
-    # Single precision is enough for what one place weighs against another, and takes half of the time.
-    scaled = rows.astype(np.float32) * np.repeat(np.sqrt(weights), 3).astype(np.float32)[:, None]
-    return (scaled.T @ scaled).astype(np.float64)

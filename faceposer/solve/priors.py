@@ -4,12 +4,12 @@ from functools import lru_cache
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from faceposer.model.face_model import FaceModel
 from faceposer.model.local_moments import LocalMoments
 from faceposer.model.mixture import GaussianMixture
-from faceposer.solve.term import Array, PoseState, ResidualTerm
+from faceposer.solve.term import Array, PoseState, QuadraticTerm, ResidualTerm
 
 #: How a face is judged: region by region, as a whole, or by the mixture as it was learned, as the paper does.
 Prior = Literal["regions", "whole", "plain"]
@@ -21,8 +21,11 @@ _BOUND_SCALE = 0.05
 _GAZE_SIGMA = 0.005
 
 
-class MixturePrior:
-    """weight * (-ln pr(p)) for a density made of Gaussians (paper, eqs. (19) and (31)), up to a constant."""
+class MixturePrior(QuadraticTerm):
+    """weight * (-ln pr(p)) for a density made of Gaussians (paper, eqs. (19) and (31)), up to a constant.
+
+    Of a single Gaussian it is half of the squared Mahalanobis distance.
+    """
 
     def __init__(self, mixture: GaussianMixture, weight: float = 1.0) -> None:
         """Weigh the energy of ``mixture`` by ``weight``, at least 0."""
@@ -31,12 +34,23 @@ class MixturePrior:
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
         """Return the energy and its gradient by the coefficients, shape (r,)."""
+        if self.is_quadratic:
+            offset = state.p - self.mixture.means[0]
+            slope = self.weight * (self.mixture.precisions[0] @ offset)
+            return 0.5 * float(offset @ slope), slope
         energy, gradient = self.mixture.energy_and_gradient(state.p)
         return self.weight * energy, self.weight * gradient
 
     def curvature(self, state: PoseState) -> Array:
         """Return the precision of the components that most likely made the pose, shape (r, r)."""
+        if self.is_quadratic:
+            return self.weight * self.mixture.precisions[0]
         return self.weight * self.mixture.curvature(state.p)
+
+    @property
+    def is_quadratic(self) -> bool:
+        """Whether the density is a single Gaussian."""
+        return self.mixture.n_components == 1
 
 
 class WeightBounds:
@@ -54,35 +68,62 @@ class WeightBounds:
         """
         lower, upper = np.asarray(limits, dtype=np.float64).T
         bounded = upper > lower
-        self._lower, self._upper = lower[bounded], upper[bounded]
-        self._scale = _BOUND_SCALE * (self._upper - self._lower)
-        self._directions = directions[bounded]
+        if not bounded.all():
+            lower, upper, directions = lower[bounded], upper[bounded], directions[bounded]
+        self._lower, self._upper, self._directions = lower, upper, directions
+        self._scale = _BOUND_SCALE * (upper - lower)
         self._weight = weight
         if start is not None:
             # A captured pose that leaves the limits is a pose all the same: as a start it stays as it is.
             weights = self._directions @ start
             self._lower, self._upper = np.minimum(self._lower, weights), np.maximum(self._upper, weights)
 
-    def _excess(self, state: PoseState) -> Array:
-        weights = self._directions @ state.p
-        outside = np.minimum(weights - self._lower, 0.0) + np.maximum(weights - self._upper, 0.0)
-        excess: Array = outside / self._scale
+    def _excess(self, p: Array) -> Array:
+        weights = self._directions @ p
+        excess: Array = (weights - np.minimum(np.maximum(weights, self._lower), self._upper)) / self._scale
         return excess
+
+    def crossings(self, p: Array, way: Array) -> Array:
+        """Return at which shares between 0 and 1 of a ``way``, (r,), from ``p``, (r,), weights are at a bound."""
+        weights, change = self._directions @ p, self._directions @ way
+        change = np.where(change == 0.0, np.inf, change)
+        shares = np.concatenate([(self._lower - weights) / change, (self._upper - weights) / change])
+        crossings: Array = shares[(shares > 0.0) & (shares < 1.0)]
+        return crossings
+
+    def slopes_along(self, p: Array, way: Array, shares: Array) -> Array:
+        """Return the derivatives of the cost by the share of a ``way``, (r,), from ``p``, (r,), at ``shares``, (n,)."""
+        change = self._directions @ way
+        weights = self._directions @ p + shares[:, None] * change
+        outside = weights - np.minimum(np.maximum(weights, self._lower), self._upper)
+        slopes: Array = 2.0 * self._weight * (outside @ (change / (self._scale * self._scale)))
+        return slopes
+
+    def at(self, p: Array) -> tuple[float, Array, NDArray[np.bool_], Array | float]:
+        """Return the cost at ``p``, (r,), its gradient, (r,), which bounds are exceeded, and the curvature, (r, r).
+
+        The curvature is 0 where no bound is exceeded.
+        """
+        excess = self._excess(p)
+        exceeded = excess != 0.0
+        if not exceeded.any():
+            return 0.0, np.zeros_like(p), exceeded, 0.0
+        active = self._directions[exceeded] / self._scale[exceeded, None]
+        slope = 2.0 * self._weight * (excess[exceeded] @ active)
+        return self._weight * float(excess @ excess), slope, exceeded, 2.0 * self._weight * active.T @ active
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
         """Return the cost and its gradient by the coefficients, shape (r,)."""
-        excess = self._excess(state)
+        excess = self._excess(state.p)
         return self._weight * float(excess @ excess), 2.0 * self._weight * ((excess / self._scale) @ self._directions)
 
     def curvature(self, state: PoseState) -> Array:
         """Return the second derivative where the bounds are exceeded, shape (r, r)."""
-        outside = self._excess(state) != 0.0
-        active = self._directions[outside] / self._scale[outside, None]
-        product: Array = 2.0 * self._weight * active.T @ active
-        return product
+        stiffness = self.at(state.p)[3]
+        return np.zeros((len(state.p),) * 2) + stiffness
 
 
-class ParallelGaze(ResidualTerm):
+class ParallelGaze(ResidualTerm, QuadraticTerm):
     """w / sigma^2 |A (p - p0)|^2, A p being how far the eyes look apart, in radians: up or down, and across.
 
     Eyes look at one place. The capture measures each eye by itself, and its noise would make a face squint.

@@ -1,20 +1,23 @@
 """The maximum a posteriori problem: constraints and a prior over one face (Lau et al. 2009, eqs. (3) and (20))."""
 
 from collections.abc import Sequence
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from faceposer.geometry.camera import Camera
+from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.muscles import dependent_pairs
 from faceposer.solve.constraints.point import PointTerm
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
+from faceposer.solve.coverage import coverage
 from faceposer.solve.least_motion import Evidence, LeastMotion
 from faceposer.solve.priors import MixturePrior, ParallelGaze, Prior, WeightBounds, centred_at, gaze_differences
 from faceposer.solve.reach import limits_around
-from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, ResidualTerm, Term
+from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, QuadraticTerm, ResidualTerm, Term
 
 #: Spread of a pull that a new session has, from 0 (local) to 1 (the whole face).
 SPREAD = 0.5
@@ -22,8 +25,8 @@ SPREAD = 0.5
 RECORDED_SPREAD = 1.0
 # Factors on the prior's weight, of the Gaussian and of the bounds.
 _GAUSSIAN, _BOUNDS = 0.7, 1.5
-# Least motion: its strength at a spread of 0, and how fast it falls with the spread, 5 (1 - spread)^1.74.
-_MOTION, _MOTION_POWER = 5.0, 1.74
+# Least motion: its strength at a spread of 0 and of 1, and how fast it falls, to 1.5 at the default.
+_MOTION, _LEAST_MOTION, _MOTION_POWER = 5.0, 0.3, 1.97
 # From this spread on the prior goes over to the examples' own expressions.
 _WHOLE_FROM = 0.75
 # However little the prior weighs, a rig's limits and a common direction of both eyes count at least so much.
@@ -36,7 +39,7 @@ _LEAST_WEIGHT = 0.02
 _RIDGE = 1e-6
 
 
-class Ridge:
+class Ridge(QuadraticTerm):
     """A faint pull towards the start, so that a prior weight of 0 leaves a problem with one solution."""
 
     def __init__(self, start: Array, scale: Array) -> None:
@@ -63,7 +66,7 @@ class PoseProblem:
     Attributes:
         start: The pose that the prior is seen from, shape (r,): the one that is given, with the eyes turned.
         limits: Of the weights of the model's density, widened to where the face began, shape (W, 2); None without any.
-        terms: What the energy is a sum of.
+        trusted: How far points count as they are pulled, from 0 to 1; see ``PointTerm.take_up``.
     """
 
     def __init__(
@@ -113,103 +116,153 @@ class PoseProblem:
         for constraint in self.constraints:
             if constraint.enabled:
                 self.start = constraint.moved_start(model, self.start)
-        self._anchored, slots = gather(model, self.constraints)
-        self.terms: list[Term] = [Ridge(self.start, _RIDGE / model.subspace.variances.clip(1e-9))]
+        self._anchored, self._slots = gather(model, self.constraints)
+        slots = self._slots
+        self._terms: list[Term] = [Ridge(self.start, _RIDGE / model.subspace.variances.clip(1e-9))]
         pulls: list[Term] = list(evidence)
         for kind in CONSTRAINTS.values():
             chosen = [i for i, c in enumerate(self.constraints) if isinstance(c, kind) and c.enabled and c.weight > 0]
             if chosen:
                 group = [self.constraints[i] for i in chosen]
                 terms = kind.terms(group, [slots[i] for i in chosen], model)
-                self.terms += terms
+                self._terms += terms
                 pulls += terms if kind.informs_prior else []
-        self.terms += [*evidence, *held]
+        self._terms += [*evidence, *held]
         centred = mixture is None and prior != "plain"
         # Nothing pulls: seen from the start, the start is the least of all energies.
-        self.at_rest = centred and len(self.terms) == 1
+        self.at_rest = centred and len(self._terms) == 1
         self.mixture = model.mixture if mixture is None else mixture
         self.limits: Array | None = None
+        self.trusted = 1.0 if bare else 0.0
         self._home = self.start if home is None else np.asarray(home, dtype=np.float64)
         if bare:
             return
         wholeness = max(0.0, (spread - _WHOLE_FROM) / (1.0 - _WHOLE_FROM)) if centred else 0.0
+        covered = 0.0
+        if centred and pulls:
+            # A spread of less than the default asks for the part alone, whatever the pulls say.
+            covered = min(1.0, spread / SPREAD) * coverage(model, begin, _linearised(pulls, self._start_state)[0])
         if mixture is None:
-            self._take_up_points(pulls, wholeness)
+            self.trusted = 1.0 - (1.0 - wholeness) * (1.0 - covered)
+            self._take_up_points(pulls)
         if centred:
-            self._take_up_prior(begin, prior, spread, wholeness, pulls)
+            self._take_up_prior(begin, prior, spread, wholeness, covered, pulls)
         elif prior_weight > 0:
-            self.terms.append(MixturePrior(self.mixture, prior_weight))
+            self._terms.append(MixturePrior(self.mixture, prior_weight))
         if mixture is None:
             self._hold_together(pulls)
 
-    def _take_up_points(self, pulls: Sequence[Term], wholeness: float) -> None:
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """What the energy is a sum of."""
+        return tuple(self._terms)
+
+    def add(self, term: Term) -> None:
+        """Add ``term`` to the energy."""
+        self._terms.append(term)
+        self.__dict__.pop("_form", None)
+
+    def _take_up_points(self, pulls: Sequence[Term]) -> None:
         """Widen the rig's limits to the start, and let points see it."""
-        density = self.model.rig_density
-        self.limits = limits_around(density.limits, density.directions @ self._home)
-        state = self.state(self.start)
+        self.limits = _limits_at(self.model, self._home.tobytes())
         for term in pulls:
             if isinstance(term, PointTerm):
-                term.take_up(self.model, state, self.limits, wholeness)
+                term.take_up(self.model, self._start_state, self.limits, self.trusted)
 
     def _hold_together(self, pulls: Sequence[Term]) -> None:
         """Add what holds at every weight of the prior: the rig's limits, and that both eyes look the same way.
 
         However hard and far the ``pulls`` are, it costs about as much as all of them to leave the limits by a third.
         """
-        state = self.state(self.start)
-        energy = sum(term.value_and_gradient(state)[0] for term in pulls)
+        energy = sum(_energy(term, self._start_state) for term in pulls)
         weight = max(self.prior_weight, _LEAST_HOLD, energy / _FIRM)
-        limits, directions = self.model.subject.shape_limits, self.model.subspace.directions
-        for shape, other, beyond in dependent_pairs(self.model.subject.shape_names):
-            directions = np.vstack([directions, directions[shape] - directions[other]])
-            limits = np.vstack([limits, [-limits[other, 1], beyond]])
-        self.terms.append(WeightBounds(directions, limits, _BOUNDS * weight, self._home))
-        self.terms.append(ParallelGaze(gaze_differences(self.model), self.start, weight))
+        directions, limits = _held_weights(self.model)
+        self._terms.append(WeightBounds(directions, limits, _BOUNDS * weight, self._home))
+        self._terms.append(ParallelGaze(gaze_differences(self.model), self.start, weight))
 
     def _take_up_prior(
-        self, begin: Array, prior: Prior, spread: float, wholeness: float, pulls: Sequence[Term]
+        self, begin: Array, prior: Prior, spread: float, wholeness: float, covered: float, pulls: Sequence[Term]
     ) -> None:
         """Add the terms of the model's density as it looks from the pose ``begin``, given the terms ``pulls``.
 
         What moves the start keeps the prior as it was seen from before: only its place moves along.
         """
-        rows, residual = _linearised(pulls, self.state(self.start))
-        self.mixture = centred_at(self.model, begin, prior, wholeness).near(rows, residual)
+        rows, residual = _linearised(pulls, self._start_state)
+        self.mixture = centred_at(self.model, begin, prior, wholeness).near(rows, residual, covered)
         if self.start is not begin:
             self.mixture = self.mixture.moved_by(self.start - begin)
         weight = max(self.prior_weight, _LEAST_WEIGHT)
-        self.terms.append(MixturePrior(self.mixture, _GAUSSIAN * weight))
-        strength = _MOTION * weight * (1.0 - spread) ** _MOTION_POWER
+        self._terms.append(MixturePrior(self.mixture, _GAUSSIAN * weight))
+        strength = weight * (_LEAST_MOTION + (_MOTION - _LEAST_MOTION) * (1.0 - spread) ** _MOTION_POWER)
         if strength > 0 and len(rows) and prior == "regions" and self.limits is not None:
-            evidence = Evidence(rows.T @ rows, rows.T @ residual)
+            evidence = Evidence(rows, residual)
             precision = 0.5 * _GAUSSIAN * weight * self.mixture.precisions[0]
-            limits = limits_around(self.limits, self.model.rig_density.directions @ self.start)
-            self.terms.append(LeastMotion(self.model, self.start, evidence, precision, strength, limits))
+            limits = self.limits
+            if self._home is not self.start:
+                limits = limits_around(limits, self.model.rig_density.directions @ self.start)
+            self._terms.append(LeastMotion(self.model, self.start, evidence, precision, strength, limits))
 
     def state(self, p: Array) -> PoseState:
         """Return the anchored points at coefficients ``p`` of shape (r,)."""
         return PoseState(self._anchored, p)
 
+    @cached_property
+    def _start_state(self) -> PoseState:
+        return _state_at(self._anchored, self.start.tobytes())
+
+    @cached_property
+    def _form(self) -> tuple[float, Array, Array, tuple[Term, ...]]:
+        """Value, slope and curvature at the start of the sum of all quadratic terms, and the other terms."""
+        value, slope, curvature = 0.0, np.zeros_like(self.start), np.zeros((len(self.start),) * 2)
+        others = []
+        for term in self._terms:
+            if isinstance(term, QuadraticTerm) and term.is_quadratic:
+                own, own_slope = term.value_and_gradient(self._start_state)
+                value += own
+                slope += own_slope
+                curvature += term.curvature(self._start_state)
+            else:
+                others.append(term)
+        return value, slope, curvature, tuple(others)
+
     def energy_and_gradient(self, p: Array) -> tuple[float, Array]:
         """Return E(p) and its gradient, shape (r,), at ``p`` of shape (r,)."""
-        state = self.state(p)
-        energy, gradient = 0.0, np.zeros_like(p)
-        for term in self.terms:
-            value, slope = term.value_and_gradient(state)
-            energy += value
-            gradient += slope
+        return self.energy_and_gradient_at(self.state(p))
+
+    def energy_and_gradient_at(self, state: PoseState) -> tuple[float, Array]:
+        """Return the same for the ``state`` at p, in which what ``curvature_at`` needs too is worked out once."""
+        value, slope, curvature, others = self._form
+        change = state.p - self.start
+        bent = curvature @ change
+        energy, gradient = value + float(change @ (slope + 0.5 * bent)), slope + bent
+        for term in others:
+            own, own_slope = term.value_and_gradient(state)
+            energy += own
+            gradient += own_slope
         return energy, gradient
 
     def curvature(self, p: Array) -> Array:
         """Return the Gauss-Newton estimate of the second derivative of E at ``p``, shape (r, r), positive definite."""
-        state = self.state(p)
-        return np.sum([term.curvature(state) for term in self.terms], axis=0)
+        return self.curvature_at(self.state(p))
+
+    def curvature_at(self, state: PoseState, bounded: bool = True) -> Array:
+        """Return the same for the ``state`` at p, without what ``bounds`` add unless ``bounded``."""
+        _, _, total, others = self._form
+        for term in others:
+            if bounded or not isinstance(term, WeightBounds):
+                total = total + term.curvature(state)
+        return total
+
+    @property
+    def bounds(self) -> tuple[WeightBounds, ...]:
+        """Those of the terms that are bounds."""
+        return tuple(term for term in self._form[3] if isinstance(term, WeightBounds))
 
     def conditional_means(self) -> Array:
         """Return each component's mean given the constraints, linearised at the start pose, shape (K, r)."""
-        state = self.state(self.start)
-        others = [term for term in self.terms if not isinstance(term, MixturePrior)]
-        priors = sum(t.weight for t in self.terms if isinstance(t, MixturePrior) and t.mixture is self.mixture)
+        state = self._start_state
+        others = [term for term in self._terms if not isinstance(term, MixturePrior)]
+        priors = sum(t.weight for t in self._terms if isinstance(t, MixturePrior) and t.mixture is self.mixture)
         curvature = np.sum([term.curvature(state) for term in others], axis=0)
         gradient = np.sum([term.value_and_gradient(state)[1] for term in others], axis=0)
         if priors <= 0:
@@ -222,31 +275,87 @@ class PoseProblem:
 
     def residuals_px(self, p: Array) -> tuple[float, ...]:
         """Return how far each constraint, enabled or not, is from being met at ``p``, in pixels."""
-        return tuple(constraint.residual_px(self.model, p) for constraint in self.constraints)
+        return self.residuals_px_at(self.state(p))
+
+    def residuals_px_at(self, state: PoseState) -> tuple[float, ...]:
+        """Return the same for the ``state`` at p."""
+        return tuple(
+            constraint.residual_at(state.pixels[slots], self.model, state.p)
+            for constraint, slots in zip(self.constraints, self._slots, strict=True)
+        )
 
 
-def gather(model: FaceModel, constraints: Sequence[Constraint]) -> tuple[AnchoredPoints, list[Indices]]:
-    """Return the points of all ``constraints`` that lie in pictures, and the indices of each one's among them."""
-    rows: list[Array] = []
-    neutral: list[Array] = []
+def gather(model: FaceModel, constraints: Sequence[Constraint]) -> tuple[AnchoredPoints, tuple[Indices, ...]]:
+    """Return the points of all ``constraints`` that lie in pictures, and the indices of each one's among them.
+
+    They are remembered: while targets are dragged, the points of the face stay.
+    """
+    places = tuple(None if c.camera is None else (c.points, c.camera) for c in constraints)
+    return _gathered(model, places)
+
+
+@lru_cache(maxsize=8)
+def _gathered(
+    model: FaceModel, places: tuple[tuple[SurfacePoints, Camera] | None, ...]
+) -> tuple[AnchoredPoints, tuple[Indices, ...]]:
+    rows: list[Array] = [np.zeros((0, model.n_coefficients))]
+    neutral: list[Array] = [np.zeros((0, 3))]
     slots: list[Indices] = []
     views: dict[Camera, list[Indices]] = {}
     end = 0
-    for constraint in constraints:
+    for place in places:
         begin = end
-        if constraint.camera is not None:
-            constraint_rows, constraint_neutral = model.rows_at(constraint.points)
-            rows.append(constraint_rows.reshape(-1, model.n_coefficients))
-            neutral.append(constraint_neutral)
-            end += len(constraint_neutral)
-            views.setdefault(constraint.camera, []).append(np.arange(begin, end))
+        if place is not None:
+            points, camera = place
+            own_rows, own_neutral = model.rows_at(points)
+            rows.append(own_rows.reshape(-1, model.n_coefficients))
+            neutral.append(own_neutral)
+            end += len(own_neutral)
+            views.setdefault(camera, []).append(np.arange(begin, end))
         slots.append(np.arange(begin, end))
     anchored = AnchoredPoints(
-        np.concatenate(rows) if rows else np.zeros((0, model.n_coefficients)),
-        np.concatenate(neutral) if neutral else np.zeros((0, 3)),
+        np.concatenate(rows),
+        np.concatenate(neutral),
         tuple((camera, np.concatenate(indices)) for camera, indices in views.items()),
     )
-    return anchored, slots
+    return anchored, tuple(slots)
+
+
+@lru_cache(maxsize=8)
+def _state_at(anchored: AnchoredPoints, pose: bytes) -> PoseState:
+    """Return the state at a ``pose``, remembered: while targets are dragged, the pose that is pulled from stays."""
+    return PoseState(anchored, np.frombuffer(pose))
+
+
+@lru_cache(maxsize=8)
+def _limits_at(model: FaceModel, pose: bytes) -> Array:
+    """Return the limits of the weights of the model's density, widened to a ``pose``, shape (W, 2)."""
+    density = model.rig_density
+    limits = limits_around(density.limits, density.directions @ np.frombuffer(pose))
+    limits.setflags(write=False)
+    return limits
+
+
+@lru_cache(maxsize=4)
+def _held_weights(model: FaceModel) -> tuple[Array, Array]:
+    """Return which weights, by the coefficients, keep within limits, (n, r), and the limits, (n, 2).
+
+    They are all shapes' weights, and how far shapes that depend on others go beyond these.
+    """
+    limits, directions = model.subject.shape_limits, model.subspace.directions
+    for shape, other, beyond in dependent_pairs(model.subject.shape_names):
+        directions = np.vstack([directions, directions[shape] - directions[other]])
+        limits = np.vstack([limits, [-limits[other, 1], beyond]])
+    bounded = limits[:, 1] > limits[:, 0]
+    return np.ascontiguousarray(directions[bounded]), np.ascontiguousarray(limits[bounded])
+
+
+def _energy(term: Term, state: PoseState) -> float:
+    """Return the value of a ``term``, without its gradient where it can do without."""
+    if isinstance(term, ResidualTerm):
+        residual = term.residual(state)
+        return float(term.weights @ (residual * residual))
+    return term.value_and_gradient(state)[0]
 
 
 def _linearised(terms: Sequence[Term], state: PoseState) -> tuple[Array, Array]:

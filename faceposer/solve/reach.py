@@ -1,7 +1,7 @@
 """How far a point of the face can go: the reach of a pull, and of places that only move along with others."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.model.muscles import dependent_pairs
-from faceposer.solve.term import Array
+from faceposer.solve.term import Array, Indices, PoseState
 
 # A shape that moves a point by less than the first share of what it moves elsewhere cannot be meant by a pull on it;
 # from the second share on it can.
@@ -42,12 +42,16 @@ class Reach:
     mobility: Array
     scale: Array
 
+    @cached_property
+    def _lengths(self) -> Array:
+        lengths: Array = np.maximum(np.sqrt(np.einsum("nwk,nwk->nw", self.steps, self.steps)), 1e-12)
+        return lengths
+
     def pixels(self, directions: Array) -> Array:
         """Return how far each point can go in its unit direction of ``directions``, (n, 2), in pixels, shape (n,)."""
-        along = np.einsum("nwk,nk->nw", self.steps, directions).clip(min=0.0)
-        lengths = np.maximum(np.sqrt(np.einsum("nwk,nwk->nw", self.steps, self.steps)), 1e-12)
+        along = np.maximum(np.einsum("nwk,nk->nw", self.steps, directions), 0.0)
         # What also goes elsewhere counts the less, the more it does: a^2 / |s| for a step s that goes by a this way.
-        forward = along * along / lengths
+        forward = along * along / self._lengths
         # What hardly moves does not move at all: a pull on it would show elsewhere.
         reach: Array = self.mobility * (np.sqrt(np.einsum("nw,nw->n", forward, forward)) + _TREMOR_PX)
         return reach
@@ -94,6 +98,20 @@ def reach_of(model: FaceModel, p: Array, points: SurfacePoints, camera: Camera, 
     """
     rows, neutral = model.rows_of(points)
     return reach_of_rows(model, p, rows, neutral, camera, limits)
+
+
+def reach_of_points(model: FaceModel, state: PoseState, points: Indices, camera: Camera, limits: Array) -> Reach:
+    """Return the same for ``points`` of a ``state``, given by their indices, (n,).
+
+    It is remembered: while points are dragged, the pose that they are pulled from stays.
+    """
+    return _reach_of_points(model, state, points.tobytes(), camera, limits.tobytes())
+
+
+@lru_cache(maxsize=32)
+def _reach_of_points(model: FaceModel, state: PoseState, points: bytes, camera: Camera, limits: bytes) -> Reach:
+    rows, neutral = state.anchored_at(np.frombuffer(points, dtype=np.intp))
+    return reach_of_rows(model, state.p, rows, neutral, camera, np.frombuffer(limits).reshape(-1, 2))
 
 
 def reach_of_rows(

@@ -96,6 +96,15 @@ class Term(Protocol):
         ...
 
 
+class QuadraticTerm:
+    """Marks terms that are a quadratic form of the coefficients: a problem adds up the forms of all of them once."""
+
+    @property
+    def is_quadratic(self) -> bool:
+        """Whether the term is one; of some kinds, only some are."""
+        return True
+
+
 class ResidualTerm:
     """A weighted sum of squared residuals, sum over i of w_i r_i(p)^2.
 

@@ -15,6 +15,7 @@ from faceposer.geometry.mesh_sequence import MeshSequence, open_sequence
 from faceposer.model.subject import Subject
 from faceposer.progress import Progress
 from faceposer.training.assemble import UprightMesh, assemble
+from faceposer.training.eyes import misplaced_eyes
 from faceposer.training.frames import AlignedReader, FrameStore, sample_of, spooled, steady_vertices
 from faceposer.training.measures import Curves, curves_of
 from faceposer.training.mode_statistics import statistics_of_modes
@@ -136,7 +137,7 @@ def subject_from_sequence(
         "settled": modes.settled,
         "prior": {"from": "examples", **choice.as_json()},
         "curves": curves.as_json(),
-        "warnings": _warnings(len(sequence), curves, modes),
+        "warnings": _warnings(len(sequence), curves, modes) + misplaced_eyes(mesh.vertices, mesh.parts),
     }
     return Subject(
         name=options.name,

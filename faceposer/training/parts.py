@@ -20,6 +20,9 @@ _MATERIALS = (
     ("teeth", ("teeth", "tooth", "denture")),
     ("gums", ("gum",)),
     ("tongue", ("tongue",)),
+    # The lining of the mouth; lips belong to the face.
+    ("skin", ("lip",)),
+    ("gums", ("mouth", "oral", "palate")),
     ("film", ("occlusion", "tear", "lacrimal", "eyeblend", "eye_blend", "eyeshell", "eye_shell", "eyewet", "wetness")),
     ("skin", ("brow", "eyelid", "lid_", "eyeliner", "caruncle")),
     ("eye", ("eye", "iris", "cornea", "sclera", "pupil")),

@@ -22,8 +22,8 @@ _RAISED, _BROW_MIDDLE, _SLOWER = 1.7, 74.5, 0.45
 _FRONT = 4.0
 #: Between these heights the upper lid's skin, which keeps its movement, becomes the brow's.
 _LID, _BROW = 73.3, 74.7
-#: What is left of noseSneer above the upper of these heights; below the lower one, all of it is.
-_SNEER_LEFT, _NOSE, _GLABELLA = 0.2, 72.6, 74.3
+#: Factor on noseSneer below the lower of these heights, and what is left of it above the upper one.
+_SNEER, _SNEER_LEFT, _NOSE, _GLABELLA = 1.3, 0.2, 72.6, 74.3
 
 
 def lowered_brow(unit: Floats, rest: Floats) -> Floats:
@@ -50,5 +50,5 @@ def raised_brow(unit: Floats, rest: Floats) -> Floats:
 
 def wrinkled_nose(unit: Floats, rest: Floats) -> Floats:
     """Return the offsets of noseSneer of either side, shape (N, 3), from the source's ``unit`` on the mesh ``rest``."""
-    faded: Floats = unit * (1.0 + ramp(_NOSE, _GLABELLA, rest[:, 1]) * (_SNEER_LEFT - 1.0))[:, None]
+    faded: Floats = unit * (_SNEER + ramp(_NOSE, _GLABELLA, rest[:, 1]) * (_SNEER_LEFT - _SNEER))[:, None]
     return faded

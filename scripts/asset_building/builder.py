@@ -7,7 +7,7 @@ import numpy as np
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.model.subject import ARKIT_SHAPES, Subject
 from scripts.asset_building.dental_arch import MouthFrame
-from scripts.asset_building.eyes import build_eye, place_eye
+from scripts.asset_building.eyes import GAZE, build_eye, place_eye
 from scripts.asset_building.halves import in_halves
 from scripts.asset_building.head import LASH_RING, LID_RINGS, Skin, cut_skin, ordered_ring, split_uv
 from scripts.asset_building.identity import NECK_TOP, Recipe, close_lips, identity_vertices, level_neck
@@ -15,7 +15,7 @@ from scripts.asset_building.jaw import jaw_hinge
 from scripts.asset_building.jaw_skin import JawSkin, jaw_skin
 from scripts.asset_building.landmarks import feature_points, regions
 from scripts.asset_building.lashes import build_lashes
-from scripts.asset_building.lids import close_exactly, keep_clear, socket_ids, tuck_socket
+from scripts.asset_building.lids import close_exactly, following_gaze, keep_clear, socket_ids, tuck_socket
 from scripts.asset_building.looks import LOOKS
 from scripts.asset_building.mouth import JawMotion, build_mouth, mouth_frame, tuck_lining
 from scripts.asset_building.mouth_shapes import LIP_REACH, MOUTH_REACH, around_lips, closed_again
@@ -33,8 +33,9 @@ CREDITS = (
 )
 SIDES = ("Left", "Right")
 _EYE_RADIUS = 1.43
-#: How much more the lids follow an upward gaze than in the source, whose lid would cover the pupil.
-_LID_FOLLOWS_UP = 1.9
+#: Shares of the eye's turn that upper and lower lid follow. In the source the upper lid covers the pupil of an eye that
+#: looks up, and the lower one that of an eye that looks down.
+_LIDS_FOLLOW = {"LookUp": (0.75, 0.25), "LookDown": (0.5, 0.4)}
 _UPPER_TEETH, _LOWER_TEETH = "helper-upper-teeth", "helper-lower-teeth"
 _EYES = {"Left": "helper-l-eye", "Right": "helper-r-eye"}
 
@@ -100,7 +101,7 @@ class Builder:
             recipe: The rest of what makes the head; lashes of length 0 are left out.
         """
         vertices = self._skin_vertices(everyone, recipe)
-        eyeballs = [self.eyeball(side, vertices) for side in SIDES]
+        eyeballs = [self.eyeball(side, vertices, recipe) for side in SIDES]
         units = self._opened(everyone, units)
         skin = self._skin(vertices, units, eyeballs)
         pieces = [skin, *(build_eye(eye.side, eye.centre, eye.radius, ARKIT_SHAPES) for eye in eyeballs)]
@@ -144,14 +145,15 @@ class Builder:
         depth = _smoothed(hair_depth(self.place.astype(np.float32)).astype(float), skin.fine.quads)
         return vertices + recipe.hair_height * depth[:, None] * normals
 
-    def eyeball(self, side: str, vertices: Floats) -> Eyeball:
-        """Return the eyeball that fits the lids of ``side`` on the skin's ``vertices``, shape (N, 3)."""
+    def eyeball(self, side: str, vertices: Floats, recipe: Recipe) -> Eyeball:
+        """Return the eyeball that fits the lids of ``side`` on the skin's ``vertices``, shape (N, 3), of ``recipe``."""
         lids = np.concatenate([self.skin.rings_left[k] for k in LID_RINGS])
         if side == "Right":
             lids = self.skin.mirror[lids]
         rest_centre = self.rest[self.group(_EYES[side])].mean(axis=0)
         centre, scale = place_eye(self.place[lids], vertices[lids], rest_centre)
-        return Eyeball(side, centre, _EYE_RADIUS * scale)
+        radius = _EYE_RADIUS * scale
+        return Eyeball(side, centre + [0.0, 0.0, recipe.eye_forward * radius], radius)
 
     def _skin(self, vertices: Floats, units: Floats, eyeballs: list[Eyeball]) -> Piece:
         skin = self.skin
@@ -160,7 +162,9 @@ class Builder:
             ring, _ = self._lash_ring(eye.side)
             blink = ARKIT_SHAPES.index(f"eyeBlink{eye.side}")
             shapes[blink] = close_exactly(vertices, shapes[blink], ring, eye.side)
-            shapes[ARKIT_SHAPES.index(f"eyeLookUp{eye.side}")] *= _LID_FOLLOWS_UP
+            for action, shares in _LIDS_FOLLOW.items():
+                follows = following_gaze(vertices, ring, eye.centre, GAZE[action][0], shares)
+                shapes[ARKIT_SHAPES.index(f"eye{action}{eye.side}")] = follows
             ids = socket_ids(skin, eye.side)
             vertices = tuck_socket(vertices, ids, eye.centre, eye.radius)
             shapes = keep_clear(vertices, shapes, ids, eye.centre, eye.radius)

@@ -1,4 +1,4 @@
-"""Builds the creature: a goblin that has no rig, but thirty example expressions."""
+"""Builds the creature: a goblin that has no rig, but fifty example expressions."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from faceposer.model.subject import ARKIT_SHAPES, Subject
 from scripts.asset_building.builder import CREDITS, SIDES, Builder, centred
 from scripts.asset_building.creature_expressions import EXPRESSIONS
+from scripts.asset_building.creature_units import goblin_units
 from scripts.asset_building.ears import EarShape, ear_freedom, point_ears, turn_ears
 from scripts.asset_building.eyes import turned_eye
 from scripts.asset_building.head import LASH_RING, Skin
@@ -63,7 +64,6 @@ CREATURE = Recipe(
         "mouth/mouth-upperlip-height-decr": 0.6,
         "mouth/mouth-lowerlip-height-decr": 0.4,
         "mouth/mouth-laugh-lines-in": 0.8,
-        "mouth/mouth-angles-up": 0.3,
         "eyebrows/eyebrows-angle-up": 0.6,
         "neck/neck-scale-vert-decr": 1.0,
         "neck/neck-scale-horiz-decr": 0.8,
@@ -74,6 +74,7 @@ CREATURE = Recipe(
     neck_slim=0.7,
     lash_length=0.0,
     hair_height=0.0,
+    eye_forward=0.02,
 )
 _EARS = EarShape(reach=(5.4, 3.4, -1.8), sharpness=1.5, narrowing=0.4)
 #: Large eyes and a wide mouth.
@@ -107,7 +108,7 @@ def build_creature(
     """
     everyone, free = _creature_vertices(builder)
     head = builder.rest[:, 1] > 55.0
-    units = fitted_units(builder.rest, everyone, builder.units, head)
+    units = goblin_units(fitted_units(builder.rest, everyone, builder.units, head), builder.rest)
     pieces = builder.pieces(everyone, units, CREATURE)
     skin = builder.skin
     weights = np.stack([_unit_weights(expression) for expression in expressions.values()])
@@ -188,7 +189,7 @@ def _finished_skin(builder: Builder, skin: Piece, free: Floats, expressions: Map
             if axis.any():
                 shapes[k] += turn_ears(skin.vertices, builder.place, free, side, axis)
     for side in SIDES:
-        eye = builder.eyeball(side, skin.vertices)
+        eye = builder.eyeball(side, skin.vertices, CREATURE)
         ids = socket_ids(builder.skin, side)
         shapes = keep_clear(skin.vertices, shapes, ids, eye.centre, eye.radius, (1.0, 0.75, 0.5, 0.25), _LID_REACH)
     return replace(skin, shapes=shapes)

@@ -1,4 +1,4 @@
-"""Paints the creature's skin: green, mottled, wrinkled over the brows and pale below, without a hair."""
+"""Paints the creature's skin: green, mottled, wrinkled over its dark brows and pale below, otherwise hairless."""
 
 from dataclasses import dataclass
 
@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scripts.asset_building.raster import Image32, Noise, smoothstep
-from scripts.asset_building.skin_texture import Colour, SkinTexels, blend, darkening, spot
+from scripts.asset_building.skin_texture import Colour, SkinTexels, blend, darkening, paint_brows, spot
 
 
 @dataclass(frozen=True)
 class HideLook:
-    """Colours (sRGB, 0..255) of a hairless hide.
+    """Colours (sRGB, 0..255) of a hide without hair but for the brows.
 
     Attributes:
         base: The face.
@@ -20,6 +20,9 @@ class HideLook:
         blood: Where it shows through: inside of the ears, nose, rims of the lids.
         lips: The lips.
         spots: Freckles and blotches.
+        hair: The brows.
+        brow: Curve of the left brow, as `SkinLook` has it.
+        brow_strength: Opacity of the brow's hairs.
         seed: Of the random fields.
     """
 
@@ -29,6 +32,9 @@ class HideLook:
     blood: Colour
     lips: Colour
     spots: Colour
+    hair: Colour
+    brow: tuple[tuple[float, float, float], ...]
+    brow_strength: float
     seed: int
 
 
@@ -58,6 +64,7 @@ def paint_hide(skin: SkinTexels, look: HideLook) -> NDArray[np.uint8]:
     freckles = smoothstep(1.35, 2.1, noise[4](p, 0.5, 2)) * (0.25 + 0.75 * smoothstep(70.0, 76.0, y))
     colour = blend(colour, look.spots, 0.34 * blotches + 0.42 * freckles)
     colour *= (1.0 + 0.045 * wide + 0.035 * middle + 0.030 * np.where(fine < 0.0, 1.5 * fine, 0.5 * fine))[:, None]
+    colour = paint_brows(colour, skin, look, np.random.default_rng(look.seed))
 
     lips = smoothstep(0.25, 0.75, masks["lips"] + 0.06 * middle)
     colour = blend(colour, look.lips, 0.8 * lips)
@@ -95,4 +102,4 @@ def _wrinkled(colour: Image32, look: HideLook, q: Image32, noise: Noise) -> Imag
     ridge_y = np.interp(x, [0.6, 1.6, 3.6, 5.6, 6.6], [74.3, 74.8, 75.3, 74.5, 73.8])
     ridge = np.exp(-(((y - ridge_y) / 0.42) ** 2)) * smoothstep(0.7, 1.5, x) * smoothstep(6.4, 5.0, x) * front
     dark = (0.55 * look.back[0], 0.55 * look.back[1], 0.55 * look.back[2])
-    return blend(colour, dark, (0.34 * furrows + 0.34 * feet + 0.38 * ridge).astype(np.float32))
+    return blend(colour, dark, (0.20 * furrows + 0.26 * feet + 0.38 * ridge).astype(np.float32))

@@ -21,14 +21,15 @@ class EyeDetail:
 
 #: Pupil and iris end on a ring.
 FULL_DETAIL = EyeDetail((PUPIL_ANGLE, 13.0, 18.5, IRIS_ANGLE, 30.0, 38.0, 48.0, 60.0, 75.0, 95.0, 125.0, 160.0), 28)
-LOW_DETAIL = EyeDetail((PUPIL_ANGLE, 15.0, IRIS_ANGLE, 33.0, 50.0, 70.0, 90.0), 12)
-_CORNEA_HEIGHT = 0.025
+LOW_DETAIL = EyeDetail((PUPIL_ANGLE, 15.0, IRIS_ANGLE, 36.0, 56.0, 90.0), 14)
+#: How far the cornea rises over the ball's sphere, in radii; in people it is about this much.
+CORNEA_HEIGHT = 0.07
 #: The texture shows the ball from the gaze axis, in its middle, to this angle, at its border.
 TEXTURE_ANGLE = 100.0
 TEXTURE_RADIUS = 0.49
 
 #: Turn at full strength in degrees: about x (positive looks down) and about y (positive looks to the left).
-_GAZE = {"LookDown": (25.0, 0.0), "LookUp": (-22.0, 0.0), "LookIn": (0.0, -30.0), "LookOut": (0.0, 30.0)}
+GAZE = {"LookDown": (25.0, 0.0), "LookUp": (-22.0, 0.0), "LookIn": (0.0, -27.0), "LookOut": (0.0, 27.0)}
 
 
 def build_eye(
@@ -49,8 +50,7 @@ def build_eye(
     # Both eyes are each other's mirror image, vertex by vertex.
     directions[:, 0] *= sign
     angle = np.degrees(np.arccos(np.clip(directions[:, 2], -1, 1)))
-    bulge = 1.0 + _CORNEA_HEIGHT * np.maximum(1.0 - (angle / IRIS_ANGLE) ** 2, 0.0) ** 2
-    local = directions * (radius * bulge)[:, None]
+    local = directions * (radius * surface_radius(angle))[:, None]
 
     last = len(local) - 1
     sides = grid_quads(rings, sectors, closed=True, first=1)
@@ -60,10 +60,16 @@ def build_eye(
     around = np.hypot(directions[:, 0], directions[:, 1])
     flat = directions[:, :2] / np.maximum(around, 1e-9)[:, None]
     shapes = np.zeros((len(shape_names), len(local), 3))
-    for action, (about_x, about_y) in _GAZE.items():
+    for action, (about_x, about_y) in GAZE.items():
         turn = _rotation(about_x, sign * about_y)
         shapes[shape_names.index(f"eye{action}{side}")] = local @ (turn - np.eye(3)).T
     return Piece(f"eye_{side.lower()}", "eye", local + centre, quads, 0.5 + flat * reach[:, None], quads.copy(), shapes)
+
+
+def surface_radius(angle: Floats) -> Floats:
+    """Return the distance of the surface from the centre, in radii, at ``angle`` in degrees from the gaze axis."""
+    risen: Floats = 1.0 + CORNEA_HEIGHT * np.maximum(1.0 - (angle / IRIS_ANGLE) ** 2, 0.0) ** 2
+    return risen
 
 
 def turned_eye(vertices: Floats, side: str, strengths: dict[str, float]) -> Floats:
@@ -75,10 +81,10 @@ def turned_eye(vertices: Floats, side: str, strengths: dict[str, float]) -> Floa
         strengths: Strength of each gaze shape ("LookUp", ...).
     """
     sign = 1.0 if side == "Left" else -1.0
-    about_x = sum(strength * _GAZE[action][0] for action, strength in strengths.items())
-    about_y = sum(strength * _GAZE[action][1] for action, strength in strengths.items())
+    about_x = sum(strength * GAZE[action][0] for action, strength in strengths.items())
+    about_y = sum(strength * GAZE[action][1] for action, strength in strengths.items())
     back, front = vertices[-1], vertices[0]
-    centre = back + (front - back) / (2.0 + _CORNEA_HEIGHT)
+    centre = back + (front - back) / (2.0 + CORNEA_HEIGHT)
     return (vertices - centre) @ (_rotation(about_x, sign * about_y) - np.eye(3)).T
 
 

@@ -11,7 +11,7 @@ from scripts.asset_building.teeth import CrownShape
 #: Columns of the gum for each front tooth and each of those behind, as u on the crown: closer at the papillae.
 _COLUMNS, _COLUMNS_BEHIND = (-1.0, -0.84, -0.5, 0.0, 0.5, 0.84), (-1.0, -0.7, 0.0, 0.7)
 #: How far up the crown the gum reaches in its middle and between two teeth, as shares of the crown's length.
-_ZENITH, _PAPILLA = 0.95, 0.50
+_ZENITH, _PAPILLA = 0.95, 0.66
 #: How far the gum goes on behind the last tooth, in centimetres.
 _BEHIND = np.array([0.22, 0.50])
 #: Rows from the outer fold over the margins to where palate and floor begin, as v of the texture.
@@ -116,7 +116,7 @@ def _columns(arch: Arch) -> _Columns:
                 between.append((shapes[max(kind - 1, 0)], -1.0 if kind == 0 else 1.0))
             lengths.append(float(start + (stop - start) * (0.5 + 0.5 * u)))
             touching.append(between)
-            margins.append(_ZENITH - (_ZENITH - _PAPILLA) * abs(u) ** 3.0)
+            margins.append(_ZENITH - (_ZENITH - _PAPILLA) * abs(u) ** 6.0)
     end = float(arch.edges[-1])
     last = shapes[SECOND_MOLAR]
     lengths += [end, *(end + _BEHIND).tolist()]

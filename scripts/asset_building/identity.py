@@ -34,6 +34,8 @@ class Recipe:
         neck_slim: Factor on the width of the neck's end.
         lash_length: Factor on the length of the eyelashes.
         hair_height: How far hair lifts the outline of the head, in centimetres.
+        eye_forward: How much farther forward between the lids the eyeballs sit than the source's, in radii: corneas
+            reach about as far as the lids' edges, as in people.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Recipe:
     neck_slim: float
     lash_length: float
     hair_height: float
+    eye_forward: float = 0.05
 
 
 MAN = Recipe(

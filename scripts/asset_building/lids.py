@@ -4,7 +4,10 @@ import numpy as np
 from scipy import sparse
 from scipy.ndimage import gaussian_filter1d
 from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
 
+from scripts.asset_building.eyes import surface_radius
+from scripts.asset_building.falloff import ramp
 from scripts.asset_building.head import LASH_RING, Skin
 from scripts.asset_building.piece import Floats, Ints
 
@@ -18,6 +21,8 @@ _LID_OVERLAP = 0.03
 #: How far the edge of the upper one lies before the lower one's and below it where they are coarse, and how far from
 #: their edges lids follow them there, in centimetres.
 _LID_BEFORE, _LID_BELOW, _FOLLOWS = 0.02, 0.02, 0.6
+#: Distances from the lids' edges between which their skin ceases to follow the gaze, in centimetres.
+_GAZE_REACH = (0.05, 1.25)
 
 
 def socket_ids(skin: Skin, side: str) -> Ints:
@@ -105,6 +110,37 @@ def _at(line: Floats, x: Floats) -> Floats:
     return np.column_stack([np.interp(x, line[:, 0], line[:, k]) for k in range(3)])
 
 
+def following_gaze(vertices: Floats, ring: Ints, centre: Floats, degrees: float, shares: tuple[float, float]) -> Floats:
+    """Return how lids follow an eye that turns about the line through its centre along x, shape (N, 3).
+
+    The skin turns with the eye by a share of its angle, most at the lids' edges and least at the corners, so that it
+    stays on the ball (levator palpebrae and the retractors of the lower lid move with the recti).
+
+    Args:
+        vertices: The neutral skin, shape (N, 3).
+        ring: The closed loop along the lids' edges.
+        centre: Of the eyeball, shape (3,).
+        degrees: How far the eye turns; positive looks down.
+        shares: Of this angle at the middle of the upper and of the lower lid's edge.
+    """
+    side = "Left" if centre[0] > 0.0 else "Right"
+    upper, lower = (half[np.argsort(vertices[half, 0])] for half in upper_and_lower(vertices, ring, side))
+    corners = vertices[upper[[0, -1]]]
+    line = np.interp(vertices[:, 0], corners[:, 0], corners[:, 1])
+    across = np.clip((vertices[:, 0] - corners[:, 0].mean()) / (0.5 * np.ptp(corners[:, 0])), -1.0, 1.0)
+    above = np.interp(vertices[:, 0], vertices[upper, 0], vertices[upper, 1]) - line
+    below = line - np.interp(vertices[:, 0], vertices[lower, 0], vertices[lower, 1])
+    height = vertices[:, 1] - line
+    share = shares[0] * ramp(0.0, 1.0, height / np.maximum(above, 0.05))
+    share += shares[1] * ramp(0.0, 1.0, -height / np.maximum(below, 0.05))
+    away = cKDTree(vertices[ring]).query(vertices)[0]
+    share *= (1.0 - ramp(*_GAZE_REACH, away)) * (1.0 - across**4)
+    angle = np.deg2rad(degrees) * share
+    y, z = vertices[:, 1] - centre[1], vertices[:, 2] - centre[2]
+    turned_y, turned_z = np.cos(angle) * y - np.sin(angle) * z, np.sin(angle) * y + np.cos(angle) * z
+    return np.stack([np.zeros_like(y), turned_y - y, turned_z - z], axis=1)
+
+
 def keep_clear(
     vertices: Floats,
     shapes: Floats,
@@ -116,8 +152,8 @@ def keep_clear(
 ) -> Floats:
     """Return ``shapes`` (S, N, 3) with skin that would enter the eyeball pushed out of it.
 
-    Every shape is mended at full strength, and on the way there as well: the straight path of a lid cuts into the
-    ball, deepest at half strength if the lid was clear of the ball before.
+    The eyeball looks ahead. Every shape is mended at full strength, and on the way there as well: the straight path of
+    a lid cuts into the ball, deepest at half strength if the lid was clear of the ball before.
 
     Args:
         vertices: The neutral skin, shape (N, 3).
@@ -128,15 +164,22 @@ def keep_clear(
         strengths: Those at which shapes are mended.
         reach: How far around the ball skin is looked after, in centimetres.
     """
-    rest_distance = np.linalg.norm(vertices - centre, axis=1)
-    near = (rest_distance > radius) & (rest_distance < radius + reach) & (vertices[:, 2] > centre[2] - 0.2)
+    rest_distance, surface = _distances(vertices - centre, radius)
+    near = (rest_distance > radius) & (rest_distance < surface + reach) & (vertices[:, 2] > centre[2] - 0.2)
     near[ids] = False
     chosen = np.flatnonzero(near)
-    wanted = radius + np.minimum(rest_distance[chosen] - radius, _CLEARANCE)
+    clearance = np.minimum(rest_distance - surface, _CLEARANCE)[chosen]
     result = shapes.copy()
     for strength in strengths:
         away = vertices[chosen] + strength * result[:, chosen] - centre
-        distance = np.linalg.norm(away, axis=2)
-        lack = np.maximum(wanted - distance, 0.0) * shapes[:, chosen].any(axis=2)
+        distance, surface = _distances(away, radius)
+        lack = np.maximum(surface + clearance - distance, 0.0) * shapes[:, chosen].any(axis=2)
         result[:, chosen] += (lack / distance / strength)[..., None] * away
     return result
+
+
+def _distances(away: Floats, radius: float) -> tuple[Floats, Floats]:
+    """Return the lengths of ``away`` (..., 3) from the centre of a ball that looks ahead, and its surface's there."""
+    distance = np.linalg.norm(away, axis=-1)
+    angle = np.degrees(np.arccos(np.clip(away[..., 2] / np.maximum(distance, 1e-9), -1.0, 1.0)))
+    return distance, radius * surface_radius(angle)

@@ -57,7 +57,7 @@ _POSES = (
     ("tongueOut", "jawOpen"),
 )
 #: Vertices that are kept along the edge of each lid and, from corner to middle, of each lip.
-_ON_LID, _ON_LIP = 8, 7
+_ON_LID, _ON_LIP = 11, 7
 #: A ring on the lids that stays a line beside their edges, so that between them they fold evenly.
 _FOLD_RING = LASH_RING + 2
 #: How far into the mouth, in centimetres, the lips' insides are still seen.
@@ -78,7 +78,7 @@ def build_low(builder: Builder) -> Subject:
     named = regions(skin, place, masks, ())
     mesh = _simplified_skin(skin, pieces[0], place, named, list(fine_points.values()))
     number = mesh.index(len(place))
-    eyes = [builder.eyeball(side, pieces[0].vertices) for side in SIDES]
+    eyes = [builder.eyeball(side, pieces[0].vertices, LOW) for side in SIDES]
     low_skin = _closing(mesh.applied(pieces[0]), skin, number, eyes)
     contact = number[skin.fine_loop(skin.lip_contact)]
     low_skin = replace(low_skin, vertices=_sealed(low_skin.vertices, contact[contact >= 0]))

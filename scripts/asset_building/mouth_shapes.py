@@ -11,6 +11,8 @@ from scripts.asset_building.smoothest import smoothest
 #: How much further depressor anguli oris draws the corner of the mouth down than in the source, and the heights between
 #: which the factor falls to 1, so that nose and cheekbone keep what they have.
 _FURTHER, _MOUTH, _NOSE = 1.85, 66.8, 68.8
+#: What is left of its way aside: depressor anguli oris draws the corner nearly straight down.
+_ASIDE = 0.5
 #: Distances from the lips' contact between which a change of the lips fades out, and all of the closing of the mouth.
 LIP_REACH, MOUTH_REACH = (1.0, 2.8), (4.5, 7.0)
 #: What the lips do not have of the jaw's way down and forward, so that they stay shut and behind the chin.
@@ -22,7 +24,7 @@ _EVENNESS = 0.006
 def drawn_down(unit: Floats, control: Floats) -> Floats:
     """Return the offsets of mouthFrown of either side from the source's ``unit`` on ``control``, shape (C, 3) both."""
     factor = _FURTHER + (1.0 - _FURTHER) * ramp(_MOUTH, _NOSE, control[:, 1])
-    return unit * factor[:, None]
+    return unit * factor[:, None] * [_ASIDE, 1.0, 1.0]
 
 
 def around_lips(skin: Skin, control: Floats, reach: tuple[float, float] = LIP_REACH) -> Floats:

@@ -6,6 +6,7 @@ from faceposer.model.subject import ARKIT_SHAPES
 from scripts.asset_building.brow_shapes import lowered_brow, raised_brow, wrinkled_nose
 from scripts.asset_building.falloff import ramp
 from scripts.asset_building.head import Skin
+from scripts.asset_building.lip_shapes import lip_shapes
 from scripts.asset_building.mouth_rings import mouth_rings
 from scripts.asset_building.mouth_shapes import around_lips, drawn_down, even_cheeks, pushed_forward
 from scripts.asset_building.piece import Floats
@@ -25,6 +26,8 @@ _CORRECTIONS = {
     "noseSneer": wrinkled_nose,
     "mouthFrown": drawn_down,
 }
+#: Shapes to whose movement elsewhere the lips' is added.
+_ADDED = ("noseSneerLeft", "noseSneerRight")
 #: How far the lips make way for the tongue, as shares of these shapes of both sides.
 _TONGUE_PARTS_LIPS = {"mouthLowerDown": 1.3, "mouthUpperUp": 0.3}
 #: Where the parting of the lips begins to fade and has faded towards the corners.
@@ -56,6 +59,8 @@ def sculpted(units: Floats, rest: Floats, skin: Skin) -> Floats:
     result[forward, ids] = pushed_forward(units[forward, ids], around_lips(skin, control))
     parting = sum(share * units[row[name + side], ids] for name, share in _TONGUE_PARTS_LIPS.items() for side in _SIDES)
     result[row["tongueOut"], ids] = parting * (1.0 - ramp(*_TONGUE_SIDE, np.abs(control[:, :1])))
+    for name, offsets in lip_shapes(skin, control, rings).items():
+        result[row[name], ids] = offsets + (result[row[name], ids] if name in _ADDED else 0.0)
     lid = units[row["eyeSquintLeft"], ids]
     for name, pair in (("mouthSmile", smiles(skin, control, rings)), ("cheekSquint", squints(skin, control, lid))):
         for side, offsets in zip(_SIDES, pair, strict=True):

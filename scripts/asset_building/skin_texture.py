@@ -5,6 +5,7 @@ y = 73, the lips at 66, the top of the head at 85), so that every person is pain
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,22 @@ from scipy.spatial import cKDTree
 from scripts.asset_building.raster import Image32, Noise, TexelMap, draw_strokes, smoothstep, softened, softening
 
 Colour = tuple[float, float, float]
+
+
+class Brows(Protocol):
+    """A look that has brows, with the attributes that `SkinLook` has for them."""
+
+    @property
+    def hair(self) -> Colour:
+        """Their colour."""
+
+    @property
+    def brow(self) -> tuple[tuple[float, float, float], ...]:
+        """Curve of the left brow."""
+
+    @property
+    def brow_strength(self) -> float:
+        """Opacity of the hairs."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +74,7 @@ class SkinTexels:
         normal: Unit normal on the base mesh.
         occlusion: Share of the surroundings that is open, 0..1.
         masks: Further values by name: "lips", "eyelids", "ears", "free_ears" (rising softly from their
-            roots), "inside" (of the mouth), "lash_line", "wet_line".
+            roots), "inside" (of the mouth), "behind_lips" (on its lining), "lash_line", "wet_line".
     """
 
     texels: TexelMap
@@ -103,8 +120,10 @@ def paint_skin(skin: SkinTexels, look: SkinLook) -> NDArray[np.uint8]:
     colour = blend(colour, (198, 120, 112), 0.7 * masks["wet_line"])
     colour = blend(colour, look.hair, look.lash_line * masks["lash_line"])
     colour = _scalp(colour, skin, look, rng, noise[3])
-    colour = _brows(colour, skin, look, rng)
-    colour = blend(colour, (112, 41, 41), masks["inside"] * (1.0 - lips) * (1.0 + 0.05 * noise[3](p, 0.6, 2)))
+    colour = paint_brows(colour, skin, look, rng)
+    lining = masks["inside"] * (1.0 - lips)
+    colour = blend(colour, (112, 41, 41), lining * (1.0 + 0.05 * noise[3](p, 0.6, 2)))
+    colour = blend(colour, (178, 92, 88), lining * masks["behind_lips"])
     colour *= darkening(skin.occlusion, masks)
     image = skin.texels.image(np.clip(colour, 0, 255))
     return np.rint(image).astype(np.uint8)
@@ -244,7 +263,7 @@ def _scalp(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Gen
     return colour
 
 
-def brow_frame(p: Image32, look: SkinLook) -> tuple[Image32, Image32, Image32]:
+def brow_frame(p: Image32, look: Brows) -> tuple[Image32, Image32, Image32]:
     """Return for ``p`` (K, 3) the position along the brow (0..1), across it (-1..1 inside) and its slope dy/dx."""
     curve = np.array(look.brow)
     x = np.abs(p[:, 0])
@@ -255,7 +274,8 @@ def brow_frame(p: Image32, look: SkinLook) -> tuple[Image32, Image32, Image32]:
     return along, across, middle.derivative()(clipped).astype(np.float32)
 
 
-def _brows(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Generator) -> Image32:
+def paint_brows(colour: Image32, skin: SkinTexels, look: Brows, rng: np.random.Generator) -> Image32:
+    """Return ``colour`` (K, 3) of the texels of ``skin`` with the hairs of brows."""
     p = skin.place
     front = (p[:, 2] > 10.0).astype(np.float32)
     along, across, slope = brow_frame(p, look)
@@ -298,7 +318,7 @@ def darkening(occlusion: Image32, masks: dict[str, Image32]) -> Image32:
     # Lips and lids part when the face moves: what is shut in the neutral face must not be black then.
     moving = np.maximum(masks["lips"], masks["wet_line"])
     open_share = np.maximum(open_share, 0.75 * np.clip(moving, 0, 1))
-    open_share = np.maximum(open_share, 0.2 * masks["inside"])
+    open_share = np.maximum(open_share, (0.2 + 0.4 * masks["behind_lips"]) * masks["inside"])
     powers = np.array([0.35, 0.55, 0.60], dtype=np.float32)
     result: Image32 = np.maximum(open_share[:, None], 0.02) ** powers
     return result

@@ -13,35 +13,38 @@ from scripts.asset_building.mouth_rings import MouthRings
 from scripts.asset_building.piece import Floats, Ints
 from scripts.asset_building.smoothest import smoothest
 
+#: Places on the skin, each with its offset and the radius in which it is held to that.
+Places = tuple[tuple[tuple[float, ...], tuple[float, ...], float], ...]
+
 #: How far the corner of the mouth goes, and the middle of the lips with both sides.
-_CORNER, _MIDDLE = (0.56, 1.06, -0.46), (0.0, 0.32, -0.08)
+_CORNER, _MIDDLE = (0.62, 1.02, -0.48), (0.0, 0.28, -0.08)
 #: Rings around the lips' contact up to the border of the red, and how far this comes nearer to it on either lip.
 _LIP_RINGS, _THINNER = 5, (0.09, 0.15)
 #: Half the width over which the sides of a smile share the middle, and how far one side alone draws it along.
 _SHARED, _DRAWN = 1.7, 0.13
 #: Places that a smile takes along, each with the way it goes and the radius in which it is held to that.
 _CHEEK = (
-    ((4.3, 69.2, 13.6), (0.14, 0.62, 0.42), 0.7),
-    ((5.4, 68.9, 12.5), (0.24, 0.48, 0.24), 0.6),
-    ((3.3, 68.9, 14.2), (0.12, 0.50, 0.40), 0.4),
+    ((4.3, 69.2, 13.6), (0.14, 0.53, 0.42), 0.7),
+    ((5.4, 68.9, 12.5), (0.24, 0.42, 0.24), 0.6),
+    ((3.3, 68.9, 14.2), (0.12, 0.46, 0.40), 0.4),
     ((2.6, 67.9, 14.4), (0.30, 0.46, -0.20), 0.3),
     ((3.0, 67.4, 14.3), (0.46, 0.74, -0.30), 0.3),
     ((3.7, 68.1, 14.0), (0.36, 0.80, 0.22), 0.3),
     ((4.4, 67.4, 13.2), (0.50, 0.90, 0.16), 0.4),
     ((2.0, 68.5, 14.7), (0.17, 0.16, -0.02), 0.3),
     ((1.75, 69.0, 14.9), (0.12, 0.08, 0.0), 0.25),
-    ((3.4, 71.2, 14.0), (0.02, 0.16, 0.10), 0.5),
-    ((4.6, 70.6, 13.5), (0.06, 0.30, 0.20), 0.5),
+    ((3.4, 71.2, 14.0), (0.02, 0.10, 0.08), 0.5),
+    ((4.6, 70.6, 13.5), (0.06, 0.20, 0.20), 0.5),
     ((4.4, 65.2, 12.6), (0.34, 0.52, -0.10), 0.4),
 )
 #: The same of cheekSquint.
 _SQUINT = (
-    ((4.3, 69.4, 13.7), (0.10, 0.56, 0.26), 0.7),
-    ((5.5, 69.2, 12.4), (0.06, 0.52, 0.16), 0.6),
+    ((4.3, 69.4, 13.7), (0.10, 0.47, 0.26), 0.7),
+    ((5.5, 69.2, 12.4), (0.06, 0.43, 0.16), 0.6),
     ((3.1, 69.7, 14.4), (0.12, 0.36, 0.14), 0.5),
-    ((4.3, 70.6, 13.7), (0.06, 0.52, 0.20), 0.6),
-    ((3.1, 71.2, 14.1), (0.06, 0.34, 0.14), 0.4),
-    ((5.6, 71.3, 12.4), (0.0, 0.42, 0.06), 0.5),
+    ((4.3, 70.6, 13.7), (0.06, 0.40, 0.20), 0.6),
+    ((3.1, 71.2, 14.1), (0.06, 0.26, 0.14), 0.4),
+    ((5.6, 71.3, 12.4), (0.0, 0.30, 0.08), 0.5),
     ((4.6, 67.4, 13.0), (0.04, 0.34, 0.04), 0.5),
 )
 #: Share of eyeSquint in it.
@@ -56,15 +59,12 @@ def smiles(skin: Skin, control: Floats, rings: MouthRings) -> tuple[Floats, Floa
         control: Its control vertices on the base mesh, shape (C, 3).
         rings: Those around the mouth.
     """
-    given = _still(skin, control)
-    _hold(given, skin, control, _CHEEK)
+    given = still(skin, control)
+    hold(given, skin, control, _CHEEK)
     ids, offsets = _smiling_lips(rings, control)
     given[ids] = offsets
-    both = _symmetric(skin, smoothest(skin, control, given, np.zeros_like(given), 2e-3))
-    left = both * ramp(-_SHARED, _SHARED, control[:, 0])[:, None]
-    away = (control - control[skin.lip_contact].mean(axis=0)) / [2.3, 1.9, 3.0]
-    left[:, 0] += _DRAWN * np.exp(-(away**2).sum(axis=1)) * (control[:, 2] > 10.0)
-    return left, left[skin.mirror] * [-1.0, 1.0, 1.0]
+    both = symmetric(skin, smoothest(skin, control, given, np.zeros_like(given), 2e-3))
+    return one_sided(skin, control, both, _DRAWN)
 
 
 def squints(skin: Skin, control: Floats, lower_lid: Floats) -> tuple[Floats, Floats]:
@@ -75,16 +75,27 @@ def squints(skin: Skin, control: Floats, lower_lid: Floats) -> tuple[Floats, Flo
         control: Its control vertices on the base mesh, shape (C, 3).
         lower_lid: How eyeSquintLeft moves the skin, shape (C, 3), of which the lower lid takes a share.
     """
-    given = _still(skin, control)
+    given = still(skin, control)
     x, y, _ = control.T
     given[(y > 72.3) | (y < 66.6) | (np.abs(x) < 1.2)] = 0.0
-    _hold(given, skin, control, _SQUINT)
-    both = _symmetric(skin, smoothest(skin, control, given, np.zeros_like(given), 2e-3))
+    hold(given, skin, control, _SQUINT)
+    both = symmetric(skin, smoothest(skin, control, given, np.zeros_like(given), 2e-3))
     left = both * (x > 0.0)[:, None] + _LID * lower_lid
     return left, left[skin.mirror] * [-1.0, 1.0, 1.0]
 
 
-def _still(skin: Skin, control: Floats) -> Floats:
+def one_sided(skin: Skin, control: Floats, both: Floats, drawn: float) -> tuple[Floats, Floats]:
+    """Return what the left and the right side have of the offsets ``both``, shape (C, 3) each.
+
+    The sides share the middle of the lips; one side alone draws it along, as far as ``drawn``, in centimetres.
+    """
+    left = both * ramp(-_SHARED, _SHARED, control[:, 0])[:, None]
+    away = (control - control[skin.lip_contact].mean(axis=0)) / [2.3, 1.9, 3.0]
+    left[:, 0] += drawn * np.exp(-(away**2).sum(axis=1)) * (control[:, 2] > 10.0)
+    return left, left[skin.mirror] * [-1.0, 1.0, 1.0]
+
+
+def still(skin: Skin, control: Floats) -> Floats:
     """Return what is given on the mesh: zero where no muscle of mouth and cheeks reaches, else NaN, shape (C, 3)."""
     x, y, z = control.T
     inside = np.isin(np.arange(len(control)), np.unique(skin.quads[skin.in_mouth]))
@@ -95,9 +106,7 @@ def _still(skin: Skin, control: Floats) -> Floats:
     return given
 
 
-def _hold(
-    given: Floats, skin: Skin, control: Floats, places: tuple[tuple[tuple[float, ...], tuple[float, ...], float], ...]
-) -> None:
+def hold(given: Floats, skin: Skin, control: Floats, places: Places) -> None:
     """Give the vertices nearest to ``places``, and those across from them, the offsets that these have."""
     inside = np.isin(np.arange(len(control)), np.unique(skin.quads[skin.in_mouth]))
     for place, offset, radius in places:
@@ -125,6 +134,7 @@ def _smiling_lips(rings: MouthRings, control: Floats) -> tuple[Ints, Floats]:
     return ids, moved
 
 
-def _symmetric(skin: Skin, offsets: Floats) -> Floats:
+def symmetric(skin: Skin, offsets: Floats) -> Floats:
+    """Return the mean of ``offsets``, shape (C, 3), and their mirror image."""
     mirrored: Floats = 0.5 * (offsets + offsets[skin.mirror] * [-1.0, 1.0, 1.0])
     return mirrored

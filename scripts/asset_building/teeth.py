@@ -24,9 +24,9 @@ _CONTACT = 1.015
 _KNOTS = np.array([0.0, 0.12, 0.3, 0.5, 0.75, 1.0, 1.2])
 #: Half the width of the crown as a share of the widest, between edge and neck, whose own share comes last but one.
 _WIDTHS = {
-    "incisor": (0.93, 0.985, 1.0, 0.98, 0.93),
-    "canine": (0.80, 0.92, 1.0, 0.985, 0.91),
-    "premolar": (0.84, 0.95, 1.0, 0.985, 0.91),
+    "incisor": (0.93, 0.985, 1.0, 0.995, 0.965),
+    "canine": (0.80, 0.92, 1.0, 0.995, 0.955),
+    "premolar": (0.84, 0.95, 1.0, 0.995, 0.955),
     "molar": (0.86, 0.96, 1.0, 0.985, 0.92),
 }
 #: Thickness of the crown from its face inwards, as a share of its depth.
@@ -44,7 +44,7 @@ _FACE = {
     "molar": (0.15, 0.10, 0.05, 0.015, 0.0, 0.045, 0.09),
 }
 #: Exponent of the outline's superellipse.
-_OUTLINE = {"incisor": 2.7, "canine": 2.3, "premolar": 2.4, "molar": 3.2}
+_OUTLINE = {"incisor": 3.2, "canine": 2.8, "premolar": 2.8, "molar": 3.2}
 
 
 def kind_name(kind: int) -> str:

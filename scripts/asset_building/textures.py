@@ -24,6 +24,8 @@ from scripts.asset_building.unwrap import Layout
 SKIN_SIZE = 2048
 _MASKS = {"lips": "lips", "eyelids": "eyelids", "ears": "ears", "inside": "inside-mouth"}
 
+#: Depths, as z, between which the mouth's lining turns from dark to as bright as the inside of lips and cheeks.
+_LINING_DEPTH = (7.5, 13.4)
 #: Width of an ear's root over which its colour becomes its own, in centimetres; every how many texels are looked at.
 _EAR_ROOT, _SPARSE = 1.3, 23
 
@@ -72,6 +74,7 @@ def skin_texels(source: Source, skin: Skin, rest: Floats, layout: Layout, size: 
     values = texels.values
     masks = {name: _look_up(source.mask(file), values[:, 7:9]) for name, file in _MASKS.items()}
     masks |= {"wet_line": values[:, 9], "lash_line": values[:, 10]}
+    masks["behind_lips"] = smoothstep(*_LINING_DEPTH, values[:, 2])
     masks["free_ears"] = _free_ears(values[:, :3], masks["ears"])
     normal = values[:, 3:6] / np.maximum(np.linalg.norm(values[:, 3:6], axis=1, keepdims=True), 1e-6)
     return SkinTexels(texels, values[:, :3], normal, values[:, 6], masks)

@@ -238,10 +238,10 @@ def test_what_comes_with_the_program_stays(robot: Robot) -> None:
 
 def test_the_filter_and_the_categories_choose_what_is_shown(robot: Robot) -> None:
     poses = feature(robot)
-    assert len(poses.shown()) == 19
+    assert len(poses.shown()) == 20
     robot.click_widget("poses:category:1")
     assert poses.shown()[0].title == "Happiness"
-    assert len(poses.shown()) == 6
+    assert len(poses.shown()) == 7
     robot.click_widget("poses:category:2")
     assert len(poses.shown()) == 13
     robot.click_widget("poses:filter")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from faceposer.model.contact import lid_contact
 from faceposer.model.contact.arches import find_arches
 from faceposer.model.contact.lips import find_covering
 from faceposer.model.contact.measure import penetration_mm
@@ -62,7 +63,7 @@ def test_what_penetrates_is_kept_apart(model: FaceModel, weights: dict[str, floa
     assert max(penetration_mm(model, model.surface(p)).values()) <= ALLOWED_MM
 
 
-@pytest.mark.parametrize(("pose", "strength"), [("W OO", -0.25), ("EE", 1.5), ("Happiness", 1.5)])
+@pytest.mark.parametrize(("pose", "strength"), [("W OO", -0.6), ("EE", 1.5), ("Happiness", 1.5)])
 def test_no_lip_lies_behind_the_triangles_of_the_teeth(woman: FaceModel, pose: str, strength: float) -> None:
     fitting = (e.pose for e in starter_poses() if e.pose is not None and weights_on(e.pose, woman.subject) is not None)
     chosen = next(each for each in fitting if each.name == pose)
@@ -153,6 +154,46 @@ def test_neighbouring_poses_stay_neighbours(model: FaceModel) -> None:
         before = shape, moved
 
 
+def test_what_was_corrected_before_makes_no_difference(model: FaceModel) -> None:
+    poses = [model.coefficients_of(weights) for weights in (BLINK, GRIN, {"jawOpen": 0.7}, BLINK | GRIN)]
+    first = [model.surface(p) for p in poses]
+    for p, vertices in reversed(list(zip(poses, first, strict=True))):
+        np.testing.assert_array_equal(model.surface(p), vertices)
+    np.testing.assert_array_equal(ContactStep.of(model.subject).apply(model.instance(poses[-1])), first[-1])
+
+
+def test_each_eye_is_corrected_as_if_it_were_alone(model: FaceModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    both, left, right = (
+        model.instance(model.coefficients_of(dict.fromkeys(names, 1.6)))
+        for names in (("eyeBlinkLeft", "eyeBlinkRight"), ("eyeBlinkLeft",), ("eyeBlinkRight",))
+    )
+    moves = [model.contact.apply(vertices.copy()) - vertices for vertices in (both, left, right)]
+    assert all(np.abs(moved).max() > 0.2 for moved in moves)
+    np.testing.assert_allclose(moves[0], moves[1] + moves[2], atol=1e-4)
+    # Eyes whose surroundings meet are looked at one after another, with the same result where they do not.
+    monkeypatch.setattr(lid_contact, "_surroundings", lambda subject, eye: np.zeros(1, dtype=np.intp))
+    apart = ContactStep.of(model.subject)
+    assert len(apart.parts) == len(model.contact.parts) + 1
+    np.testing.assert_allclose(apart.apply(both.copy()) - both, moves[0], atol=1e-5)
+
+
+def test_what_would_move_too_far_stays_where_the_pose_has_it(model: FaceModel) -> None:
+    vertices = model.instance(model.coefficients_of(BLINK | GRIN))
+    moved = np.linalg.norm(model.contact.apply(vertices.copy()) - vertices, axis=1)
+    most = 0.5 * float(moved.max())
+    kept = ContactStep(model.contact.parts, most).apply(vertices.copy())
+    np.testing.assert_array_equal(kept[moved > 1.001 * most], vertices[moved > 1.001 * most])
+    assert np.abs(kept - vertices).max() > 0.0
+    assert np.linalg.norm(kept - vertices, axis=1).max() < 1.001 * most
+
+
+@pytest.mark.parametrize("scale", [np.nan, np.inf, 1e20, 0.0])
+def test_vertices_that_are_no_face_stay_as_they_are(model: FaceModel, scale: float) -> None:
+    with np.errstate(invalid="ignore"):
+        vertices = (model.subject.vertices * scale).astype(np.float32)
+    np.testing.assert_allclose(model.contact.apply(vertices.copy()), vertices, atol=1e-6)
+
+
 def test_lashes_go_with_their_lid(model: FaceModel) -> None:
     p = model.coefficients_of({"eyeBlinkLeft": 1.6})
     moved = model.surface(p) - model.instance(p)
@@ -172,7 +213,7 @@ def test_pushes_begin_softly_and_end_outside() -> None:
 
 def test_spread_pushes_do_not_grow_and_fade() -> None:
     x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 6, 25), np.linspace(0, 4, 17)))
-    spreading = Spreading.over(x, y, np.full(len(x), 0.5), np.where(x > 5.0, 0.0, 1.0))
+    spreading = Spreading.over(x, y, np.full(len(x), 0.5), np.where(x > 5.0, 0.0, 1.0), np.arange(len(x)))
     rng = np.random.default_rng(0)
     one, other = rng.random((2, len(x)))
     field = spreading(one)
@@ -184,7 +225,7 @@ def test_spread_pushes_do_not_grow_and_fade() -> None:
 def test_layers_hand_nothing_to_each_other() -> None:
     x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 3, 13), np.linspace(0, 3, 13)))
     upper = np.tile([1.0, 0.0], len(x))
-    spreading = Spreading.over(np.repeat(x, 2), np.repeat(y, 2), upper, np.ones(2 * len(x)))
+    spreading = Spreading.over(np.repeat(x, 2), np.repeat(y, 2), upper, np.ones(2 * len(x)), np.arange(2 * len(x)))
     field = spreading(np.where(upper > 0.5, 1.0, 0.0))
     assert field[upper > 0.5].min() > 0.9
     assert field[upper < 0.5].max() == 0.0

@@ -6,7 +6,7 @@ from scipy.optimize import approx_fprime
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from faceposer.model.mixture import GaussianMixture
+from faceposer.model.mixture import GaussianMixture, PrecisionGaussian
 
 
 @pytest.fixture
@@ -65,3 +65,19 @@ def test_densities_of_many_points_are_those_of_each() -> None:
     )
     points = rng.standard_normal((9, 4))
     np.testing.assert_allclose(mixture.log_densities(points), [mixture.log_density(point) for point in points])
+
+
+def test_a_gaussian_known_by_its_precision_is_the_one_known_by_its_covariance() -> None:
+    rng = np.random.default_rng(4)
+    rows = rng.normal(size=(20, 5))
+    precision, mean, p = rows.T @ rows, rng.normal(size=5), rng.normal(size=5)
+    by_precision = PrecisionGaussian(mean, precision)
+    by_covariance = GaussianMixture(np.ones(1), mean[None], np.linalg.inv(precision)[None])
+    for one, other, at in (
+        (by_precision, by_covariance, p),
+        (by_precision.moved_by(p), by_covariance.moved_by(p), mean),
+    ):
+        assert one.log_density(at) == pytest.approx(other.log_density(at))
+        np.testing.assert_allclose(one.energy_and_gradient(at)[1], other.energy_and_gradient(at)[1])
+        np.testing.assert_allclose(one.covariances, other.covariances)
+        np.testing.assert_allclose(one.precisions, other.precisions)

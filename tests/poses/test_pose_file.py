@@ -149,4 +149,4 @@ def test_starter_poses_are_what_the_script_would_write() -> None:
         mine = [entry.pose for entry in entries if entry.pose is not None and entry.pose.subject == subject]
         assert [pose.name for pose in mine] == titles
         kinds = [pose.tags[0] for pose in mine]
-        assert (kinds.count("expression"), kinds.count("viseme")) == (6, 13)
+        assert (kinds.count("expression"), kinds.count("viseme")) == (7, 13)

@@ -8,9 +8,11 @@ from numpy.typing import NDArray
 from faceposer.model.subject import ARKIT_SHAPES, Subject
 from faceposer.model.subject_file import load_subject
 from scripts.asset_building.creature_expressions import EXPRESSIONS
+from scripts.asset_building.creature_units import goblin_units
 from scripts.asset_building.decimation import Decimation
 from scripts.asset_building.ears import turn_ears
-from scripts.asset_building.eyes import build_eye, turned_eye
+from scripts.asset_building.eyes import CORNEA_HEIGHT, IRIS_ANGLE, build_eye, surface_radius, turned_eye
+from scripts.asset_building.lids import keep_clear
 from scripts.asset_building.piece import grid_quads
 from scripts.asset_building.raster import TexelMap, draw_strokes, map_texels, smoothstep, softened, softening
 from scripts.asset_building.refinement import refined_in_places
@@ -245,8 +247,8 @@ def test_an_eye_turned_by_two_shapes_stays_round() -> None:
     assert (moved[0] - eye.vertices[0])[:2].min() > 0.2, "outwards and up"
 
 
-def test_the_creature_has_thirty_examples_that_name_units() -> None:
-    assert len(EXPRESSIONS) == 30
+def test_the_creature_has_fifty_examples_that_name_units() -> None:
+    assert len(EXPRESSIONS) == 50
     ears = {f"ear{way}{side}" for way in ("Up", "Down", "Back", "Forward") for side in ("", "Left", "Right")}
     both = {name.removesuffix("Left") for name in ARKIT_SHAPES if name.endswith("Left")}
     for name, strengths in EXPRESSIONS.items():
@@ -258,7 +260,7 @@ def test_the_creature_has_thirty_examples_that_name_units() -> None:
             for unit, strength in EXPRESSIONS[name].items()
         }
         assert EXPRESSIONS[name.replace("_left", "_right")] == swapped, name
-    assert len({tuple(sorted(strengths.items())) for strengths in EXPRESSIONS.values()}) == 30
+    assert len({tuple(sorted(strengths.items())) for strengths in EXPRESSIONS.values()}) == 50
 
 
 def two_charts() -> tuple[TexelMap, NDArray[np.float32]]:
@@ -311,3 +313,41 @@ def test_detail_is_softened_where_texels_grow_and_nowhere_else() -> None:
     blurred = softened(noise, sigma)
     assert np.abs(blurred[:, :4] - noise[:, :4]).max() < 0.5
     assert blurred[:, 35:40].std() < 0.5 * noise[:, 35:40].std()
+
+
+def test_the_goblins_brows_tilt_and_its_lids_go_further() -> None:
+    rng = np.random.default_rng(0)
+    rest = np.column_stack([rng.uniform(-6.5, 6.5, 400), rng.uniform(62.0, 78.0, 400), np.full(400, 15.0)])
+    people = np.zeros((len(ARKIT_SHAPES), len(rest), 3))
+    row = {name: k for k, name in enumerate(ARKIT_SHAPES)}
+    people[row["browInnerUp"], :, 1] = 1.0
+    people[[row["browDownLeft"], row["browDownRight"]], :, 1] = -1.0
+    people[row["eyeWideLeft"], :, 1] = 1.0
+    goblin = goblin_units(people, rest)
+    brow = rest[:, 1] > 74.6
+    inner, outer = brow & (np.abs(rest[:, 0]) < 2.0), brow & (np.abs(rest[:, 0]) > 6.0)
+    assert goblin[row["browInnerUp"], inner, 1].min() > 1.5
+    assert goblin[row["browInnerUp"], outer, 1].max() < 0.0
+    assert goblin[row["browDownLeft"], inner, 1].max() < -1.5
+    assert goblin[row["browDownLeft"], outer, 1].min() > 0.0
+    assert np.all(goblin[row["eyeWideLeft"], :, 1] > 1.5)
+    # Neither lids nor what no unit moves is changed by what brows do; a sneer lifts its own side.
+    assert np.all(goblin[row["browInnerUp"], rest[:, 1] < 73.4, 1] == 1.0)
+    assert not np.any(goblin[row["jawOpen"]])
+    sneer = goblin[row["noseSneerLeft"], :, 1]
+    assert sneer[rest[:, 0] > 1.0].max() > 0.2
+    assert sneer[rest[:, 0] < -1.5].max() < 0.02
+
+
+def test_lids_keep_off_the_cornea_as_well() -> None:
+    centre, radius = np.array([3.0, 1.0, 2.0]), 1.5
+    angles = np.linspace(-0.4, 0.4, 41)
+    across = np.stack([0 * angles, np.sin(angles), np.cos(angles)], axis=1)
+    lid = centre + 1.6 * radius * across
+    # A lid that is pressed onto the ball ends before its surface, the bulge of the cornea included.
+    pressed = (centre + 0.9 * radius * across - lid)[None]
+    mended = keep_clear(lid, pressed, np.zeros(0, dtype=np.int32), centre, radius, (1.0,), 2.0)
+    distance = np.linalg.norm(lid + mended[0] - centre, axis=1)
+    assert np.all(distance >= radius * surface_radius(np.degrees(np.abs(angles))) + 0.069)
+    assert surface_radius(np.zeros(1))[0] == 1.0 + CORNEA_HEIGHT
+    assert np.all(surface_radius(np.array([IRIS_ANGLE, 60.0])) == 1.0)

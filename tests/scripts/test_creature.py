@@ -16,6 +16,7 @@ from faceposer.model.subject_file import load_subject
 from scripts.asset_building.builder import Builder
 from scripts.asset_building.creature import build_creature
 from scripts.asset_building.creature_expressions import EXPRESSIONS
+from scripts.asset_building.eyes import CORNEA_HEIGHT
 from scripts.asset_building.source import WHEEL_NAME, Source
 from scripts.build_assets import ROOT, write_examples
 
@@ -35,7 +36,7 @@ def test_it_is_another_mesh_without_a_rig(creature: tuple[Subject, NDArray[np.fl
     man = load_subject("man")
     assert 8_000 < len(subject.vertices) < 0.6 * len(man.vertices)
     assert subject.shape_names == ()
-    assert examples.shape == (30, len(subject.vertices), 3)
+    assert examples.shape == (50, len(subject.vertices), 3)
     assert np.isfinite(examples).all()
     is_triangle = subject.polygons[:, 3] < 0
     assert 0.02 < is_triangle.mean() < 0.3
@@ -82,8 +83,7 @@ def test_its_lids_shut_and_stay_in_front_of_its_eyes(creature: tuple[Subject, ND
     blink = examples[NAMES.index("blink")]
     assert abs(blink[upper, 1] - blink[lower, 1]) < 0.1
     ball = subject.vertices[slice(*subject.part(f"eye_{side}").vertices)]
-    # From the back to the front, where the cornea adds a fortieth of the radius.
-    radius = float(ball[0, 2] - ball[-1, 2]) / 2.025
+    radius = float(ball[0, 2] - ball[-1, 2]) / (2.0 + CORNEA_HEIGHT)
     centre = ball[-1] + [0.0, 0.0, radius]
     lids = subject.regions[f"lids_{side}"]
     ahead = lids[subject.vertices[lids, 2] > centre[2] + 0.5 * radius]

@@ -149,3 +149,79 @@ def test_scalp_ears_and_neck_stay_where_they_are(subject: Subject) -> None:
     for name in subject.shape_names:
         moved = np.linalg.norm(shape(subject, name), axis=1)
         assert moved[np.concatenate([base, crown, ears])].max() < 0.5, name
+
+
+def posed(subject: Subject, weights: dict[str, float]) -> Array:
+    """Return the vertices of a pose in millimetres; a name without a side means both sides."""
+    result = 10.0 * subject.vertices.astype(np.float64)
+    for name, weight in weights.items():
+        for each in (name,) if name in subject.shape_names else (f"{name}Left", f"{name}Right"):
+            result += weight * shape(subject, each)
+    return result
+
+
+def test_lips_that_pucker_come_forward_with_their_corners(subject: Subject) -> None:
+    rest, pucker = posed(subject, {}), posed(subject, {"mouthPucker": 1.0})
+    points = subject.feature_points
+    width = [one[points["8.3"], 0] - one[points["8.4"], 0] for one in (rest, pucker)]
+    assert width[1] < 0.72 * width[0]
+    ahead = pucker - rest
+    for point in ("8.1", "2.2", "2.3", "8.3", "8.4"):
+        assert ahead[points[point], 2] > 5.0, point
+    assert ahead[points["8.2"], 2] > 3.5
+
+
+def test_the_funnel_opens_a_round_mouth_forward(subject: Subject) -> None:
+    rest, funnel = posed(subject, {}), posed(subject, {"mouthFunnel": 1.0})
+    points = subject.feature_points
+    gap = [one[points["2.2"], 1] - one[points["2.3"], 1] for one in (rest, funnel)]
+    assert gap[1] - gap[0] > 7.0
+    width = [one[points["8.3"], 0] - one[points["8.4"], 0] for one in (rest, funnel)]
+    assert width[1] < 0.8 * width[0]
+    edge, border = (funnel - rest)[points["2.2"], 2], (funnel - rest)[points["8.1"], 2]
+    assert edge > border + 1.0, "lips turn outwards"
+
+
+@pytest.mark.parametrize("name", ["mouthRollUpper", "mouthRollLower"])
+def test_a_lip_that_rolls_in_shows_less_red_and_stays_shut(person: Subject, name: str) -> None:
+    rest, rolled = posed(person, {}), posed(person, {name: 1.0})
+    points = person.feature_points
+    outer, inner = ("8.1", "2.2") if name == "mouthRollUpper" else ("8.2", "2.3")
+    moved, inwards = rolled - rest, -1.0 if name == "mouthRollUpper" else 1.0
+    assert inwards * moved[points[outer], 1] > 4.0
+    assert inwards * moved[points[outer], 1] > inwards * moved[points[inner], 1] + 1.5
+    assert moved[points[inner], 2] < -2.5
+    assert rolled[points["2.2"], 1] - rolled[points["2.3"], 1] < rest[points["2.2"], 1] - rest[points["2.3"], 1] + 0.5
+
+
+def test_lips_are_stretched_aside_around_the_teeth(subject: Subject) -> None:
+    for name in ("mouthStretchLeft", "mouthDimpleLeft"):
+        out, _, ahead = move(subject, name, "8.3")
+        assert ahead < -0.6 * out, name
+    out, up, _ = move(subject, "mouthStretchLeft", "8.3")
+    assert out > 6.0
+    assert abs(up) < 0.4 * out, "level"
+
+
+def test_the_upper_lip_rises_and_a_sneer_leaves_the_mouth_shut(subject: Subject) -> None:
+    both = sum(move(subject, f"mouthUpperUp{side}", "2.2")[1] for side in ("Left", "Right"))
+    assert both > 3.0
+    assert move(subject, "mouthUpperUpLeft", "8.5")[1] > 3.5
+    assert abs(move(subject, "mouthUpperUpLeft", "2.3")[1]) < 0.3
+    rest, sneer = posed(subject, {}), posed(subject, {"noseSneer": 1.0})
+    points = subject.feature_points
+    moved = sneer - rest
+    assert moved[points["8.1"], 1] > moved[points["2.2"], 1] + 0.3, "the border of the red more than its edge"
+    assert abs(moved[points["2.2"], 1] - moved[points["2.3"], 1]) < 0.5
+
+
+def test_lids_follow_an_eye_that_looks_up_or_down(subject: Subject) -> None:
+    eye = np.arange(*subject.part("eye_left").vertices)
+    for name, upper_share, lower_share in (("eyeLookUpLeft", 0.4, 0.02), ("eyeLookDownLeft", 0.2, 0.1)):
+        moved = shape(subject, name)
+        pupil = moved[eye[0], 1]
+        upper, lower = (moved[subject.feature_points[point], 1] / pupil for point in ("3.1", "3.3"))
+        assert upper_share < upper < 1.0, name
+        assert lower_share < lower < upper, name
+    corners = [shape(subject, "eyeLookUpLeft")[subject.feature_points[point]] for point in ("3.7", "3.11")]
+    assert np.linalg.norm(corners, axis=1).max() < 0.6, "the corners of the eye stay"

@@ -13,9 +13,11 @@ from faceposer.geometry.obj_io import write_obj
 from faceposer.geometry.polygon_mesh import Group, MorphMesh, PolygonMesh
 from faceposer.interchange.meshes import write_posed_obj
 from faceposer.model.face_model import build_face_model
+from faceposer.model.materials import BASE_COLOURS
 from faceposer.model.subject_file import load_subject, save_subject
 from faceposer.progress import CancelledError, Progress
 from faceposer.solve.problem import PoseProblem
+from faceposer.training.parts import material_of
 from faceposer.training.rigs import RigOptions, subject_from_morphs, subject_from_rig
 from tests.training.faces import base, morph_mesh, rotation
 
@@ -238,3 +240,22 @@ def test_left_and_right_exchanged_is_noticed() -> None:
     assert corner[0] > 1.0
     assert chin[1] < corner[1]
     assert corner[2] > 4.0
+
+
+@pytest.mark.parametrize(
+    ("names", "material"),
+    [
+        (("teeth", "skin"), "teeth"),
+        (("LowerTeeth_mesh",), "teeth"),
+        (("tongue", ""), "tongue"),
+        (("upper_gums", "skin"), "gums"),
+        (("Mouth", "skin"), "gums"),
+        (("head", "InnerMouth_mat"), "gums"),
+        (("N00_FaceMouth_00_FACE",), "gums"),
+        (("mouth_lips",), "skin"),
+        (("head", "skin"), "skin"),
+    ],
+)
+def test_what_lies_in_a_mouth_has_its_material_by_its_name(names: tuple[str, ...], material: str) -> None:
+    assert material_of(*names) == material
+    assert BASE_COLOURS[material] != BASE_COLOURS["skin"] or material == "skin"

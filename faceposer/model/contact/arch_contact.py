@@ -5,17 +5,21 @@ that lies before them in the neutral face keeps r >= H: it goes out along the ra
 Above and below the teeth H falls by a fixed slope, so that lips slide onto the teeth and do not jump.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from faceposer.model.contact.arches import DentalArch
+from faceposer.model.contact.arches import DentalArch, columns_of
 from faceposer.model.contact.lids import skin_ids
 from faceposer.model.contact.lips import find_covering, skin_samples, surface_distance, with_neighbours
-from faceposer.model.contact.spreading import Spreading, fading, hinge
+from faceposer.model.contact.moved import Moved, moved_by
+from faceposer.model.contact.spreading import NOTHING, Spreading, fading, hinge
 from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Ids = NDArray[np.intp]
 
 # Shares of the head's height: width of the valleys between teeth that are filled, how far the field goes on above and
@@ -28,6 +32,8 @@ _FADES, _FADED, _LEVEL_FADES, _LEVEL_FADED = 0.06, 0.12, 0.04, 0.08
 _SPACING, _TOUCHES, _NEAR, _START, _MARGIN = 0.022, 0.12, 0.01, 0.0001, 0.001
 # A vertex is near if it is nearer than this share of its longest edge.
 _STRETCHED = 0.6
+# So many columns and rows of the field are looked at as one block first.
+_BLOCK = 4
 # How much the field falls per way above and below the teeth and beyond the ends of the arch.
 _SLOPE = 2.5
 _UPPER_LIP = ("8.1", "8.5", "8.6", "8.9", "8.10", "2.2", "2.6", "2.7")
@@ -41,99 +47,108 @@ class ArchContact:
         """Prepare for an ``arch`` of ``subject``."""
         size = subject.height
         self._arch = arch
-        self._start, self._margin = _START * size, _MARGIN * size
-        self._bottom, self._field = _obstacle(arch, size)
-        self._ceiling = ndimage.maximum_filter(self._field, size=3)
+        self._start, self._margin, self._nothing = _START * size, _MARGIN * size, NOTHING * size
+        self._bottom, field = _obstacle(arch, size)
+        # Short numbers, and a coarse bound on them: what is looked up here and there is soon spread over much memory.
+        self._field: Singles = field.astype(np.float32)
+        self._ceiling = _ceiling(self._field)
         covering = find_covering(subject, arch)
         before = arch.gap(subject.vertices[covering.lips].astype(np.float64))
         keys = np.intersect1d(covering.lips, with_neighbours(subject, covering.lips[before < _TOUCHES * size]))
         self._samples = skin_samples(subject, keys)
-        self._near = np.minimum(_NEAR * size, _STRETCHED * self._samples.spans)
+        self._near = np.minimum(_NEAR * size, _STRETCHED * self._samples.spans).astype(np.float32)
         inside = surface_distance(subject, covering.lips, _INSIDE * size)
         skin = skin_ids(subject)
         behind = np.setdiff1d(skin[inside[skin] < np.inf], keys)
-        self._ids = np.concatenate([keys, behind])
-        points = subject.vertices[self._ids].astype(np.float64)
+        ids = np.concatenate([keys, behind])
+        points = subject.vertices[ids].astype(np.float64)
         place, height, radius = arch.cylinder(points)
-        fade = fading(inside[self._ids], 0.0, _INSIDE * size)
+        fade = fading(inside[ids], 0.0, _INSIDE * size)
         fade *= fading(arch.gap(points), _FADES * size, _FADED * size)
         beyond = np.maximum(height - arch.top, arch.bottom - height)
         fade *= fading(beyond, _LEVEL_FADES * size, _LEVEL_FADED * size)
         along = arch.angle(place) * float(np.median(radius[: len(keys)])) if len(keys) else place
         spacing = _SPACING * size
-        layer = _upper_share(subject, self._ids)
-        self._spreading = Spreading.over(along / spacing, height / spacing, layer, fade)
+        pushed = np.arange(len(keys))
+        layer = _upper_share(subject, ids)
+        spreading = Spreading.over(along / spacing, height / spacing, layer, fade, pushed)
+        moving = np.concatenate([pushed, np.setdiff1d(spreading.reaches, pushed)])
+        self._ids, self._spreading = ids[moving], spreading.at(moving)
         self._jaw_at_rest = subject.vertices[arch.frame.witnesses]
         self._skin_at_rest = subject.vertices[self._samples.ids]
         at_rest = self._samples.places(subject.vertices)
-        self._allowed = np.zeros(len(self._samples))
-        self._allowed = np.maximum(self._depth(at_rest), 0.0)
+        self._allowed = np.maximum(self._depth(at_rest.T.astype(np.float32)), 0.0)
 
-    def _depth(self, points: Array) -> Array:
-        place, height, radius = self._arch.cylinder(points)
-        return self._radius(place, height) - radius
+    def _depth(self, rows: Singles) -> Singles:
+        """Return how deep points at rest, coordinates by rows (3, n), lie behind the field, (n,)."""
+        place, radius = columns_of(rows[0] - self._arch.axis[0], rows[2] - self._arch.axis[1])
+        return self._radius(place, rows[1]) - radius
 
-    def _radius(self, place: Array, height: Array) -> Array:
+    def _radius(self, place: Singles, height: Singles) -> Singles:
         """Return the field H, shape (n,), bilinear between the middles of its cells."""
-        columns, rows = self._field.shape
-        x = np.clip(place, 0.0, columns - 1.001)
-        y = np.clip((height - self._bottom) / self._arch.row, 0.0, rows - 1.001)
+        x, y = self._cells(place, height)
         column, line = x.astype(np.intp), y.astype(np.intp)
         x -= column
         y -= line
-        flat = self._field.ravel()
+        rows = self._field.shape[1]
         cell = column * rows + line
-        low = flat[cell] * (1.0 - y) + flat[cell + 1] * y
-        high = flat[cell + rows] * (1.0 - y) + flat[cell + rows + 1] * y
-        radius: Array = low + x * (high - low)
-        return radius
+        low, high = self._field.take(cell), self._field.take(cell + rows)
+        low += y * (self._field.take(cell + 1) - low)
+        high += y * (self._field.take(cell + rows + 1) - high)
+        return low + x * (high - low)
 
-    def _ceiling_over(self, place: Array, height: Array) -> Array:
-        """Return no less than the field H, shape (n,), at a quarter of its cost."""
+    def _cells(self, place: Singles, height: Singles) -> tuple[Singles, Singles]:
+        """Return the columns and rows of the field, within it, (n,) each."""
         columns, rows = self._field.shape
-        column = np.clip(place, 0.0, columns - 1.001).astype(np.intp)
-        line = np.clip((height - self._bottom) / self._arch.row, 0.0, rows - 1.001).astype(np.intp)
-        ceiling: Array = self._ceiling.take(column * rows + line)
-        return ceiling
+        return (
+            np.minimum(np.maximum(place, 0.0), columns - 1.001),
+            np.minimum(np.maximum((height - self._bottom) / self._arch.row, 0.0), rows - 1.001),
+        )
 
-    def apply(self, vertices: NDArray[np.float32]) -> None:
+    def _may_reach(self, rows: Singles) -> Ids:
+        """Return which vertices at rest, coordinates by rows (3, n), may be near enough to the field, (k,)."""
+        place, radius = columns_of(rows[0] - self._arch.axis[0], rows[2] - self._arch.axis[1])
+        column, line = ((each * (1.0 / _BLOCK)).astype(np.intp) for each in self._cells(place, rows[1]))
+        ceiling = self._ceiling.take(column * self._ceiling.shape[1] + line)
+        return np.flatnonzero(ceiling > radius - self._near)
+
+    def apply(self, vertices: Singles) -> Iterator[Moved]:
         """Correct the pose ``vertices``, shape (N, 3), in place."""
         frame = self._arch.frame
-        linear, moved = frame.motion(vertices)
+        places, witnesses = vertices.take(self._samples.ids, axis=0), vertices.take(frame.witnesses, axis=0)
+        jaw_moves = not np.array_equal(witnesses, self._jaw_at_rest)
+        if not jaw_moves and np.array_equal(places, self._skin_at_rest):
+            return
+        linear, moved = frame.motion_of(witnesses)
         back = np.linalg.inv(linear).T
-        places = vertices.take(self._samples.ids, axis=0)
-        differs = places != self._skin_at_rest
-        looked_at = differs[:, 0] | differs[:, 1] | differs[:, 2]
-        looked_at |= not np.array_equal(vertices.take(frame.witnesses, axis=0), self._jaw_at_rest)
-        if not looked_at.any():
+        to_rest = frame.origin - moved @ back
+        turn, shift = back.T.astype(np.float32), to_rest.astype(np.float32)[:, None]
+        rows = np.ascontiguousarray(places.T)
+        near = self._may_reach(turn @ rows + shift)
+        if not jaw_moves:
+            near = near[(places.take(near, axis=0) != self._skin_at_rest.take(near, axis=0)).any(axis=1)]
+        if not len(near):
             return
-        points = (places - moved) @ back + frame.origin
-        count = len(points)
-        place, height, radius = self._arch.cylinder(points)
-        close = np.flatnonzero((self._ceiling_over(place, height) > radius - self._near) & looked_at)
-        if not len(close):
-            return
-        depth = self._radius(place[close], height[close]) - radius[close]
-        own = np.zeros(count)
-        own[close] = hinge(depth - self._allowed[close], self._start, self._margin)
-        near = close[depth > -self._near[close]]
-        push = np.zeros(len(self._ids))
-        push[:count] = self._samples.greatest(
-            points,
-            own,
+        push = self._samples.greatest(
+            rows,
             near,
-            lambda places, numbers: hinge(self._depth(places) - self._allowed[numbers], self._start, self._margin),
+            lambda points, numbers: hinge(
+                self._depth(turn @ points + shift) - self._allowed.take(numbers), self._start, self._margin
+            ),
         )
-        if not push.any():
+        if push.max() <= self._nothing:
             return
-        push = np.maximum(push, self._spreading(push))
-        pushed = np.flatnonzero(push)
-        ids = self._ids[pushed]
+        field = self._spreading(push)
+        field[: len(push)] = np.maximum(field[: len(push)], push)
+        pushed = np.flatnonzero(field)
+        ids = self._ids.take(pushed)
         before = vertices.take(ids, axis=0)
-        # Position beside the upright axis, x and z, and what a move there is in the pose.
-        aside = (before - moved) @ back[:, ::2] + (frame.origin[::2] - self._arch.axis)
-        aside *= (push[pushed] / np.maximum(np.sqrt((aside * aside).sum(axis=1)), 1e-9))[:, None]
-        vertices[ids] = before + (aside @ linear[:, ::2].T).astype(np.float32)
+        # Position beside the upright axis, x and z, by rows, and what a move there is in the pose.
+        aside = back[:, ::2].T @ before.T
+        aside += (to_rest[::2] - self._arch.axis)[:, None]
+        aside *= field.take(pushed) / np.maximum(np.sqrt(aside[0] * aside[0] + aside[1] * aside[1]), 1e-9)
+        move = linear[:, ::2] @ aside
+        yield moved_by(vertices, ids, before, move)
 
 
 def _obstacle(arch: DentalArch, size: float) -> tuple[float, Array]:
@@ -153,6 +168,15 @@ def _obstacle(arch: DentalArch, size: float) -> tuple[float, Array]:
                 np.maximum(lines[i], lines[i + back] - fall, out=lines[i])
     field = ndimage.gaussian_filter(ndimage.maximum_filter(field, size=3), 0.8, mode="nearest", truncate=1.5)
     return arch.bottom - pad * arch.row, np.ascontiguousarray(field)
+
+
+def _ceiling(field: Singles) -> Singles:
+    """Return the greatest value of a ``field`` in and around each of its blocks, (columns, rows) of them."""
+    columns, rows = (-(-length // _BLOCK) for length in field.shape)
+    padding = [(0, _BLOCK * n - length) for n, length in zip((columns, rows), field.shape, strict=True)]
+    around = np.pad(ndimage.maximum_filter(field, size=3), padding, mode="edge")
+    ceiling: Singles = around.reshape(columns, _BLOCK, rows, _BLOCK).max(axis=(1, 3))
+    return ceiling
 
 
 def _upper_share(subject: Subject, ids: Ids) -> Array:

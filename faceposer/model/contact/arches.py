@@ -5,6 +5,7 @@ Columns are equal steps of tan(angle / 2) = x / (r + z), which is smooth in fron
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
+_Float = TypeVar("_Float", np.float32, np.float64)
 
 # Coarse cells: columns up to this tangent of half the angle to straight ahead, and rows a share of the head's height.
 # So many cells of the height field, an odd number, are as wide and as high as a coarse one.
@@ -205,7 +207,13 @@ def radius_raster(
 
 def _columns(points: Array, axis: tuple[float, float], columns: int = _COLUMNS) -> tuple[Array, Array]:
     """Return the position between columns around ``axis`` of ``points``, (n, 3), and their radius, (n,) each."""
-    x, z = points[:, 0] - axis[0], points[:, 2] - axis[1]
+    return columns_of(points[:, 0] - axis[0], points[:, 2] - axis[1], columns)
+
+
+def columns_of(
+    x: NDArray[_Float], z: NDArray[_Float], columns: int = _COLUMNS
+) -> tuple[NDArray[_Float], NDArray[_Float]]:
+    """Return the position between columns of points at ``x`` and ``z`` beside the axis, (n,), and their radius."""
     radius = np.sqrt(x * x + z * z)
     # Right behind the axis the tangent is infinite.
     tangent = x / np.maximum(radius + z, 1e-3 * radius + 1e-9)

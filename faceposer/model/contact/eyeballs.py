@@ -1,5 +1,6 @@
 """Eyeballs: a sphere with a cornea, found in the eye parts of a character."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,8 @@ from faceposer.model.contact.frames import AffineFrame, moves_as_one
 from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Ids = NDArray[np.intp]
 
 # Steps of the radius over the cosine of the angle to the gaze axis, and over that angle.
 _STEPS, _ANGLES = 400, 90
@@ -39,7 +42,11 @@ class Eyeball:
 
     def motion(self, vertices: NDArray[np.floating]) -> tuple[Array, Array]:
         """Return the linear part, (3, 3), of the motion in the pose ``vertices``, (N, 3), and the centre, (3,)."""
-        linear, moved = self.frame.motion(vertices)
+        return self.motion_of(vertices.take(self.frame.witnesses, axis=0))
+
+    def motion_of(self, places: NDArray[np.floating]) -> tuple[Array, Array]:
+        """Return the same where the frame's witnesses lie at ``places``, (w, 3)."""
+        linear, moved = self.frame.motion_of(places)
         return linear, moved + linear @ (self.centre - self.frame.origin)
 
     def clearance(self, relative: Array) -> tuple[Array, Array]:
@@ -54,6 +61,54 @@ class Eyeball:
         first = self.profile[low]
         radii: Array = first + (position - low) * (self.profile[low + 1] - first)
         return radii
+
+
+class Eyeballs:
+    """Several eyeballs, looked at together.
+
+    Attributes:
+        witnesses: Vertices that tell their motion, as many of each, shape (E w,).
+        at_rest: Where those lie in the neutral face, shape (E w, 3).
+        radii: Of their spheres, shape (E,).
+    """
+
+    def __init__(self, balls: Sequence[Eyeball], neutral: NDArray[np.floating]) -> None:
+        """Take up ``balls`` of the ``neutral`` face, shape (N, 3)."""
+        most = max(len(ball.frame.witnesses) for ball in balls)
+        # Those that are too many count for nothing.
+        self.witnesses = np.concatenate(
+            [np.pad(ball.frame.witnesses, (0, most - len(ball.frame.witnesses)), mode="edge") for ball in balls]
+        )
+        self.at_rest = neutral[self.witnesses]
+        self._solvers = np.stack(
+            [np.pad(ball.frame.solver, ((0, 0), (0, most - ball.frame.solver.shape[1]))) for ball in balls]
+        )
+        self._offsets = np.stack([ball.centre - ball.frame.origin for ball in balls])
+        self._axes = np.stack([ball.axis for ball in balls], axis=1).astype(np.float32)
+        self._profiles = np.concatenate([ball.profile for ball in balls]).astype(np.float32)
+        self.radii = np.array([ball.radius for ball in balls])
+
+    def motion_of(self, places: NDArray[np.floating]) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Return linear parts, (E, 3, 3), centres, (E, 3), and which balls move, (E,), by the witnesses' ``places``."""
+        count = len(self.radii)
+        found = self._solvers @ places.astype(np.float64).reshape(count, -1, 3)
+        linear = found[:, :3].transpose(0, 2, 1)
+        centres = found[:, 3] + np.einsum("eij,ej->ei", linear, self._offsets)
+        return linear, centres, (places != self.at_rest).reshape(count, -1).any(axis=1)
+
+    def clearance(self, rows: Singles, balls: Ids) -> Singles:
+        """Return how far points at rest, coordinates by rows (3, n), relative to centres of ``balls``, are outside."""
+        x, y, z = rows
+        distance = np.sqrt(x * x + y * y + z * z)
+        p, q, r = self._axes.take(balls, axis=1)
+        cosine = (x * p + y * q + z * r) / np.maximum(distance, 1e-9)
+        position = np.minimum(np.maximum((cosine + 1.0) * (0.5 * _STEPS), 0.0), _STEPS - 1e-3)
+        low = position.astype(np.int32)
+        place = low + balls * (_STEPS + 1)
+        first = self._profiles.take(place)
+        position -= low
+        position *= self._profiles.take(place + 1) - first
+        return distance - first - position
 
 
 def fit_sphere(points: Array) -> tuple[Array, float]:

@@ -49,7 +49,11 @@ class AffineFrame:
 
     def motion(self, vertices: NDArray[np.floating]) -> tuple[Array, Array]:
         """Return the linear part, (3, 3), and the place of the origin, (3,), in the pose ``vertices``, (N, 3)."""
-        found = self.solver @ vertices[self.witnesses].astype(np.float64)
+        return self.motion_of(vertices.take(self.witnesses, axis=0))
+
+    def motion_of(self, places: NDArray[np.floating]) -> tuple[Array, Array]:
+        """Return the same where the witnesses lie at ``places``, (w, 3)."""
+        found = self.solver @ places.astype(np.float64)
         return found[:3].T, found[3]
 
 

@@ -25,7 +25,7 @@ PRESSED = 0.04
 # Two eyes, and their vertices, are mirror images up to this share of the radius.
 _SAME = 0.02
 # An edge vertex lies within so many cells of the border of the opening.
-_NEAR = 2.5
+_NEAR = 4.0
 # Vertices of an edge are so far apart, in radians of azimuth, and lie at most so far behind those beside them.
 _SPACING, _BEHIND = np.deg2rad(1.5), np.deg2rad(0.8)
 # An eighth of the largest curvature of an edge, in 1 / radians.
@@ -57,14 +57,19 @@ class LidEdges:
 
     def curves(self, vertices: NDArray[np.floating], centre: Array) -> tuple["EdgeCurve", "EdgeCurve"]:
         """Return the upper and the lower edge of the pose ``vertices``, (N, 3), as seen from ``centre``, (3,)."""
-        ids = np.concatenate([self.upper, self.lower, self.corners])
-        azimuth, elevation, _ = azimuth_and_elevation(vertices[ids].astype(np.float64) - centre)
-        middle, end = len(self.upper), len(self.upper) + len(self.lower)
-        ends = (azimuth[end:], elevation[end:])
-        return (
-            EdgeCurve.through(azimuth[:middle], elevation[:middle], *ends, self.left),
-            EdgeCurve.through(azimuth[middle:end], elevation[middle:end], *ends, self.left),
+        places = (
+            azimuth_and_elevation(vertices[ids].astype(np.float64) - centre)
+            for ids in (self.upper, self.lower, self.corners)
         )
+        azimuths, elevations, _ = zip(*places, strict=True)
+        return self.curves_through(azimuths, elevations)
+
+    def curves_through(self, azimuths: Sequence[Array], elevations: Sequence[Array]) -> tuple["EdgeCurve", "EdgeCurve"]:
+        """Return the same where upper edge, lower edge and corners are seen at such angles."""
+        upper, lower = (
+            EdgeCurve.through(azimuths[i], elevations[i], azimuths[2], elevations[2], self.left) for i in range(2)
+        )
+        return upper, lower
 
     def overlap(self, ball: Eyeball, vertices: NDArray[np.floating]) -> tuple[Array, Array]:
         """Return by which angle each vertex of the upper, (u,), and of the lower edge, (l,), lies past the other."""

@@ -1,8 +1,9 @@
 """Places on a surface at which contact is looked for: vertices, and points of the triangles between them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from faceposer.geometry.mesh import Ints
 
 Array = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Ids = NDArray[np.intp]
 
 
@@ -25,7 +27,7 @@ class SurfaceSamples:
     the middles of edges and the centroids, and in large triangles a lattice.
 
     Attributes:
-        ids: The vertices, shape (V,), in rising order.
+        ids: The vertices, shape (V,), of one surface in rising order.
         corners: Vertices that each point between lies between, as indices into ``ids``, shape (3, B).
         weights: Their weights, shape (3, B); those of the middle of an edge end in 0.
         spans: Length of the longest edge of a triangle at each vertex in the neutral face, shape (V,).
@@ -34,14 +36,14 @@ class SurfaceSamples:
     """
 
     ids: Ids
-    corners: Ids
-    weights: Array
+    corners: NDArray[np.int32]
+    weights: NDArray[np.float32]
     spans: Array
     first: Ids
-    beside: Ids
+    beside: NDArray[np.int32]
 
     @classmethod
-    def of(cls, vertices: NDArray[np.floating], triangles: Ints, extra: Ids, large: float) -> "SurfaceSamples":
+    def of(cls, vertices: NDArray[np.floating], triangles: Ints, extra: Ids, large: float) -> Self:
         """Return samples.
 
         Args:
@@ -68,51 +70,73 @@ class SurfaceSamples:
             weights.append(np.repeat([[a], [b], [1.0 - a - b]], count, axis=1))
         spans = np.zeros(len(ids))
         np.maximum.at(spans, local, longest[:, None])
-        between, shares = np.ascontiguousarray(np.hstack(corners)), np.ascontiguousarray(np.hstack(weights))
+        between = np.ascontiguousarray(np.hstack(corners), dtype=np.int32)
+        shares = np.ascontiguousarray(np.hstack(weights), dtype=np.float32)
         # The third corner of the middle of an edge is the first one again.
         flat = between[shares > 0.0]
         order = np.argsort(flat, kind="stable")
         first = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=len(ids)))])
-        return cls(ids, between, shares, spans, first.astype(np.intp), np.nonzero(shares > 0.0)[1][order])
+        beside = np.nonzero(shares > 0.0)[1][order].astype(np.int32)
+        return cls(ids, between, shares, spans, first.astype(np.intp), beside)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Return the samples of several surfaces as one: the vertices of all, then the points between of all."""
+        vertices = np.cumsum([0, *(len(part.ids) for part in parts)])
+        points = np.cumsum([0, *(part.corners.shape[1] for part in parts)])
+        entries = np.cumsum([0, *(len(part.beside) for part in parts)])
+        return cls(
+            np.concatenate([part.ids for part in parts]),
+            np.hstack([part.corners + np.int32(vertices[i]) for i, part in enumerate(parts)]),
+            np.hstack([part.weights for part in parts]),
+            np.concatenate([part.spans for part in parts]),
+            np.concatenate([*(part.first[:-1] + entries[i] for i, part in enumerate(parts)), entries[-1:]]),
+            np.concatenate([part.beside + np.int32(points[i]) for i, part in enumerate(parts)]),
+        )
 
     def __len__(self) -> int:
         return len(self.ids) + self.corners.shape[1]
 
     def places(self, vertices: NDArray[np.floating]) -> Array:
         """Return where the samples lie, shape (V + B, 3), for ``vertices`` of the whole face, (N, 3)."""
-        points = vertices[self.ids].astype(np.float64)
-        return np.concatenate([points, _interpolated(points, self.corners, self.weights)])
+        points = vertices[self.ids].astype(np.float32)
+        between = _interpolated(np.ascontiguousarray(points.T), self.corners, self.weights).T
+        return np.concatenate([points, between]).astype(np.float64)
 
-    def greatest(self, points: Array, own: Array, near: Ids, of: Callable[[Array, Ids], Array]) -> Array:
-        """Return the greatest value at each vertex and at the samples next to it, shape (V,).
+    def greatest(self, rows: Singles, near: Ids, of: Callable[[Singles, Ids], Singles]) -> Singles:
+        """Return the greatest value at each vertex and at the samples next to it, at least 0, shape (V,).
 
         Args:
-            points: The vertices' positions, shape (V, 3).
-            own: Their values, shape (V,); changed in place.
-            near: The vertices that may have samples with a value beside them, as indices into ``ids``, shape (n,).
-            of: Returns the values of samples from their positions, (n, 3), and their numbers, (n,).
+            rows: The vertices' positions, coordinates by rows, shape (3, V).
+            near: The vertices that may have a value, or samples with one beside them, as indices into ``ids``, (n,).
+            of: Returns the values of samples from their positions, (3, n), and their numbers, (n,).
         """
-        starts, counts = self.first[near], self.first[near + 1] - self.first[near]
+        greatest = np.zeros(len(self.ids), dtype=np.float32)
+        starts = self.first.take(near)
+        counts = self.first.take(near + 1) - starts
         ends = np.cumsum(counts)
-        if not len(near) or not ends[-1]:
-            return own
         chosen = np.zeros(self.corners.shape[1], dtype=bool)
-        chosen[self.beside[np.arange(ends[-1]) + np.repeat(starts - ends + counts, counts)]] = True
-        numbers = np.flatnonzero(chosen)
-        corners = self.corners.take(numbers, axis=1)
-        values = of(_interpolated(points, corners, self.weights.take(numbers, axis=1)), len(self.ids) + numbers)
-        found = np.flatnonzero(values)
+        chosen[self.beside.take(np.arange(ends[-1]) + np.repeat(starts - ends + counts, counts))] = True
+        between = np.flatnonzero(chosen)
+        corners = self.corners.take(between, axis=1)
+        points = np.empty((3, len(near) + len(between)), dtype=np.float32)
+        rows.take(near, axis=1, out=points[:, : len(near)])
+        points[:, len(near) :] = _interpolated(rows, corners, self.weights.take(between, axis=1))
+        values = of(points, np.concatenate([near, len(self.ids) + between]))
+        greatest[near] = values[: len(near)]
+        found = np.flatnonzero(values[len(near) :])
         if len(found):
-            greatest = values[found]
+            values = values[len(near) :].take(found)
             for corner in corners:
-                np.maximum.at(own, corner[found], greatest)
-        return own
+                np.maximum.at(greatest, corner.take(found), values)
+        return greatest
 
 
-def _interpolated(points: Array, corners: Ids, weights: Array) -> Array:
-    a, b, c = (points.take(corner, axis=0) * weight[:, None] for corner, weight in zip(corners, weights, strict=True))
-    sums: Array = a + b + c
-    return sums
+def _interpolated(rows: Singles, corners: NDArray[np.int32], weights: Singles) -> Singles:
+    a, b, c = (rows.take(corner, axis=1) * weight for corner, weight in zip(corners, weights, strict=True))
+    a += b
+    a += c
+    return a
 
 
 def lattice(corners: Array, spacing: float, at_most: int = 40) -> Array:

@@ -9,30 +9,37 @@ A weighted 4-norm is nearly the greatest push around a point, and unlike that it
 so that the field changes by no more than the pushes do.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
 Array = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Ids = NDArray[np.intp]
+_Float = TypeVar("_Float", np.float32, np.float64)
+
+#: Pushes of less than this share of a head's height are nothing: single precision does not know them.
+NOTHING = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
 class Spreading:
-    """Gathers pushes of V vertices at control points and hands them out.
+    """Gathers pushes of K of V vertices at control points and hands them out.
 
     Attributes:
-        gather: Weights of vertices in control points, rows sum to one, shape (C, V).
-        spread: Weights of control points at vertices, rows sum to f_v, shape (V, C).
+        gather: Weights of pushed vertices in control points, shape (C, K).
+        spread: Weights of control points at vertices, rows sum to f_v at most, shape (V, C).
     """
 
     gather: sparse.csr_array
     spread: sparse.csr_array
 
     @classmethod
-    def over(cls, first: Array, second: Array, layer: Array, fade: Array) -> Self:
+    def over(cls, first: Array, second: Array, layer: Array, fade: Array, keys: Ids) -> Self:
         """Return the spreading over vertices with two surface coordinates in units of the control points' distance.
 
         Args:
@@ -40,31 +47,60 @@ class Spreading:
             second: Second coordinate, shape (V,).
             layer: Share of each vertex in the upper of two layers that hand nothing to each other, as the lips; (V,).
             fade: Factor f_v on what each vertex gets, shape (V,).
+            keys: Vertices that can be pushed, shape (K,); the others count as such that are not.
         """
         count = len(first)
-        rows, keys, values = [], [], []
+        rows, places, values = [], [], []
         for i, along in enumerate(_splines(first)):
             for j, across in enumerate(_splines(second)):
                 cell = np.stack([np.round(first) + i - 1, np.round(second) + j - 1], axis=1)
                 for number, share in enumerate((layer, 1.0 - layer)):
                     rows.append(np.arange(count))
-                    keys.append(np.column_stack([cell, np.full(count, number)]))
+                    places.append(np.column_stack([cell, np.full(count, number)]))
                     values.append(along * across * share)
         row, value = np.concatenate(rows), np.concatenate(values)
         used = value > 1e-6
-        cells, column = np.unique(np.concatenate(keys)[used].astype(np.int64), axis=0, return_inverse=True)
+        cells, column = np.unique(np.concatenate(places)[used].astype(np.int64), axis=0, return_inverse=True)
         shape = (count, len(cells))
         splines = sparse.csr_array((value[used], (row[used], column.ravel())), shape=shape)
         totals = np.asarray(splines.sum(axis=0)).ravel()
-        gather = sparse.csr_array(sparse.dia_array((1.0 / totals[None], [0]), shape=(len(cells),) * 2) @ splines.T)
-        spread = sparse.csr_array(sparse.dia_array((fade[None], [0]), shape=(count, count)) @ splines)
-        return cls(gather, spread)
+        pushed = splines[keys]
+        # Control points that nobody pushes have nothing to hand out.
+        reached = np.flatnonzero(np.asarray(pushed.sum(axis=0)).ravel())
+        gather = sparse.dia_array((1.0 / totals[None, reached], [0]), shape=(len(reached),) * 2) @ pushed[:, reached].T
+        spread = sparse.dia_array((fade[None], [0]), shape=(count, count)) @ splines[:, reached]
+        return cls(_compact(gather), _compact(spread))
 
-    def __call__(self, push: Array) -> Array:
-        """Return the field, shape (V,), at least 0, of a ``push`` at least 0, shape (V,)."""
-        squared = push * push
-        field: Array = self.spread @ np.sqrt(np.sqrt(self.gather @ (squared * squared)))
+    @classmethod
+    def beside(cls, parts: Sequence[Self]) -> Self:
+        """Return the ``parts`` as one, with the pushes, and the fields, of one after those of another."""
+        return cls(
+            _compact(sparse.block_diag([part.gather for part in parts])),
+            _compact(sparse.block_diag([part.spread for part in parts])),
+        )
+
+    @property
+    def reaches(self) -> Ids:
+        """The vertices that get anything, in rising order."""
+        return np.flatnonzero(np.diff(self.spread.indptr))
+
+    def at(self, vertices: Ids) -> Self:
+        """Return the same with the field at some of the ``vertices`` alone, shape (n,)."""
+        return type(self)(self.gather, _compact(self.spread[vertices]))
+
+    def __call__(self, push: NDArray[np.floating]) -> Singles:
+        """Return the field, shape (V,), at least 0, of a ``push`` at least 0, shape (K,)."""
+        squared = (push * push).astype(np.float32)
+        field: Singles = self.spread @ np.sqrt(np.sqrt(self.gather @ (squared * squared)))
         return field
+
+
+def _compact(matrix: sparse.sparray) -> sparse.csr_array:
+    """Return the ``matrix`` by rows with short indices and numbers, half of what a product reads, and without zeros."""
+    rows = sparse.csr_array(matrix, dtype=np.float32)
+    rows.eliminate_zeros()
+    rows.indices, rows.indptr = rows.indices.astype(np.int32), rows.indptr.astype(np.int32)
+    return rows
 
 
 def _splines(position: Array) -> tuple[Array, Array, Array]:
@@ -73,14 +109,14 @@ def _splines(position: Array) -> tuple[Array, Array, Array]:
     return 0.5 * (0.5 - t) ** 2, 0.75 - t * t, 0.5 * (0.5 + t) ** 2
 
 
-def hinge(depth: Array, start: float, margin: float) -> Array:
+def hinge(depth: NDArray[_Float], start: NDArray[_Float] | float, margin: NDArray[_Float] | float) -> NDArray[_Float]:
     """Return how far a point that lies ``depth`` deep is pushed out, shape (n,); 0 for one that does not.
 
     With d = max(depth, 0), start s and margin m it is (d + m d / (d + m)) d / (d + s): smooth at 0, and for d above s a
     little more than d, so that surfaces do not stay in one another.
     """
     d = np.maximum(depth, 0.0)
-    push: Array = (d + margin * d / (d + margin)) * d / (d + start)
+    push: NDArray[_Float] = np.asarray((d + margin * d / (d + margin)) * d / (d + start), dtype=depth.dtype)
     return push
 
 

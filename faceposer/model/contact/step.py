@@ -11,6 +11,7 @@ from faceposer.model.contact.arch_contact import ArchContact
 from faceposer.model.contact.arches import find_arches
 from faceposer.model.contact.eyeballs import find_eyeballs
 from faceposer.model.contact.lid_contact import LidContact, lid_contacts
+from faceposer.model.contact.moved import Moved
 from faceposer.model.subject import Subject
 
 # Share of a head's height by which a vertex is moved at most.
@@ -48,16 +49,20 @@ class ContactStep:
         """Correct the pose ``vertices``, shape (N, 3), in place, and return them."""
         if not self.parts:
             return vertices
-        before = vertices.copy()
-        for part in self.parts:
-            with _left_out_if_degenerate():
-                part.apply(vertices)
-        moved = vertices - before
-        squares = np.einsum("nk,nk->n", moved, moved)
-        if not float(squares.max(initial=0.0)) <= self.most**2:
-            # Shapes that tear a face apart, or no numbers at all: what is far off stays where the pose has it.
-            far = ~(squares <= self.most**2)
-            vertices[far] = before[far]
+        moves: list[Moved] = []
+        with np.errstate(all="ignore"):
+            for part in self.parts:
+                # Where points lie in a plane, on a line or nowhere at all, the part is left out.
+                with suppress(np.linalg.LinAlgError, ValueError, OverflowError, IndexError):
+                    moves.extend(part.apply(vertices))
+            if not sum(move.farthest for move in moves) <= self.most:
+                # Shapes that tear a face apart, or no numbers at all: what is far off stays where the pose has it.
+                before = vertices.copy()
+                for move in reversed(moves):
+                    before[move.ids] = move.before
+                moved = vertices - before
+                far = ~(np.einsum("nk,nk->n", moved, moved) <= self.most**2)
+                vertices[far] = before[far]
         return vertices
 
 

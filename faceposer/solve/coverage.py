@@ -1,0 +1,58 @@
+"""How much of the face constraints speak of: from a part of it, which is to stay local, to a whole expression."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from faceposer.model.face_model import FaceModel
+from faceposer.solve.priors import centred_at
+from faceposer.solve.term import Array
+
+# Share of the skin's variance that constraints explain, and number of directions of the pose that they determine, from
+# which on they speak of the whole face, and at which they surely do. Both corners of a mouth explain less than the
+# first share; a jaw explains more, by itself as one direction.
+_EXPLAINED = (0.25, 0.45)
+_DETERMINED = (2.5, 3.5)
+
+
+def coverage(model: FaceModel, start: Array, rows: Array) -> float:
+    """Return how much of the face constraints cover, from 0, a part of it, to 1, all.
+
+    With S = R R^T the covariance of what faces usually do from ``start`` (``LocalMoments.usual``), A = J R and
+    K = (I + A^T A)^-1 A^T A, constraints determine n = tr K directions and explain the share
+    k = sum_v a_v tr(X_v R K R^T X_v^T) / tr(X_v S X_v^T) of what the places v of the skin do (``MotionSamples``). The
+    product of two smooth steps, of n and of k, is returned. It does not depend on where the constraints pull to, and it
+    is continuous in their places and weights.
+
+    Args:
+        model: The face.
+        start: The pose that an untouched face has, shape (r,).
+        rows: J: derivatives of the constraints' residuals by the coefficients, each divided by its standard deviation,
+            shape (m, r).
+    """
+    if not len(rows):
+        return 0.0
+    root, shares = _usual(model, start.tobytes())
+    seen = rows @ root
+    curvature = seen.T @ seen
+    determined = np.linalg.solve(curvature + np.eye(len(curvature)), curvature)
+    directions, explained = float(np.trace(determined)), float((determined * shares).sum())
+    return _step(directions, *_DETERMINED) * _step(explained, *_EXPLAINED)
+
+
+@lru_cache(maxsize=8)
+def _usual(model: FaceModel, start_bytes: bytes) -> tuple[Array, Array]:
+    """Return R, (r, r), and sum_v a_v R^T X_v^T X_v R / tr(X_v S X_v^T), (r, r)."""
+    precision = centred_at(model, np.frombuffer(start_bytes)).usual().precisions[0]
+    root = np.linalg.inv(np.linalg.cholesky(precision)).T
+    samples = model.motion_samples
+    moves = samples.rows @ root
+    variances = np.einsum("nr,nr->n", moves, moves).reshape(-1, 3).sum(axis=1)
+    scale = np.sqrt(samples.areas / np.maximum(variances, 1e-6 * variances.max(initial=1e-12)))
+    scaled = moves * np.repeat(scale, 3)[:, None]
+    return root, scaled.T @ scaled
+
+
+def _step(value: float, first: float, last: float) -> float:
+    t = min(max((value - first) / (last - first), 0.0), 1.0)
+    return t * t * (3.0 - 2.0 * t)
