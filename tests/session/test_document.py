@@ -96,7 +96,7 @@ def test_a_pose_without_constraints_is_where_editing_starts(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"format": "other"}, "not a Face Poser session"),
+        ({"format": "other"}, 'no "format": "faceposer.session"'),
         ({"version": 9}, "version is 9"),
         ({"subjekt": 1}, "unknown key 'subjekt'"),
         ({"subject": 5}, "subject must be"),
@@ -129,7 +129,7 @@ def test_wrong_content_is_refused(tmp_path: Path, change: dict, said: str) -> No
         (b"", "not valid JSON at line 1"),
         (b"\xff\xfe\x00", "not a text file"),
         (b"[" * 100_000, "nested too deeply|not valid JSON"),
-        (b"[]", "not a Face Poser session"),
+        (b"[]", 'no "format": "faceposer.session"'),
     ],
 )
 def test_what_is_no_json_is_refused(tmp_path: Path, content: bytes, said: str) -> None:

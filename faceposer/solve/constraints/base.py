@@ -1,17 +1,16 @@
 """The base of all kinds of constraints: weight, switches, and what the rest of the program asks of a kind."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, Self
+from typing import Annotated, Any, ClassVar, Protocol, Self
 
+from msgspec import Meta
 from numpy.typing import ArrayLike
 
+from faceposer.files.json_documents import JsonObject
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.face_model import FaceModel
-from faceposer.solve.constraints import codec
 from faceposer.solve.term import Array
 
-#: The keys that the session file may have for a constraint of any kind.
-KEYS = frozenset({"weight", "enabled", "locked"})
 LARGEST_WEIGHT = 1e6
 
 
@@ -87,14 +86,15 @@ class ConstraintBase:
         return data | {"locked": True} if self.locked else data
 
 
-def switches_from_json(data: dict[str, Any], where: str) -> dict[str, Any]:
-    """Return the switches in ``data`` as keyword arguments.
+class ConstraintJson(JsonObject, kw_only=True):
+    """Base of the JSON forms of all kinds: the keys that each of them has."""
 
-    Raises:
-        FacePoserError: If one is of the wrong kind; ``where`` names the place.
-    """
-    return {
-        "weight": codec.number_from_json(data.get("weight", 1.0), f"{where}.weight", 0.0, LARGEST_WEIGHT),
-        "enabled": codec.flag_from_json(data.get("enabled", True), f"{where}.enabled"),
-        "locked": codec.flag_from_json(data.get("locked", False), f"{where}.locked"),
-    }
+    type: str
+    weight: Annotated[float, Meta(ge=0.0, le=LARGEST_WEIGHT)] = 1.0
+    enabled: bool = True
+    locked: bool = False
+
+    @property
+    def switches(self) -> dict[str, Any]:
+        """The weight and the switches as keyword arguments of a ``ConstraintBase``."""
+        return {"weight": self.weight, "enabled": self.enabled, "locked": self.locked}

@@ -8,17 +8,24 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from faceposer.files.json_documents import convert
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
-from faceposer.solve.constraints.base import KEYS, ConstraintBase, PlaceNames, switches_from_json
+from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson, PlaceNames
 from faceposer.solve.constraints.point import SIGMA_PX
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 
 # Pixels below which two points have no direction from one to the other.
 _COINCIDENT = 1e-6
+
+
+class _DistanceJson(ConstraintJson, kw_only=True):
+    anchors: tuple[codec.Anchor, codec.Anchor]
+    target: codec.NotNegative
+    camera: codec.CameraJson
 
 
 @dataclass(frozen=True)
@@ -107,14 +114,9 @@ class DistanceConstraint(ConstraintBase):
         Raises:
             FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
         """
-        codec.check_keys(data, {"type", "anchors", "target", "camera"}, KEYS, where)
-        first, second = codec.anchors_from_json(data["anchors"], f"{where}.anchors", 2, 2)
-        return cls(
-            (first, second),
-            codec.number_from_json(data["target"], f"{where}.target", minimum=0.0),
-            codec.camera_from_json(data["camera"], f"{where}.camera"),
-            **switches_from_json(data, where),
-        )
+        form = convert(data, _DistanceJson, where)
+        first, second = (anchor.anchor() for anchor in form.anchors)
+        return cls((first, second), form.target, form.camera.camera(), **form.switches)
 
 
 @lru_cache(maxsize=64)

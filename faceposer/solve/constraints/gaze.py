@@ -8,11 +8,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from faceposer.files.json_documents import convert
 from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
-from faceposer.solve.constraints.base import KEYS, ConstraintBase, PlaceNames, switches_from_json
+from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson, PlaceNames
 from faceposer.solve.constraints.fixed import PX_PER_CM
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 
@@ -23,6 +24,10 @@ REACH_CM = 22.0
 # How far a rig weight of gaze may be off, as a standard deviation.
 _SIGMA = 0.01
 _NO_POINTS = SurfacePoints(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+
+
+class _GazeJson(ConstraintJson, kw_only=True):
+    direction: codec.Pixel
 
 
 @dataclass(frozen=True)
@@ -101,9 +106,8 @@ class GazeConstraint(ConstraintBase):
         Raises:
             FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
         """
-        codec.check_keys(data, {"type", "direction"}, KEYS, where)
-        yaw, pitch = codec.numbers_from_json(data["direction"], 2, f"{where}.direction")
-        return cls((yaw, pitch), **switches_from_json(data, where)).within_reach()
+        form = convert(data, _GazeJson, where)
+        return cls(form.direction, **form.switches).within_reach()
 
     def within_reach(self) -> "GazeConstraint":
         """Return the constraint with its direction no farther than eyes turn."""

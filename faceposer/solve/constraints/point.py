@@ -8,12 +8,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from faceposer.files.json_documents import convert
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera, mirrored_pixels
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
-from faceposer.solve.constraints.base import KEYS, ConstraintBase, switches_from_json
+from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson
 from faceposer.solve.reach import reach_of_rows
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 
@@ -21,6 +22,12 @@ from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 SIGMA_PX = 1.5
 # By what share of its length a pull passes by what it means, as a standard deviation, and how many points are few.
 _SLACK, _FEW = 0.15, 3.0
+
+
+class _PointJson(ConstraintJson, kw_only=True):
+    anchor: codec.Anchor
+    target: codec.Pixel
+    camera: codec.CameraJson
 
 
 @dataclass(frozen=True)
@@ -95,13 +102,8 @@ class PointConstraint(ConstraintBase):
         Raises:
             FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
         """
-        codec.check_keys(data, {"type", "anchor", "target", "camera"}, KEYS, where)
-        return cls(
-            codec.anchor_from_json(data["anchor"], f"{where}.anchor"),
-            codec.pixel_from_json(data["target"], f"{where}.target"),
-            codec.camera_from_json(data["camera"], f"{where}.camera"),
-            **switches_from_json(data, where),
-        )
+        form = convert(data, _PointJson, where)
+        return cls(form.anchor.anchor(), form.target, form.camera.camera(), **form.switches)
 
 
 class PointTerm(ResidualTerm):

@@ -6,11 +6,11 @@ from typing import Any, ClassVar, Protocol, Self
 from numpy.typing import ArrayLike
 
 from faceposer.errors import FacePoserError
+from faceposer.files.json_documents import shown
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
-from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.base import PlaceNames
 from faceposer.solve.constraints.curve import CurveConstraint
 from faceposer.solve.constraints.distance import DistanceConstraint
@@ -132,5 +132,5 @@ def constraint_from_json(data: Any, where: str) -> Constraint:
     name = data["type"]
     if not isinstance(name, str) or name not in CONSTRAINTS:
         known = ", ".join(f"'{kind}'" for kind in CONSTRAINTS)
-        raise FacePoserError(f"{where}.type is {codec.shown(name)}; the types are {known}.")
+        raise FacePoserError(f"{where}.type is {shown(name)}; the types are {known}.")
     return CONSTRAINTS[name].from_json(data, where)

@@ -3,18 +3,20 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, Literal, cast, get_args
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import ArrayLike
 
+from faceposer.files.json_documents import JsonObject, convert
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera, mirrored_pixels
 from faceposer.geometry.picking import SurfacePoints
-from faceposer.geometry.strokes import STROKE_SHAPES, StrokeShape, stroke_pixels
+from faceposer.geometry.strokes import StrokeShape, stroke_pixels
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
-from faceposer.solve.constraints.base import KEYS, ConstraintBase, switches_from_json
+from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson
 from faceposer.solve.constraints.stroke_terms import StrokeDistanceTerm, StrokeImageTerm
 from faceposer.solve.term import Array, Indices, Term
 
@@ -24,6 +26,19 @@ STROKE_ENERGIES: tuple[StrokeEnergy, ...] = get_args(StrokeEnergy)
 WIDEST = 200.0
 # So many points of a stroke say as much as all of them.
 _SAMPLES = 200
+
+
+class _PaintedJson(JsonObject):
+    anchors: codec.Anchors
+
+
+class _StrokeJson(ConstraintJson, kw_only=True):
+    source: _PaintedJson | codec.Pixels
+    target: codec.Pixels
+    width: Annotated[float, Meta(ge=1.0, le=WIDEST)]
+    camera: codec.CameraJson
+    shape: StrokeShape = "line"
+    energy: StrokeEnergy = "distance"
 
 
 @dataclass(frozen=True)
@@ -153,24 +168,10 @@ class StrokeConstraint(ConstraintBase):
         Raises:
             FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
         """
-        codec.check_keys(data, {"type", "source", "target", "width", "camera"}, KEYS | {"shape", "energy"}, where)
-        source: SurfacePoints | Pixels
-        if isinstance(data["source"], dict):
-            codec.check_keys(data["source"], {"anchors"}, set(), f"{where}.source")
-            source = codec.points_from_json(data["source"]["anchors"], f"{where}.source.anchors")
-        else:
-            source = codec.pixels_from_json(data["source"], f"{where}.source", 1)
-        return cls(
-            source,
-            codec.pixels_from_json(data["target"], f"{where}.target", 1),
-            codec.number_from_json(data["width"], f"{where}.width", 1.0, WIDEST),
-            codec.camera_from_json(data["camera"], f"{where}.camera"),
-            cast(StrokeShape, codec.name_from_json(data.get("shape", "line"), f"{where}.shape", STROKE_SHAPES)),
-            cast(
-                StrokeEnergy, codec.name_from_json(data.get("energy", "distance"), f"{where}.energy", STROKE_ENERGIES)
-            ),
-            **switches_from_json(data, where),
-        )
+        form = convert(data, _StrokeJson, where)
+        source = codec.points_of(form.source.anchors) if isinstance(form.source, _PaintedJson) else form.source
+        camera = form.camera.camera()
+        return cls(source, form.target, form.width, camera, form.shape, form.energy, **form.switches)
 
 
 def as_pixels(points: ArrayLike) -> Pixels:
