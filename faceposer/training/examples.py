@@ -136,7 +136,7 @@ def subject_from_sequence(
         "settled": modes.settled,
         "prior": {"from": "examples", **choice.as_json()},
         "curves": curves.as_json(),
-        "warnings": _warnings(len(sequence), curves, modes),
+        "warnings": _warnings(len(sequence), curves, modes) + choice.warnings,
     }
     return Subject(
         name=options.name,
