@@ -144,7 +144,7 @@ def _bytes(path: Path, max_bytes: int) -> bytes:
 
 
 def _loads(content: bytes, unique_keys: bool) -> Any:
-    # The library does not find keys that are there twice, nor the line of an error; Python's own reader does.
+    # Python's own parser and not msgspec's: it names the line of an error, and can find keys that are there twice.
     text = content.decode("utf-8-sig")
     # Without escaped quotes, every other part between quotes is outside of texts.
     plain = content.replace(b"\\\\", b"").replace(b'\\"', b"").translate(None, _ALL_ELSE)
@@ -169,7 +169,7 @@ def _without_repetition(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     result = dict(pairs)
     if len(result) < len(pairs):
         names = [name for name, _ in pairs]
-        raise ValueError(f'"{next(name for name in names if names.count(name) > 1)}" is there twice')
+        raise _RefusedError(f'"{next(name for name in names if names.count(name) > 1)}" is there twice')
     return result
 
 

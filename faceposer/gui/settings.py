@@ -75,6 +75,8 @@ def last_folder(settings: Settings) -> Path:
 def _settings_from_json(data: Any) -> dict[str, Any]:
     """Return those of the remembered settings that can be used, by name."""
     usable: dict[str, Any] = {}
+    if not data:
+        return usable
     for name, kind in get_type_hints(Settings).items():
         with suppress(FacePoserError, KeyError, TypeError):
             usable[name] = convert(data[name], list if name == "recent" else kind)

@@ -293,8 +293,8 @@ class _JournalFile(JsonDocument, kw_only=True):
     session: Any
 
     def __post_init__(self) -> None:
-        path = Path(self.path or "/x")
-        if self.path == "" or "\0" in str(path) or not path.is_absolute() or not path.name:
+        path = None if self.path is None else Path(self.path)
+        if path is not None and ("\0" in str(path) or not path.is_absolute() or not path.name):
             raise JsonError("must be null or the whole path of a file", "path")
         if not 1980 <= self.saved_at.year < 9999:
             raise JsonError("must be the time of a write", "saved_at")
@@ -307,11 +307,9 @@ def _read(journal: Path, lock: FileLock) -> Orphan | None:
         UnreadableError: If the system does not let it be read.
         FacePoserError: If it is damaged.
     """
-    return (
-        read_json(journal, "journal", lambda data: _parsed(data, journal, lock), _MAX_BYTES)
-        if journal.exists()
-        else None
-    )
+    if not journal.exists():
+        return None
+    return read_json(journal, "journal", lambda data: _parsed(data, journal, lock), _MAX_BYTES)
 
 
 def _parsed(data: Any, journal: Path, lock: FileLock) -> Orphan | None:
