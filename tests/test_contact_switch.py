@@ -55,7 +55,7 @@ def test_a_session_keeps_that_contact_is_off(session: Path) -> None:
 def test_contact_is_true_or_false(session: Path) -> None:
     data = json.loads(session.read_text()) | {"contact": "yes"}
     session.write_text(json.dumps(data))
-    with pytest.raises(FacePoserError, match=r"contact is .* it must be true or false"):
+    with pytest.raises(FacePoserError, match=r"contact must be true or false"):
         read_document(session)
     face = faceposer.load("low")
     with pytest.raises(FacePoserError, match="contact is True or False"):

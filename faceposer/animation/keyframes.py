@@ -5,15 +5,17 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import UNSET, Meta, UnsetType
 from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.json_documents import JsonError, JsonObject
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
-from faceposer.solve.constraints import codec
+from faceposer.solve.constraints.codec import Coordinate, ShapeWeights, weights_to_json
 
 Array = NDArray[np.float64]
 
@@ -22,6 +24,38 @@ LONGEST = 100_000
 TOLERANCE = 0.02
 FASTEST = 1000.0
 _MOST_COEFFICIENTS = 4096
+
+Frame = Annotated[int, Meta(ge=0, lt=LONGEST)]
+
+
+class _KeyJson(JsonObject):
+    frame: Frame
+    coefficients: Annotated[list[Coordinate], Meta(max_length=_MOST_COEFFICIENTS)]
+    weights: ShapeWeights | UnsetType = UNSET
+
+    def key(self) -> "Key":
+        weights = None if self.weights is UNSET else np.array(self.weights)
+        return replace(Key.of(self.frame, self.coefficients), weights=weights)
+
+
+class KeyframesJson(JsonObject, kw_only=True):
+    """The keys in a session's file."""
+
+    rate: Annotated[float, Meta(ge=1e-3, le=FASTEST)]
+    length: Annotated[int, Meta(ge=1, le=LONGEST)]
+    keys: Annotated[list[_KeyJson], Meta(max_length=LONGEST)]
+    loop: bool = False
+
+    def __post_init__(self) -> None:
+        """Check that the frames rise."""
+        for i, (earlier, later) in enumerate(itertools.pairwise(self.keys), start=1):
+            if later.frame <= earlier.frame:
+                raise JsonError(f"must be after {earlier.frame}, that of the key before", f"keys[{i}].frame")
+
+    def keyframes(self) -> "Keyframes":
+        """Return the animation."""
+        keys = tuple(key.key() for key in self.keys)
+        return Keyframes(keys, self.rate, self.length, self.loop)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,47 +257,10 @@ class Keyframes:
             "keys": [_key_to_json(key) for key in self.keys],
         }
 
-    @classmethod
-    def from_json(cls, data: Any, where: str) -> "Keyframes":
-        """Return the animation that ``data`` at ``where`` in a session's file describes.
-
-        Raises:
-            FacePoserError: If anything is unknown, missing or of the wrong kind, naming its place.
-        """
-        codec.check_keys(data, {"rate", "length", "keys"}, {"loop"}, where)
-        rate = codec.number_from_json(data["rate"], f"{where}.rate", 1e-3, FASTEST)
-        length = codec.index_from_json(data["length"], f"{where}.length")
-        if not 1 <= length <= LONGEST:
-            raise FacePoserError(f"{where}.length must be from 1 to {LONGEST} frames, not {length}.")
-        entries = data["keys"]
-        if not isinstance(entries, list) or len(entries) > LONGEST:
-            raise FacePoserError(f"{where}.keys must be a list of at most {LONGEST}.")
-        keys = tuple(_key_from_json(entry, f"{where}.keys[{i}]") for i, entry in enumerate(entries))
-        for i, (earlier, later) in enumerate(itertools.pairwise(keys)):
-            if later.frame <= earlier.frame:
-                raise FacePoserError(
-                    f"{where}.keys[{i + 1}].frame must be after {earlier.frame}, that of the key before."
-                )
-        return cls(keys, rate, length, codec.flag_from_json(data.get("loop", False), f"{where}.loop"))
-
 
 def _key_to_json(key: Key) -> dict[str, Any]:
     data: dict[str, Any] = {"frame": key.frame, "coefficients": key.pose.tolist()}
-    return data if key.weights is None else data | {"weights": codec.weights_to_json(key.weights)}
-
-
-def _key_from_json(data: Any, where: str) -> Key:
-    codec.check_keys(data, {"frame", "coefficients"}, {"weights"}, where)
-    frame = codec.index_from_json(data["frame"], f"{where}.frame")
-    if frame >= LONGEST:
-        raise FacePoserError(f"{where}.frame must be below {LONGEST}, not {frame}.")
-    values = data["coefficients"]
-    if not isinstance(values, list) or len(values) > _MOST_COEFFICIENTS:
-        raise FacePoserError(f"{where}.coefficients must be a list of numbers.")
-    key = Key.of(frame, codec.numbers_from_json(values, len(values), f"{where}.coefficients"))
-    if "weights" not in data:
-        return key
-    return replace(key, weights=codec.weights_from_json(data["weights"], f"{where}.weights"))
+    return data if key.weights is None else data | {"weights": weights_to_json(key.weights)}
 
 
 def _shifted(keys: list[Key], by: int) -> list[Key]:

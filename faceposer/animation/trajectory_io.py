@@ -1,18 +1,19 @@
 """Trajectories from files: JSON, tables of pixels or of places in space, and C3D; docs/animation.md has their forms."""
 
-import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from faceposer.animation.trajectories import Trajectories
 from faceposer.errors import FacePoserError
-from faceposer.geometry.camera import VIEW_ANGLES, Camera, OrbitView
+from faceposer.files.json_documents import JsonDocument, JsonObject, check_header, convert, read_json, shown
+from faceposer.geometry.camera import Camera, OrbitView, ViewName
 from faceposer.geometry.marker_csv import MAX_MARKERS, MarkerTable, parse_marker_csv
 from faceposer.geometry.marker_io import MarkerMotion, read_markers
 from faceposer.geometry.marker_map import MarkerMap
@@ -42,6 +43,31 @@ _FARTHEST = 1e6
 _NEAR = 0.15
 
 Array = NDArray[np.float64]
+_Side = Annotated[float, Meta(ge=1.0, le=65536.0)]
+
+
+class _ViewJson(JsonObject):
+    view: ViewName
+    size: tuple[_Side, _Side]
+
+
+class _PointJson(JsonObject, kw_only=True):
+    name: str
+    anchor: Any = None
+    weight: Annotated[float, Meta(ge=0.0, le=_MAX_WEIGHT)] = 1.0
+    # Of two or three numbers, or None.
+    positions: Annotated[list[Any], Meta(min_length=1, max_length=_MAX_FRAMES)]
+
+
+class _FeatureJson(JsonObject):
+    feature: str
+
+
+class _TrajectoriesFile(JsonDocument, kw_only=True):
+    rate: Annotated[float, Meta(ge=_SLOWEST, le=_MAX_RATE)] = USUAL_RATE
+    # Its numbers, or a view.
+    camera: Any = None
+    points: Annotated[list[Annotated[_PointJson, Meta(title="points")]], Meta(min_length=1, max_length=MAX_MARKERS)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,10 +113,9 @@ def read_trajectories(
     if suffix == ".json":
         if marker_map is not None:
             raise FacePoserError(f"'{path}' says itself where its points are; leave the marker map out.")
-        try:
-            trajectories = trajectories_from_json(_json(path, "trajectories"), subject, camera, rate)
-        except FacePoserError as error:
-            raise _in_file(path, error) from error
+        trajectories = read_json(
+            path, "trajectories", lambda data: trajectories_from_json(data, subject, camera, rate), _MAX_BYTES
+        )
         if trajectories.camera is None:
             places = trajectories.points.positions(subject.vertices, subject.triangles)
             _check_near(path, trajectories.positions, places, subject, "give them in the face's centimetres")
@@ -110,17 +135,12 @@ def read_camera(path: Path, subject: Subject) -> Camera:
     Raises:
         FacePoserError: If the file cannot be read or has no camera.
     """
-    data = _json(path, "camera")
-    if isinstance(data, dict) and "camera" in data:
-        data = data["camera"]
-    try:
-        return camera_from_json(data, "camera", subject)
-    except FacePoserError as error:
-        raise _in_file(path, error) from error
 
+    def parsed(data: Any) -> Camera:
+        inner = data["camera"] if isinstance(data, dict) and "camera" in data else data
+        return camera_from_json(inner, "camera", subject)
 
-def _in_file(path: Path, error: FacePoserError) -> FacePoserError:
-    return error if str(path) in str(error) else FacePoserError(f"'{path}': {error}")
+    return read_json(path, "camera", parsed, _MAX_BYTES)
 
 
 def camera_from_json(data: Any, where: str, subject: Subject) -> Camera:
@@ -130,15 +150,11 @@ def camera_from_json(data: Any, where: str, subject: Subject) -> Camera:
         FacePoserError: If it is wrong; ``where`` names the place.
     """
     if not (isinstance(data, dict) and "view" in data):
-        return codec.camera_from_json(data, where)
-    codec.check_keys(data, {"view", "size"}, set(), where)
-    view = codec.name_from_json(data["view"], f"{where}.view", tuple(VIEW_ANGLES))
-    size = data["size"]
-    if not isinstance(size, list) or len(size) != 2:
-        raise FacePoserError(f"{where}.size must be a list of 2 whole numbers.")
-    width, height = (int(codec.number_from_json(side, f"{where}.size", 1, 65536)) for side in size)
+        return convert(data, codec.CameraJson, where).camera()
+    form = convert(data, _ViewJson, where)
+    width, height = map(int, form.size)
     vertices = subject.vertices
-    return OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0), view).camera((width, height))
+    return OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0), form.view).camera((width, height))
 
 
 def trajectories_from_json(
@@ -149,29 +165,19 @@ def trajectories_from_json(
     Raises:
         FacePoserError: If something in it is wrong, naming the place.
     """
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise FacePoserError(f'The file has no "format": "{FORMAT}"; it holds no trajectories.')
-    if data.get("version") != VERSION:
-        raise FacePoserError(f"The file has version {codec.shown(data.get('version'))}; this program reads {VERSION}.")
-    codec.check_keys(data, {"format", "version", "points"}, {"rate", "camera"}, "The file")
-    if rate is None:
-        rate = codec.number_from_json(data.get("rate", USUAL_RATE), "rate", _SLOWEST, _MAX_RATE)
-    in_picture = camera is not None or "camera" in data
-    if camera is None and in_picture:
-        camera = camera_from_json(data["camera"], "camera", subject)
-    entries = data["points"]
-    if not isinstance(entries, list) or not 1 <= len(entries) <= MAX_MARKERS:
-        raise FacePoserError(f"points must be a list of 1 to {MAX_MARKERS} points.")
-    names, anchors, weights, columns = [], [], [], []
-    for i, entry in enumerate(entries):
+    check_header(data, FORMAT, VERSION)
+    form = convert(data, _TrajectoriesFile)
+    if camera is None and "camera" in data:
+        camera = camera_from_json(form.camera, "camera", subject)
+    names: list[str] = []
+    anchors, columns = [], []
+    for i, point in enumerate(form.points):
         where = f"points[{i}]"
-        codec.check_keys(entry, {"name", "positions"}, {"anchor", "weight"}, where)
-        if not isinstance(entry["name"], str) or entry["name"] in names:
+        if point.name in names:
             raise FacePoserError(f"{where}.name must be text that no other point has.")
-        names.append(entry["name"])
-        anchors.append(_anchor(entry, where, subject))
-        weights.append(codec.number_from_json(entry.get("weight", 1.0), f"{where}.weight", 0.0, _MAX_WEIGHT))
-        columns.append(_column(entry["positions"], 2 if in_picture else 3, f"{where}.positions"))
+        names.append(point.name)
+        anchors.append(_anchor(point, where, subject))
+        columns.append(_column(point.positions, camera is not None, f"{where}.positions"))
         if len(columns[-1]) != len(columns[0]):
             raise FacePoserError(
                 f"{where} has {len(columns[-1])} positions, points[0] has {len(columns[0])}; give one or null a frame."
@@ -184,7 +190,8 @@ def trajectories_from_json(
         points.check(subject.triangles)
     except ValueError as error:
         raise FacePoserError(f"points: {error}.") from error
-    return Trajectories(tuple(names), points, positions, rate, camera, np.array(weights))
+    weights = np.array([point.weight for point in form.points])
+    return Trajectories(tuple(names), points, positions, rate or form.rate, camera, weights)
 
 
 def trajectories_to_json(trajectories: Trajectories) -> dict[str, Any]:
@@ -208,47 +215,29 @@ def trajectories_to_json(trajectories: Trajectories) -> dict[str, Any]:
     return data
 
 
-def _anchor(entry: Mapping[str, Any], where: str, subject: Subject) -> SurfacePoint | int:
-    anchor = entry.get("anchor")
-    if anchor is None:
-        found = _vertex_named(entry["name"], subject)
+def _anchor(point: _PointJson, where: str, subject: Subject) -> SurfacePoint | int:
+    if point.anchor is None:
+        found = _vertex_named(point.name, subject)
         if found is None:
             raise FacePoserError(f"{where} has no anchor, and its name is no feature point of {subject.name}.")
         return found
-    if isinstance(anchor, dict) and "feature" in anchor:
-        codec.check_keys(anchor, {"feature"}, set(), f"{where}.anchor")
-        name = anchor["feature"]
-        found = _vertex_named(name, subject) if isinstance(name, str) else None
+    if isinstance(point.anchor, dict) and "feature" in point.anchor:
+        name = convert(point.anchor, _FeatureJson, f"{where}.anchor").feature
+        found = _vertex_named(name, subject)
         if found is None:
             raise FacePoserError(
-                f"{where}.anchor.feature is {codec.shown(name)}, which is no feature point of {subject.name}."
+                f"{where}.anchor.feature is {shown(name)}, which is no feature point of {subject.name}."
             )
         return found
-    return codec.anchor_from_json(anchor, f"{where}.anchor")
+    return convert(point.anchor, codec.AnchorJson, f"{where}.anchor").anchor()
 
 
-def _column(rows: Any, n_axes: int, where: str) -> NDArray[np.float64]:
-    if not isinstance(rows, list) or not 1 <= len(rows) <= _MAX_FRAMES:
-        raise FacePoserError(f"{where} must be a list of 1 to {_MAX_FRAMES} positions.")
-    gap = [np.nan] * n_axes
-    return np.array(
-        [gap if row is None else codec.numbers_from_json(row, n_axes, f"{where}[{i}]") for i, row in enumerate(rows)]
-    )
-
-
-def _json(path: Path, kind: str) -> Any:
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise FacePoserError(f"The {kind} in '{path}' cannot be read: the file is too large; cut it into parts.")
-        return json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FacePoserError(
-            f"The {kind} in '{path}' cannot be read ({error.strerror or error}); check the path."
-        ) from error
-    except json.JSONDecodeError as error:
-        raise FacePoserError(f"'{path}' is not valid JSON at line {error.lineno}: {error.msg}; mend it.") from error
-    except (ValueError, RecursionError) as error:
-        raise FacePoserError(f"'{path}' is not valid JSON; write it as plain UTF-8.") from error
+def _column(positions: list[Any], in_picture: bool, where: str) -> NDArray[np.float64]:
+    if in_picture:
+        pixels = convert(positions, list[codec.Pixel | None], where)
+        return np.array([(np.nan,) * 2 if row is None else row for row in pixels])
+    places = convert(positions, list[codec.Triple | None], where)
+    return np.array([(np.nan,) * 3 if row is None else row for row in places])
 
 
 def _anchor_named(name: str, subject: Subject, path: Path) -> int:

@@ -1,5 +1,6 @@
 """What a caller may give besides places: refused at once and in one sentence, so that nothing wrong is ever saved."""
 
+import json
 import math
 from collections.abc import Iterable, Sequence
 from typing import TypeVar
@@ -133,4 +134,5 @@ def check_constraint(constraint: Constraint) -> None:
     Raises:
         FacePoserError: Naming what is wrong with it.
     """
-    constraint_from_json(constraint.to_json(), f"The {constraint.kind} constraint")
+    text = json.dumps(constraint.to_json(), default=repr)
+    constraint_from_json(json.loads(text), f"The {constraint.kind} constraint")

@@ -1,15 +1,16 @@
 """Which marker sits where on a mesh: a JSON file written by hand."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import UNSET, Meta, Struct, UnsetType, field
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.json_documents import JsonError, JsonObject, check_header, convert, read_json
 from faceposer.geometry.mesh import Floats, Ints
 from faceposer.geometry.mirror import nearest_on_triangles
 from faceposer.geometry.picking import SurfacePoints
@@ -97,7 +98,38 @@ class MarkerMap:
         return int(candidates[best]), weights[0, best]
 
     def _refusal(self, reason: str, remedy: str) -> FacePoserError:
-        return _refusal(self.source, reason, remedy)
+        return FacePoserError(f"The marker map '{self.source}' cannot be used: {reason}; {remedy}.")
+
+
+_PLACE = '{"vertex": 12}, {"feature": "8.3"} or {"position": [1.0, 2.0, 3.0]}'
+_Distance = Annotated[float, Meta(gt=-_FARTHEST, lt=_FARTHEST)]
+
+
+class _PlaceJson(JsonObject):
+    vertex: int | UnsetType = UNSET
+    feature: str | UnsetType = UNSET
+    position: tuple[_Distance, _Distance, _Distance] | UnsetType = UNSET
+
+    def __post_init__(self) -> None:
+        if [self.vertex, self.feature, self.position].count(UNSET) != 2:
+            raise JsonError(f"must be {_PLACE}")
+
+    def place(self) -> Place:
+        return next(value for value in (self.vertex, self.feature, self.position) if value is not UNSET)
+
+
+_Places = dict[str, Annotated[_PlaceJson, Meta(description=_PLACE)]]
+
+
+class _MarkerMapFile(Struct):
+    # Other keys are the author's notes.
+    markers: Annotated[_Places, Meta(min_length=1, description="an object with a place for each marker")]
+    fixed: list[str] = field(default_factory=list)
+    neutral_frame: Annotated[int, Meta(ge=0, description="the number of a frame, counted from 0")] | None = None
+
+    def __post_init__(self) -> None:
+        if self.fixed and len(set(self.fixed)) < 3:
+            raise JsonError("names fewer than three markers; name more, or remove it to have them found", "fixed")
 
 
 def read_marker_map(path: Path) -> MarkerMap:
@@ -106,68 +138,11 @@ def read_marker_map(path: Path) -> MarkerMap:
     Raises:
         FacePoserError: If it cannot be read, is no marker map, or says something that cannot be meant.
     """
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise _refusal(path, "it is too large", "give the map of one face")
-        data = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=_without_repetition)
-    except OSError as error:
-        raise _refusal(path, f"it cannot be read ({error.strerror or error})", "check the path") from None
-    except json.JSONDecodeError as error:
-        raise _refusal(path, f"line {error.lineno} is not JSON ({error.msg})", "mend it") from None
-    except (ValueError, RecursionError) as error:
-        raise _refusal(path, str(error), "mend it") from None
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise _refusal(path, f'it has no "format": "{FORMAT}"', "give a marker map")
-    if data.get("version") != VERSION:
-        raise _refusal(path, f"it has version {data.get('version')!r}", f"this program reads version {VERSION}")
-    markers = data.get("markers")
-    if not isinstance(markers, dict) or not markers:
-        raise _refusal(path, '"markers" is not an object with a place for each marker', "see docs/training.md")
-    fixed = data.get("fixed", [])
-    if not isinstance(fixed, list) or not all(isinstance(name, str) for name in fixed):
-        raise _refusal(path, '"fixed" is not a list of names of markers', "mend or remove it")
-    if fixed and len(set(fixed)) < 3:
-        raise _refusal(path, '"fixed" names fewer than three markers', "name more, or remove it to have them found")
-    neutral = data.get("neutral_frame")
-    if neutral is not None and not (_is_index(neutral) and neutral >= 0):
-        raise _refusal(path, '"neutral_frame" is not the number of a frame, counted from 0', "mend or remove it")
-    places = {name: _place(path, name, entry) for name, entry in markers.items()}
-    return MarkerMap(places, tuple(dict.fromkeys(fixed)), neutral, path)
 
+    def parsed(data: Any) -> MarkerMap:
+        check_header(data, FORMAT, VERSION)
+        form = convert(data, _MarkerMapFile)
+        places = {name: place.place() for name, place in form.markers.items()}
+        return MarkerMap(places, tuple(dict.fromkeys(form.fixed)), form.neutral_frame, path)
 
-def _place(path: Path, name: str, entry: Any) -> Place:
-    kind: str = ""
-    value: Any = None
-    if isinstance(entry, dict) and len(entry) == 1:
-        kind, value = next(iter(entry.items()))
-    if kind == "vertex" and _is_index(value):
-        return int(value)
-    if kind == "feature" and isinstance(value, str):
-        return value
-    if kind == "position" and isinstance(value, list) and len(value) == 3 and all(_is_coordinate(x) for x in value):
-        return float(value[0]), float(value[1]), float(value[2])
-    raise _refusal(
-        path,
-        f"the place of marker {name} is not understood",
-        'give {"vertex": 12}, {"feature": "8.3"} or {"position": [1.0, 2.0, 3.0]}',
-    )
-
-
-def _is_coordinate(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < _FARTHEST
-
-
-def _is_index(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def _without_repetition(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    result = dict(pairs)
-    if len(result) < len(pairs):
-        names = [name for name, _ in pairs]
-        raise ValueError(f'"{next(name for name in names if names.count(name) > 1)}" is there twice')
-    return result
-
-
-def _refusal(path: Path, reason: str, remedy: str) -> FacePoserError:
-    return FacePoserError(f"The marker map '{path}' cannot be used: {reason}; {remedy}.")
+    return read_json(path, "marker map", parsed, _MAX_BYTES, unique_keys=True)

@@ -2,17 +2,17 @@
 
 import json
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, get_type_hints
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
+from faceposer.files.json_documents import convert, read_json
 from faceposer.files.user_folders import state_folder
 from faceposer.tools.tool import Navigation
 
 _FILE = "window.json"
-_MAX_BYTES = 1 << 20
 MAX_RECENT = 8
 
 
@@ -48,17 +48,13 @@ class Settings:
 def load_settings() -> Settings:
     """Return the settings of the last run; what is missing or damaged has its default."""
     try:
-        path = state_folder() / _FILE
-        data = json.loads(path.read_text(encoding="utf-8")) if path.stat().st_size < _MAX_BYTES else {}
-    except (OSError, ValueError, RecursionError):
+        data = read_json(state_folder() / _FILE, "settings", _settings_from_json)
+    except FacePoserError:
         data = {}
     # Where nothing is remembered, somebody is new here.
     settings = Settings(welcome_done=bool(data))
-    if isinstance(data, dict):
-        for setting in fields(Settings):
-            value = _checked(setting.name, data.get(setting.name))
-            if value is not None:
-                setattr(settings, setting.name, value)
+    for name, value in data.items():
+        setattr(settings, name, value)
     return settings
 
 
@@ -76,19 +72,19 @@ def last_folder(settings: Settings) -> Path:
     return folder if folder.is_dir() else Path.home()
 
 
-def _checked(name: str, value: Any) -> Any:
-    """Return ``value`` if the setting ``name`` can have it, else None."""
-    if name == "navigation":
-        return value if value in get_args(Navigation) else None
-    if name == "window_size":
-        sound = isinstance(value, list) and len(value) == 2 and all(isinstance(v, int) for v in value)
-        return (min(max(value[0], 480), 16384), min(max(value[1], 360), 16384)) if sound else None
-    if name in ("welcome_done", "auto_key", "range_marks", "expression_lines"):
-        return value if isinstance(value, bool) else None
-    if name == "recent":
-        listed = value if isinstance(value, list) else []
-        return [path for path in listed if _is_whole_path(path)][:MAX_RECENT]
-    return value if isinstance(value, str) else None
+def _settings_from_json(data: Any) -> dict[str, Any]:
+    """Return those of the remembered settings that can be used, by name."""
+    usable: dict[str, Any] = {}
+    if not data:
+        return usable
+    for name, kind in get_type_hints(Settings).items():
+        with suppress(FacePoserError, KeyError, TypeError):
+            usable[name] = convert(data[name], list if name == "recent" else kind)
+    if "window_size" in usable:
+        width, height = usable["window_size"]
+        usable["window_size"] = (min(max(width, 480), 16384), min(max(height, 360), 16384))
+    usable["recent"] = [path for path in usable.get("recent", []) if _is_whole_path(path)][:MAX_RECENT]
+    return usable
 
 
 def _is_whole_path(value: Any) -> bool:

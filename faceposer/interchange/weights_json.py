@@ -2,13 +2,14 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
+from faceposer.files.json_documents import JsonError, check_header, convert, read_json, shown
 from faceposer.interchange.named_weights import NamedWeights
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
@@ -21,6 +22,24 @@ _MAX_NAMES = 10_000
 # Modes of examples reach some units; far more is no weight.
 _LARGEST = 1000.0
 _DIGITS = 6
+
+_Weights = list[Annotated[float, Meta(ge=-_LARGEST, le=_LARGEST)]]
+_Rate = Annotated[float, Meta(gt=0.0, le=1000.0, description="a number of frames per second above 0, at most 1000")]
+
+
+class _WeightsFile(Struct):
+    # Other keys are for other programs.
+    names: Annotated[tuple[str, ...], Meta(min_length=1, max_length=_MAX_NAMES)]
+    frames: Annotated[list[Annotated[_Weights, Meta(title="lists of weights")]], Meta(min_length=1)]
+    rate: _Rate | None = None
+
+    def __post_init__(self) -> None:
+        if len(set(self.names)) < len(self.names):
+            twice = next(name for i, name in enumerate(self.names) if name in self.names[:i])
+            raise JsonError(f"has {shown(twice)} twice", "names")
+        for i, frame in enumerate(self.frames):
+            if len(frame) != len(self.names):
+                raise JsonError(f"must be a list of {len(self.names)} weights, one for each name", f"frames[{i}]")
 
 
 def write_weights(path: Path, model: FaceModel, motion: NDArray[np.float64] | Performance) -> None:
@@ -47,46 +66,10 @@ def read_weights(path: Path) -> NamedWeights:
     Raises:
         FacePoserError: If it cannot be read or is not such a file, naming the place.
     """
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise FacePoserError(f"The weights '{path}' are larger than {_MAX_BYTES >> 20} MB; cut them into parts.")
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FacePoserError(f"The weights '{path}' cannot be read: {error.strerror}.") from error
-    except json.JSONDecodeError as error:
-        raise FacePoserError(
-            f"The weights '{path}' are not valid JSON at line {error.lineno}, column {error.colno}: {error.msg}."
-        ) from error
-    except (ValueError, RecursionError) as error:
-        raise FacePoserError(f"The weights '{path}' are not valid JSON.") from error
-    try:
-        return _parsed(data)
-    except ValueError as error:
-        raise FacePoserError(f"The weights '{path}' cannot be used: {error}.") from error
+    return read_json(path, "weights", _weights_from_json, _MAX_BYTES)
 
 
-def _parsed(data: Any) -> NamedWeights:
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise ValueError(f'they lack \'"format": "{FORMAT}"\'')
-    if data.get("version") != VERSION:
-        raise ValueError(f"their version is {str(data.get('version'))[:20]}, and this program reads {VERSION}")
-    names, frames, rate = data.get("names"), data.get("frames"), data.get("rate")
-    if not isinstance(names, list) or not 0 < len(names) <= _MAX_NAMES or not all(isinstance(n, str) for n in names):
-        raise ValueError("'names' must be a list of the shapes' names")
-    if len(set(names)) < len(names):
-        twice = next(name for i, name in enumerate(names) if name in names[:i])
-        raise ValueError(f"'names' has '{twice[:60]}' twice")
-    if not isinstance(frames, list) or not frames:
-        raise ValueError("'frames' must be a list of at least one list of weights")
-    for i, frame in enumerate(frames):
-        if not isinstance(frame, list) or len(frame) != len(names):
-            raise ValueError(f"frames[{i}] must be a list of {len(names)} weights, one for each name")
-        for j, value in enumerate(frame):
-            if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) <= _LARGEST:
-                raise ValueError(f"frames[{i}][{j}] is {str(value)[:20]}, no weight")
-    if rate is not None:
-        good = isinstance(rate, int | float) and not isinstance(rate, bool) and 0 < rate <= 1000
-        if not good:
-            raise ValueError(f"'rate' is {str(rate)[:20]}, not frames per second from 0 to 1000")
-        rate = float(rate)
-    return NamedWeights(tuple(names), np.array(frames, dtype=np.float64), rate)
+def _weights_from_json(data: Any) -> NamedWeights:
+    check_header(data, FORMAT, VERSION)
+    form = convert(data, _WeightsFile)
+    return NamedWeights(form.names, np.array(form.frames), form.rate)

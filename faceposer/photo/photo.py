@@ -1,11 +1,14 @@
 """A photo beside the face: its pins, the camera that took it and how it is shown (docs/photo.md)."""
 
 import os
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from faceposer.errors import FacePoserError
+from msgspec import UNSET, Meta, UnsetType, field
+
+from faceposer.files.json_documents import JsonError, JsonObject, given
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.face_model import FaceModel
@@ -16,8 +19,69 @@ Place = str | SurfacePoint | int
 
 MAX_PHOTOS = 100
 _MAX_PINS = 1000
-_MAX_SIDE = 65536
 _MAX_FOCAL = 1e6
+
+
+_PointName = Annotated[str, Meta(min_length=1, description='the name of a feature point, such as "8.3"')]
+
+
+class _PinJson(JsonObject, kw_only=True):
+    point: _PointName | UnsetType = UNSET
+    anchor: codec.Anchor | UnsetType = UNSET
+    pixel: codec.Pixel
+    rest: codec.Triple | UnsetType = UNSET
+
+    def __post_init__(self) -> None:
+        if (self.point is UNSET) == (self.anchor is UNSET):
+            raise JsonError("must have one of the keys 'point' and 'anchor'")
+        if self.rest is not UNSET and self.anchor is UNSET:
+            raise JsonError("must have the key 'rest' with an 'anchor' alone")
+
+    def pin(self) -> "Pin":
+        if self.anchor is not UNSET:
+            return Pin(self.anchor.anchor(), self.pixel, given(self.rest))
+        return Pin(given(self.point) or "", self.pixel)
+
+
+PinsJson = Annotated[list[Annotated[_PinJson, Meta(title="pins")]], Meta(max_length=_MAX_PINS)]
+
+
+class PhotoJson(JsonObject, kw_only=True):
+    """A photo in a session's file; see ``Photo``."""
+
+    path: Annotated[str, Meta(min_length=1, description="the path of a picture")]
+    size: codec.PictureSize
+    pins: PinsJson = field(default_factory=list)
+    camera: codec.CameraJson | UnsetType = UNSET
+    focal: Annotated[float, Meta(ge=1.0, le=_MAX_FOCAL)] | UnsetType = UNSET
+    opacity: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.6
+    front: bool = False
+    visible: bool = True
+
+    def __post_init__(self) -> None:
+        """Check that the camera is the photo's, and that no place is pinned twice."""
+        if self.camera is not UNSET and self.camera.size != self.size:
+            raise JsonError("is of a picture of another size than the photo", "camera")
+        check_places(self.pins, "pins")
+
+    def photo(self) -> "Photo":
+        """Return the photo."""
+        pins = tuple(pin.pin() for pin in self.pins)
+        camera = None if self.camera is UNSET else self.camera.camera()
+        return Photo(self.path, self.size, pins, camera, given(self.focal), self.opacity, self.front, self.visible)
+
+
+PhotosJson = Annotated[list[Annotated[PhotoJson, Meta(title="photos")]], Meta(max_length=MAX_PHOTOS)]
+
+
+def check_places(pins: list[_PinJson], key: str) -> None:
+    """Raise ``JsonError`` if two of ``pins``, the value of ``key``, are of one place."""
+    seen: set[Place] = set()
+    for i, pin in enumerate(pins):
+        place = pin.pin().place
+        if place in seen:
+            raise JsonError("pins a place that another one pins already", f"{key}[{i}]")
+        seen.add(place)
 
 
 @dataclass(frozen=True)
@@ -32,7 +96,7 @@ class Pin:
 
     place: Place
     pixel: Pixel
-    rest: tuple[float, float, float] | None = field(default=None, compare=False)
+    rest: tuple[float, float, float] | None = dataclass_field(default=None, compare=False)
 
     def with_rest(self, model: FaceModel) -> "Pin":
         """Return the pin as a file keeps it, with its rest position unless it has a name."""
@@ -48,40 +112,6 @@ class Pin:
             return {"point": self.place, "pixel": list(self.pixel)}
         data = {"anchor": codec.anchor_to_json(self.place), "pixel": list(self.pixel)}
         return data if self.rest is None else data | {"rest": list(self.rest)}
-
-    @classmethod
-    def from_json(cls, data: Any, where: str) -> "Pin":
-        """Return the pin that ``data`` describes.
-
-        Raises:
-            FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
-        """
-        rest = None
-        if isinstance(data, dict) and "anchor" in data:
-            codec.check_keys(data, {"anchor", "pixel"}, {"rest"}, where)
-            place: Place = codec.anchor_from_json(data["anchor"], f"{where}.anchor")
-            if "rest" in data:
-                x, y, z = codec.numbers_from_json(data["rest"], 3, f"{where}.rest")
-                rest = (x, y, z)
-        else:
-            codec.check_keys(data, {"point", "pixel"}, set(), where)
-            if not isinstance(data["point"], str) or not data["point"]:
-                raise FacePoserError(f'{where}.point must be the name of a feature point, such as "8.3".')
-            place = data["point"]
-        return cls(place, codec.pixel_from_json(data["pixel"], f"{where}.pixel"), rest)
-
-
-def pins_from_json(value: Any, where: str) -> tuple[Pin, ...]:
-    """Return the pins in the list ``value``, no place twice, or raise ``FacePoserError``."""
-    if not isinstance(value, list) or len(value) > _MAX_PINS:
-        raise FacePoserError(f"{where} must be a list of at most {_MAX_PINS} pins.")
-    pins = tuple(Pin.from_json(item, f"{where}[{i}]") for i, item in enumerate(value))
-    seen: set[Place] = set()
-    for i, pin in enumerate(pins):
-        if pin.place in seen:
-            raise FacePoserError(f"{where}[{i}] pins a place that another one pins already.")
-        seen.add(pin.place)
-    return pins
 
 
 @dataclass(frozen=True)
@@ -147,44 +177,6 @@ class Photo:
         if self.focal is not None:
             data["focal"] = self.focal
         return data
-
-    @classmethod
-    def from_json(cls, data: Any, where: str) -> "Photo":
-        """Return the photo that ``data`` describes; its file is not looked for.
-
-        Raises:
-            FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
-        """
-        optional = {"pins", "camera", "focal", "opacity", "front", "visible"}
-        codec.check_keys(data, {"path", "size"}, optional, where)
-        if not isinstance(data["path"], str) or not data["path"]:
-            raise FacePoserError(f"{where}.path must be the path of a picture.")
-        if not isinstance(data["size"], list) or len(data["size"]) != 2:
-            raise FacePoserError(f"{where}.size must be a list of 2 whole numbers.")
-        width, height = (codec.index_from_json(side, f"{where}.size[{i}]") for i, side in enumerate(data["size"]))
-        if not (0 < width <= _MAX_SIDE and 0 < height <= _MAX_SIDE):
-            raise FacePoserError(f"{where}.size must be from 1 to {_MAX_SIDE} pixels each way.")
-        camera = codec.camera_from_json(data["camera"], f"{where}.camera") if "camera" in data else None
-        if camera is not None and camera.size != (width, height):
-            raise FacePoserError(f"{where}.camera is of a picture of another size than the photo.")
-        focal = codec.number_from_json(data["focal"], f"{where}.focal", 1.0, _MAX_FOCAL) if "focal" in data else None
-        return cls(
-            data["path"],
-            (width, height),
-            pins_from_json(data.get("pins", []), f"{where}.pins"),
-            camera,
-            focal,
-            codec.number_from_json(data.get("opacity", 0.6), f"{where}.opacity", 0.0, 1.0),
-            codec.flag_from_json(data.get("front", False), f"{where}.front"),
-            codec.flag_from_json(data.get("visible", True), f"{where}.visible"),
-        )
-
-
-def photos_from_json(value: Any, where: str) -> tuple[Photo, ...]:
-    """Return the photos in the list ``value``, or raise ``FacePoserError``."""
-    if not isinstance(value, list) or len(value) > MAX_PHOTOS:
-        raise FacePoserError(f"{where} must be a list of at most {MAX_PHOTOS} photos.")
-    return tuple(Photo.from_json(item, f"{where}[{i}]") for i, item in enumerate(value))
 
 
 def whole_path(path: str, folder: Path) -> str:

@@ -5,19 +5,38 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import Meta
 
 from faceposer.errors import FacePoserError
+from faceposer.files.json_documents import JsonDocument, JsonError, check_header, convert, read_json
 
 FORMAT = "faceposer.pose"
 VERSION = 1
 #: Letters of a name, of a tag, and of a note.
 LONGEST_NAME, LONGEST_NOTE = 80, 400
-_MAX_BYTES = 1 << 20
 _MAX_WEIGHTS, _MAX_TAGS = 2000, 32
 _MAX_WEIGHT = 1e6
 # Decimals of a weight: a hundred thousandth of a shape moves no point by a micrometre.
 _DECIMALS = 6
+
+_Weight = Annotated[float, Meta(ge=-_MAX_WEIGHT, le=_MAX_WEIGHT)]
+_Word = Annotated[str, Meta(max_length=LONGEST_NAME, title="words")]
+
+
+class _PoseFile(JsonDocument, kw_only=True):
+    name: Any = None
+    weights: Annotated[dict[str, _Weight], Meta(max_length=_MAX_WEIGHTS)]
+    subject: _Word = ""
+    tags: Annotated[tuple[_Word, ...], Meta(max_length=_MAX_TAGS)] = ()
+    note: Annotated[str, Meta(max_length=LONGEST_NOTE)] = ""
+
+    def __post_init__(self) -> None:
+        texts = {"subject": self.subject, "note": self.note} | {f"tags[{i}]": tag for i, tag in enumerate(self.tags)}
+        for key, text in texts.items():
+            if not text.isprintable():
+                raise JsonError("must be on one line, of letters that can be seen", key)
 
 
 @dataclass(frozen=True)
@@ -65,31 +84,9 @@ class Pose:
         Raises:
             FacePoserError: If anything is unknown, missing or of the wrong kind, naming its place.
         """
-        if not isinstance(data, dict) or data.get("format") != FORMAT:
-            raise FacePoserError(f'it is no pose: it lacks \'"format": "{FORMAT}"\'.')
-        if data.get("version") != VERSION:
-            raise FacePoserError(f"version is {_shown(data.get('version'))}; this program reads version {VERSION}.")
-        unknown = sorted(set(data) - {"format", "version", "name", "subject", "tags", "note", "weights"})
-        if unknown:
-            raise FacePoserError(f"it has the unknown key {_shown(unknown[0])}.")
-        tags, weights = data.get("tags", []), data.get("weights")
-        if not isinstance(tags, list) or len(tags) > _MAX_TAGS or not all(_is_text(tag, LONGEST_NAME) for tag in tags):
-            raise FacePoserError(f"tags must be a list of at most {_MAX_TAGS} words.")
-        if not _is_text(data.get("subject", ""), LONGEST_NAME) or not _is_text(data.get("note", ""), LONGEST_NOTE):
-            raise FacePoserError("subject and note must be short texts.")
-        if not isinstance(weights, dict) or len(weights) > _MAX_WEIGHTS:
-            raise FacePoserError(f"weights must be an object of at most {_MAX_WEIGHTS} numbers by the names of shapes.")
-        for shape, weight in weights.items():
-            number = isinstance(weight, (int, float)) and not isinstance(weight, bool)
-            if not number or not -_MAX_WEIGHT <= weight <= _MAX_WEIGHT:
-                raise FacePoserError(f"weights.{shape[:40]} must be a number, not {_shown(weight)}.")
-        return cls(
-            checked_name(data.get("name")),
-            {shape: float(weight) for shape, weight in weights.items()},
-            data.get("subject", ""),
-            tuple(tags),
-            data.get("note", ""),
-        )
+        check_header(data, FORMAT, VERSION)
+        form = convert(data, _PoseFile)
+        return cls(checked_name(form.name), form.weights, form.subject, form.tags, form.note)
 
 
 def checked_name(name: Any) -> str:
@@ -99,7 +96,7 @@ def checked_name(name: Any) -> str:
         FacePoserError: If it is empty, too long, or no line of text.
     """
     text = name.strip() if isinstance(name, str) else ""
-    if not text or not _is_text(text, LONGEST_NAME):
+    if not 0 < len(text) <= LONGEST_NAME or not text.isprintable():
         raise FacePoserError(f"A pose needs a name of 1 to {LONGEST_NAME} letters on one line.")
     return text
 
@@ -110,27 +107,9 @@ def read_pose(path: Path) -> Pose:
     Raises:
         FacePoserError: If the file cannot be read or is not such a file, naming the place.
     """
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise FacePoserError("it is larger than 1 MB.")
-        return Pose.from_json(json.loads(path.read_text(encoding="utf-8")))
-    except FacePoserError as error:
-        raise FacePoserError(f"The pose '{path}' cannot be used: {error}") from error
-    except OSError as error:
-        raise FacePoserError(f"The pose '{path}' cannot be read: {error.strerror}.") from error
-    except (ValueError, RecursionError) as error:
-        raise FacePoserError(f"The pose '{path}' is not valid JSON; save it again or delete it.") from error
+    return read_json(path, "pose", Pose.from_json)
 
 
 def pose_text(pose: Pose) -> str:
     """Return the content of the file of ``pose``."""
     return json.dumps(pose.to_json(), indent=1, ensure_ascii=False) + "\n"
-
-
-def _is_text(value: Any, longest: int) -> bool:
-    return isinstance(value, str) and len(value) <= longest and (not value or value.isprintable())
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 40 else text[:37] + "..."

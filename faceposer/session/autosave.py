@@ -9,17 +9,19 @@ import json
 import math
 import os
 import secrets
-import stat
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import Meta
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
+from faceposer.files.json_documents import JsonDocument, JsonError, UnreadableError, check_header, convert, read_json
 from faceposer.files.user_folders import state_folder
 from faceposer.geometry.camera import Camera
 from faceposer.session.document import Document
@@ -27,7 +29,6 @@ from faceposer.session.file_lock import FileLock, take_lock
 from faceposer.session.opening import session_of
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
-from faceposer.solve.constraints.codec import check_keys
 
 FORMAT = "faceposer.autosave"
 VERSION = 1
@@ -266,7 +267,7 @@ def _claim(journal: Path, lock: FileLock, damaged: list[Path]) -> Orphan | None:
             temporary.unlink(missing_ok=True)
         orphan = _read(journal, lock)
         left = journal.exists()
-    except OSError:
+    except (OSError, UnreadableError):
         left = True
     except FacePoserError:
         try:
@@ -286,51 +287,40 @@ def _free_name(journal: Path) -> Path:
     return path
 
 
+class _JournalFile(JsonDocument, kw_only=True):
+    path: str | None
+    saved_at: Annotated[datetime, Meta(tz=True, description="a date and time with its zone")]
+    session: Any
+
+    def __post_init__(self) -> None:
+        path = None if self.path is None else Path(self.path)
+        if path is not None and ("\0" in str(path) or not path.is_absolute() or not path.name):
+            raise JsonError("must be null or the whole path of a file", "path")
+        if not 1980 <= self.saved_at.year < 9999:
+            raise JsonError("must be the time of a write", "saved_at")
+
+
 def _read(journal: Path, lock: FileLock) -> Orphan | None:
     """Return what ``journal`` holds, or None if there is none or a newer program wrote it.
 
     Raises:
+        UnreadableError: If the system does not let it be read.
         FacePoserError: If it is damaged.
-        OSError: If it cannot be read.
     """
-    try:
-        status = journal.stat()
-    except FileNotFoundError:
+    if not journal.exists():
         return None
-    if not stat.S_ISREG(status.st_mode) or status.st_size > _MAX_BYTES:
-        raise FacePoserError(f"it is no file of at most {_MAX_BYTES // 2**20} MB.")
-    try:
-        data = json.loads(journal.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise FacePoserError("it is not valid JSON.") from error
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise FacePoserError(f'it lacks \'"format": "{FORMAT}"\'.')
-    version = data.get("version")
-    if not isinstance(version, int) or isinstance(version, bool) or version < VERSION:
-        raise FacePoserError("its version is none that there ever was.")
-    if version > VERSION:
+    return read_json(journal, "journal", lambda data: _parsed(data, journal, lock), _MAX_BYTES)
+
+
+def _parsed(data: Any, journal: Path, lock: FileLock) -> Orphan | None:
+    version = data.get("version") if isinstance(data, dict) else None
+    if isinstance(version, int) and version > VERSION and data.get("format") == FORMAT:
         return None
-    check_keys(data, {"format", "version", "path", "saved_at", "session"}, set(), "the journal")
+    check_header(data, FORMAT, VERSION)
+    form = convert(data, _JournalFile)
     try:
-        document = Document.from_json(data["session"])
+        document = Document.from_json(form.session)
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
         raise FacePoserError("its session is damaged.") from error
-    return Orphan(journal, document, _path_from_json(data["path"]), _time_from_json(data["saved_at"]), lock)
-
-
-def _path_from_json(value: Any) -> Path | None:
-    if value is None:
-        return None
-    if not isinstance(value, str) or "\0" in value or not Path(value).is_absolute() or not Path(value).name:
-        raise FacePoserError("path must be null or the whole path of a file.")
-    return Path(value)
-
-
-def _time_from_json(value: Any) -> datetime:
-    try:
-        time_ = datetime.fromisoformat(value) if isinstance(value, str) else None
-    except ValueError:
-        time_ = None
-    if time_ is None or time_.tzinfo is None or not 1980 <= time_.year < 9999:
-        raise FacePoserError("saved_at must be a date and time with its zone.")
-    return time_.astimezone(UTC)
+    path = None if form.path is None else Path(form.path)
+    return Orphan(journal, document, path, form.saved_at.astimezone(UTC), lock)

@@ -4,12 +4,13 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.files.json_documents import JsonObject
 from faceposer.geometry.alignment import Similarity, determines_rotation, rigid_alignment
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.subject import Subject
@@ -29,6 +30,35 @@ class PartRuns:
 
     triangles: tuple[int, int]
     vertices: tuple[int, int]
+
+
+class _RunsJson(JsonObject):
+    triangles: tuple[codec.Index, codec.Index]
+    vertices: tuple[codec.Index, codec.Index]
+
+
+class CharacterVersionJson(JsonObject):
+    """The version in a session's file; see ``CharacterVersion``."""
+
+    vertices: codec.Index
+    triangles: codec.Index
+    faces: Annotated[str, Meta(description="the SHA-256 of the triangles")]
+    parts: Annotated[dict[str, _RunsJson], Meta(max_length=_MOST_NAMES)]
+    feature_points: Annotated[dict[str, codec.Position], Meta(max_length=_MOST_NAMES)]
+    box: tuple[codec.Position, codec.Position]
+    shapes: Annotated[tuple[str, ...], Meta(max_length=_MOST_NAMES, description="a list of names")]
+
+    def version(self) -> "CharacterVersion":
+        """Return the version."""
+        return CharacterVersion(
+            self.vertices,
+            self.triangles,
+            self.faces,
+            {name: PartRuns(runs.triangles, runs.vertices) for name, runs in self.parts.items()},
+            self.feature_points,
+            self.box,
+            self.shapes,
+        )
 
 
 @dataclass(frozen=True)
@@ -73,37 +103,6 @@ class CharacterVersion:
             "shapes": list(self.shapes),
         }
 
-    @classmethod
-    def from_json(cls, data: Any, where: str) -> "CharacterVersion":
-        """Return the version that ``data`` at ``where`` describes.
-
-        Raises:
-            FacePoserError: If a key is unknown, missing or of the wrong kind, naming its place.
-        """
-        keys = {"vertices", "triangles", "faces", "parts", "feature_points", "box", "shapes"}
-        codec.check_keys(data, keys, set(), where)
-        shapes = data["shapes"]
-        if not isinstance(shapes, list) or len(shapes) > _MOST_NAMES or not all(isinstance(n, str) for n in shapes):
-            raise FacePoserError(f"{where}.shapes must be a list of names.")
-        if not isinstance(data["faces"], str):
-            raise FacePoserError(f"{where}.faces must be the SHA-256 of the triangles.")
-        box = data["box"]
-        if not isinstance(box, list) or len(box) != 2:
-            raise FacePoserError(f"{where}.box must be a list of 2 positions.")
-        low, high = (_place_from_json(end, f"{where}.box[{i}]") for i, end in enumerate(box))
-        return cls(
-            codec.index_from_json(data["vertices"], f"{where}.vertices"),
-            codec.index_from_json(data["triangles"], f"{where}.triangles"),
-            data["faces"],
-            {name: _runs_from_json(runs, f"{where}.parts.{name}") for name, runs in _named(data, "parts", where)},
-            {
-                name: _place_from_json(place, f"{where}.feature_points.{name}")
-                for name, place in _named(data, "feature_points", where)
-            },
-            (low, high),
-            tuple(shapes),
-        )
-
     def same_topology(self, other: "CharacterVersion") -> bool:
         """Whether vertices and triangles are numbered alike in both, so that places can be taken over by number."""
         mine = (self.vertices, self.triangles, self.faces, dict(self.parts))
@@ -143,29 +142,6 @@ class CharacterVersion:
         size = float(np.linalg.norm(high - low))
         scale = float(np.linalg.norm(other_high - other_low)) / size if size > 0.0 else 1.0
         return Similarity(np.eye(3), (other_low + other_high - scale * (low + high)) / 2.0, np.asarray(scale))
-
-
-def _named(data: dict[str, Any], key: str, where: str) -> list[tuple[str, Any]]:
-    entries = data[key]
-    if not isinstance(entries, dict) or len(entries) > _MOST_NAMES:
-        raise FacePoserError(f"{where}.{key} must be an object.")
-    return list(entries.items())
-
-
-def _place_from_json(value: Any, where: str) -> Place:
-    x, y, z = codec.numbers_from_json(value, 3, where)
-    return (x, y, z)
-
-
-def _runs_from_json(value: Any, where: str) -> PartRuns:
-    codec.check_keys(value, {"triangles", "vertices"}, set(), where)
-    runs = []
-    for key in ("triangles", "vertices"):
-        if not isinstance(value[key], list) or len(value[key]) != 2:
-            raise FacePoserError(f"{where}.{key} must be a list of 2 numbers.")
-        first, last = (codec.index_from_json(end, f"{where}.{key}[{i}]") for i, end in enumerate(value[key]))
-        runs.append((first, last))
-    return PartRuns(*runs)
 
 
 def _aligns(here: Array, there: Array) -> bool:

@@ -5,22 +5,24 @@ import os
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import UNSET, Meta, UnsetType, field
 from numpy.typing import ArrayLike, NDArray
 
-from faceposer.animation.keyframes import LONGEST, Keyframes
+from faceposer.animation.keyframes import Frame, Keyframes, KeyframesJson
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
+from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.aligning import aligned
-from faceposer.photo.photo import Photo, photos_from_json
-from faceposer.session.character_version import CharacterVersion
+from faceposer.photo.photo import Photo, PhotosJson
+from faceposer.session.character_version import CharacterVersion, CharacterVersionJson
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.registry import Constraint, constraint_from_json
-from faceposer.solve.priors import PRIORS, Prior
+from faceposer.solve.priors import Prior
 from faceposer.solve.problem import SPREAD
 
 FORMAT = "faceposer.session"
@@ -28,10 +30,6 @@ VERSION = 1
 _MAX_BYTES = 64 * 2**20
 _MAX_PRIOR_WEIGHT = 1000.0
 _MAX_CONSTRAINTS = 10_000
-_OPTIONAL = {
-    *("prior_weight", "prior", "spread", "coefficients", "weights", "start", "start_weights", "contact", "camera"),
-    *("photos", "animation", "character"),
-}
 # A list of numbers over several lines, as an indented file has it.
 _NUMBERS = re.compile(r"\[\s+([-+.eE\d]+(?:,\s+[-+.eE\d]+)*)\s+\]")
 
@@ -209,56 +207,32 @@ class Document:
         Raises:
             FacePoserError: If anything is unknown, missing or of the wrong kind, naming its place.
         """
-        if not isinstance(data, dict) or data.get("format") != FORMAT:
-            raise FacePoserError(f'this is not a Face Poser session: it lacks \'"format": "{FORMAT}"\'.')
-        if data.get("version") != VERSION:
-            shown = codec.shown(data.get("version"))
-            raise FacePoserError(f"version is {shown}; this program reads version {VERSION}.")
-        codec.check_keys(
-            data,
-            {"format", "version", "subject", "constraints"},
-            _OPTIONAL,
-            "the session",
-        )
-        if not isinstance(data["subject"], str) or not data["subject"]:
-            raise FacePoserError("subject must be the name or the path of a subject.")
-        entries = data["constraints"]
-        if not isinstance(entries, list) or len(entries) > _MAX_CONSTRAINTS:
-            raise FacePoserError(f"constraints must be a list of at most {_MAX_CONSTRAINTS}.")
-        prior = data.get("prior", "regions")
-        if prior not in PRIORS:
-            raise FacePoserError(f"prior is {codec.shown(prior)}; it must be one of {', '.join(PRIORS)}.")
-        contact = data.get("contact", True)
-        if not isinstance(contact, bool):
-            raise FacePoserError(f"contact is {codec.shown(contact)}; it must be true or false.")
+        check_header(data, FORMAT, VERSION)
+        form = convert(data, _SessionFile)
         document = cls(
-            data["subject"],
-            tuple(constraint_from_json(entry, f"constraints[{i}]") for i, entry in enumerate(entries)),
-            codec.number_from_json(data.get("prior_weight", 1.0), "prior_weight", 0.0, _MAX_PRIOR_WEIGHT),
-            camera=codec.camera_from_json(data["camera"], "camera") if "camera" in data else None,
-            prior=prior,
-            spread=codec.number_from_json(data.get("spread", SPREAD), "spread", 0.0, 1.0),
-            photos=photos_from_json(data.get("photos", []), "photos"),
-            contact=contact,
+            form.subject,
+            tuple(constraint_from_json(entry, f"constraints[{i}]") for i, entry in enumerate(form.constraints)),
+            form.prior_weight,
+            camera=None if form.camera is UNSET else form.camera.camera(),
+            prior=form.prior,
+            spread=form.spread,
+            photos=tuple(photo.photo() for photo in form.photos),
+            contact=form.contact,
         )
-        if "start" in data:
-            document = document.starting_from(_pose_from_json(data["start"], "start"))
-        if "coefficients" in data:
-            document = document.posed(_pose_from_json(data["coefficients"], "coefficients"))
-            if not entries and "start" not in data:
+        if form.start is not UNSET:
+            document = document.starting_from(form.start)
+        if form.coefficients is not UNSET:
+            document = document.posed(form.coefficients)
+            if not form.constraints and form.start is UNSET:
                 document = replace(document, start=document.coefficients)
-        if "animation" in data:
-            document = document._with_animation(data["animation"])
-        return replace(document, made_on=_made_on_from_json(data))
-
-    def _with_animation(self, data: Any) -> "Document":
-        if not isinstance(data, dict):
-            raise FacePoserError("animation must be an object with the keys 'keys', 'length', 'rate'.")
-        frame = codec.index_from_json(data.get("frame", 0), "animation.frame")
-        if frame >= LONGEST:
-            raise FacePoserError(f"animation.frame must be below {LONGEST}, not {frame}.")
-        keys = {name: value for name, value in data.items() if name != "frame"}
-        return replace(self, keyframes=Keyframes.from_json(keys, "animation"), frame=frame)
+        if form.animation is not UNSET:
+            document = replace(document, keyframes=form.animation.keyframes(), frame=form.animation.frame)
+        if form.character is UNSET:
+            return document
+        weights, start_weights = (
+            None if values is UNSET else np.array(values) for values in (form.weights, form.start_weights)
+        )
+        return replace(document, made_on=MadeOn(form.character.version(), weights, start_weights))
 
     def resolved(self, model: FaceModel) -> "Document":
         """Return the document with all that its file leaves out looked up on the face that editing starts from.
@@ -317,17 +291,25 @@ def _is_file(subject: str) -> bool:
     return subject.lower().endswith(".npz")
 
 
-def _pose_from_json(values: Any, where: str) -> list[float]:
-    if not isinstance(values, list):
-        raise FacePoserError(f"{where} must be a list of numbers.")
-    return codec.numbers_from_json(values, len(values), where)
+class _AnimationJson(KeyframesJson, kw_only=True):
+    frame: Frame = 0
 
 
-def _made_on_from_json(data: dict[str, Any]) -> MadeOn | None:
-    if "character" not in data:
-        return None
-    weights = (codec.weights_from_json(data[key], key) if key in data else None for key in ("weights", "start_weights"))
-    return MadeOn(CharacterVersion.from_json(data["character"], "character"), *weights)
+class _SessionFile(JsonDocument, kw_only=True):
+    subject: Annotated[str, Meta(min_length=1, description="the name or the path of a subject")]
+    constraints: Annotated[list[Any], Meta(max_length=_MAX_CONSTRAINTS)]
+    prior_weight: Annotated[float, Meta(ge=0.0, le=_MAX_PRIOR_WEIGHT)] = 1.0
+    prior: Prior = "regions"
+    spread: Annotated[float, Meta(ge=0.0, le=1.0)] = SPREAD
+    coefficients: list[codec.Coordinate] | UnsetType = UNSET
+    start: list[codec.Coordinate] | UnsetType = UNSET
+    contact: bool = True
+    camera: codec.CameraJson | UnsetType = UNSET
+    photos: PhotosJson = field(default_factory=list)
+    animation: _AnimationJson | UnsetType = UNSET
+    weights: codec.ShapeWeights | UnsetType = UNSET
+    start_weights: codec.ShapeWeights | UnsetType = UNSET
+    character: CharacterVersionJson | UnsetType = UNSET
 
 
 def _same(one: NDArray[np.float64] | None, other: NDArray[np.float64] | None) -> bool:
@@ -343,26 +325,7 @@ def read_document(path: Path) -> Document:
     Raises:
         FacePoserError: If the file cannot be read or is not such a file, naming the place.
     """
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise FacePoserError(f"The session '{path}' is larger than {_MAX_BYTES // 2**20} MB; it cannot be one.")
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FacePoserError(f"The session '{path}' cannot be read: {error.strerror}.") from error
-    except RecursionError as error:
-        raise FacePoserError(f"The session '{path}' is nested too deeply to be one.") from error
-    except UnicodeDecodeError as error:
-        raise FacePoserError(f"The session '{path}' is not a text file.") from error
-    except json.JSONDecodeError as error:
-        raise FacePoserError(
-            f"The session '{path}' is not valid JSON at line {error.lineno}, column {error.colno}: {error.msg}."
-        ) from error
-    except ValueError as error:
-        raise FacePoserError(f"The session '{path}' is not valid JSON: {error}.") from error
-    try:
-        return Document.from_json(data)
-    except FacePoserError as error:
-        raise FacePoserError(f"The session '{path}': {error}") from error
+    return read_json(path, "session", Document.from_json, _MAX_BYTES)
 
 
 def write_document(path: Path, document: Document) -> None:

@@ -137,7 +137,11 @@ def subject_from_sequence(
         "settled": modes.settled,
         "prior": {"from": "examples", **choice.as_json()},
         "curves": curves.as_json(),
-        "warnings": _warnings(len(sequence), curves, modes) + misplaced_eyes(mesh.vertices, mesh.parts),
+        "warnings": [
+            *_warnings(len(sequence), curves, modes),
+            *misplaced_eyes(mesh.vertices, mesh.parts),
+            *choice.warnings,
+        ],
     }
     return Subject(
         name=options.name,

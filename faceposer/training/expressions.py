@@ -19,6 +19,8 @@ from faceposer.training.mfa import MixtureOfFactorAnalyzers
 
 Array = NDArray[np.float64]
 
+_ITERATIONS = 60
+
 
 @dataclass(frozen=True)
 class Recipe:
@@ -151,7 +153,7 @@ def fit_statistics(
         recipe.n_factors,
         shrinkage=recipe.fit_shrinkage,
         reg_covar=1e-5,
-        max_iter=60,
+        max_iter=_ITERATIONS,
         tol=1e-3,
         random_state=recipe.seed,
     ).fit(examples)

@@ -3,6 +3,9 @@
 scikit-learn is imported here and in training alone: a program that only poses faces never waits for it.
 """
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from numbers import Integral, Real
 from typing import Any, ClassVar, Self
 
@@ -10,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, DensityMixin
 from sklearn.cluster import KMeans
+from sklearn.exceptions import ConvergenceWarning
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted, validate_data
@@ -43,8 +47,8 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
         loadings_: A_k, shape (K, d, q).
         noise_variance_: Diagonals of Psi_k, shape (K, d); all rows equal if shared.
         covariances_: A_k A_k^T + Psi_k, shape (K, d, d).
-        converged_: Whether the best start converged.
-        n_iter_: Its iterations.
+        converged_: Whether the objective of the best start rose by less than ``tol`` within ``max_iter`` iterations.
+        n_iter_: Number of iterations of the best start, at most ``max_iter``.
         lower_bound_: Its objective per sample: the mean log-likelihood, plus the log-prior if there is shrinkage.
         lower_bounds_: The objective after each of its iterations.
     """
@@ -87,6 +91,8 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
     def fit(self, X: ArrayLike, y: None = None) -> Self:
         """Fit the mixture to the samples ``X`` of shape (n, d).
 
+        Warns with scikit-learn's ``ConvergenceWarning`` if the best start reaches ``max_iter`` before it converges.
+
         Raises:
             ValueError: If there are fewer samples than components, or not fewer factors than dimensions.
         """
@@ -101,33 +107,40 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
         self._global_covariance = np.cov(samples.T, bias=True).reshape(n_features, n_features)
         self._prior_samples = self.shrinkage / (1.0 - self.shrinkage) * n_samples / self.n_components
 
-        best: dict[str, Any] | None = None
-        for _ in range(self.n_init):
-            self._start(samples, random_state)
-            bounds: list[float] = []
-            converged = False
-            for _ in range(self.max_iter):
-                log_likelihood, responsibilities = self._expect(samples)
-                bounds.append(log_likelihood + self._log_prior() / n_samples)
-                if len(bounds) > 1 and bounds[-1] - bounds[-2] < self.tol:
-                    converged = True
-                    break
-                self._maximise(samples, responsibilities)
-            if best is None or bounds[-1] > best["lower_bound_"]:
-                best = {
-                    "weights_": self.weights_,
-                    "means_": self.means_,
-                    "loadings_": self.loadings_,
-                    "noise_variance_": self.noise_variance_,
-                    "converged_": converged,
-                    "n_iter_": len(bounds),
-                    "lower_bound_": bounds[-1],
-                    "lower_bounds_": np.array(bounds),
-                }
-        assert best is not None
+        best = max((self._run(samples, random_state) for _ in range(self.n_init)), key=lambda run: run["lower_bound_"])
         for name, value in best.items():
             setattr(self, name, value)
+        if not self.converged_:
+            rise = self.lower_bounds_[-1] - self.lower_bounds_[-2] if self.n_iter_ > 1 else np.inf
+            warnings.warn(
+                f"MixtureOfFactorAnalyzers did not converge in {self.n_iter_} iterations: its objective still rose by "
+                f"{rise:.3g}, and tol is {self.tol:g}. Increase max_iter or tol, or check the samples.",
+                ConvergenceWarning,
+                stacklevel=2,
+            )
         return self
+
+    def _run(self, samples: Array, random_state: np.random.RandomState) -> dict[str, Any]:
+        """Return the fitted attributes of one start: expectation and maximisation in turn until the objective rests."""
+        self._start(samples, random_state)
+        bounds: list[float] = []
+        converged = False
+        while not converged and len(bounds) < self.max_iter:
+            log_likelihood, responsibilities = self._expect(samples)
+            bounds.append(float(log_likelihood + self._log_prior() / len(samples)))
+            converged = len(bounds) > 1 and bounds[-1] - bounds[-2] < self.tol
+            if not converged:
+                self._maximise(samples, responsibilities)
+        return {
+            "weights_": self.weights_,
+            "means_": self.means_,
+            "loadings_": self.loadings_,
+            "noise_variance_": self.noise_variance_,
+            "converged_": converged,
+            "n_iter_": len(bounds),
+            "lower_bound_": bounds[-1],
+            "lower_bounds_": np.array(bounds),
+        }
 
     @property
     def covariances_(self) -> Array:
@@ -279,6 +292,23 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
         """Return the density in the form that solving evaluates."""
         check_is_fitted(self, "loadings_")
         return GaussianMixture(self.weights_, self.means_, self.covariances_)
+
+
+@contextmanager
+def convergence_recorded() -> Iterator[list[str]]:
+    """Collect the messages of fits in the block that do not converge, which are then not shown.
+
+    Other warnings are shown when the block ends.
+    """
+    messages: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.filterwarnings("always", "MixtureOfFactorAnalyzers", ConvergenceWarning)
+        yield messages
+    for warning in caught:
+        if str(warning.message).startswith("MixtureOfFactorAnalyzers"):
+            messages.append(str(warning.message))
+        else:
+            warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
 
 
 def _covariances(loadings: Array, noise_variance: Array) -> Array:

@@ -1,6 +1,7 @@
 """How the principal modes of example meshes move together: the prior of a character that is known by examples."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from faceposer.model.coupling import learn_coupling
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.progress import Progress
-from faceposer.training.mfa import MixtureOfFactorAnalyzers
+from faceposer.training.mfa import MixtureOfFactorAnalyzers, convergence_recorded
 from faceposer.training.modes import Modes
 from faceposer.training.selection import Choice, Fold, block_folds, calm_covariance, choose_mixture
 
@@ -19,6 +20,7 @@ _BLOCKS, _BLOCKS_OF_MANY, _MANY = 5, 3, 500
 _MOST_TO_CHOOSE = 2000
 _MOST_TO_FIT = 20_000
 _SHRINKAGE = 0.1
+_ITERATIONS = 60
 # Least variance in any direction, the weights' own being 1: what no example did is unlikely, but not impossible.
 _NOISE = 0.02
 
@@ -39,15 +41,17 @@ def statistics_of_modes(
     folds = block_folds(samples[::step], _BLOCKS_OF_MANY if len(samples) > _MANY else _BLOCKS)
     choice = choose_mixture(folds, progress, n_components, n_factors, _SHRINKAGE, _NOISE)
     progress.at("Learning the prior")
-    fitted = MixtureOfFactorAnalyzers(
+    mixture = MixtureOfFactorAnalyzers(
         choice.n_components,
         choice.n_factors,
         shrinkage=_SHRINKAGE,
         reg_covar=_NOISE,
-        max_iter=60,
+        max_iter=_ITERATIONS,
         tol=1e-3,
         random_state=0,
-    ).fit(samples[:: max(1, len(samples) // _MOST_TO_FIT)])
+    )
+    with convergence_recorded():
+        fitted = mixture.fit(samples[:: max(1, len(samples) // _MOST_TO_FIT)])
     covariance = calm_covariance(samples, _NOISE)
     statistics = ExpressionStatistics(
         modes.names,
@@ -60,7 +64,7 @@ def statistics_of_modes(
         modes.regions,
         learn_coupling(_changes(folds), modes.regions) if len(folds) > 1 else None,
     )
-    return statistics, choice
+    return statistics, replace(choice, converged=fitted.converged_)
 
 
 def _changes(folds: Sequence[Fold]) -> list[Fold]:

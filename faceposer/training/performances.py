@@ -15,6 +15,7 @@ from faceposer.model.subject_file import load_subject
 from faceposer.progress import Progress
 from faceposer.training.capture import Capture, read_capture
 from faceposer.training.expressions import Recipe, augment, clean, learn, shapes_of
+from faceposer.training.mfa import convergence_recorded
 from faceposer.training.selection import Choice, Fold, choose_mixture
 
 Array = NDArray[np.float64]
@@ -76,10 +77,11 @@ def statistics_of_captures(
     recipe = replace(
         recipe, n_components=choice.n_components, n_factors=choice.n_factors, blend=max(choice.blend, recipe.blend)
     )
-    statistics = learn(captures, recipe, "Learned from performances of the user.", _metric(names))
+    with convergence_recorded() as messages:
+        statistics = learn(captures, recipe, "Learned from performances of the user.", _metric(names))
     missing = tuple(name for name in captures[0].missing if all(name in capture.missing for capture in captures))
     takes = tuple((path.name, len(capture.weights)) for path, capture in zip(paths, captures, strict=True))
-    return Learned(statistics, choice, takes, missing)
+    return Learned(statistics, replace(choice, converged=not messages), takes, missing)
 
 
 def _metric(names: Sequence[str]) -> Array:

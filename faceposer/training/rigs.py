@@ -144,7 +144,9 @@ def _subject(
         "empty": [name for name in names if not np.any(named[name])],
         "not_arkit": list(others),
         "eyes_turned": turned,
-        "warnings": ([_EXCHANGED] if exchanged else []) + misplaced_eyes(mesh.vertices, mesh.parts),
+        "warnings": ([_EXCHANGED] if exchanged else [])
+        + misplaced_eyes(mesh.vertices, mesh.parts)
+        + (learned.choice.warnings if learned else []),
         "prior": learned.as_json() if learned else {"from": "the shipped statistics"},
         **_measures(subject),
     }

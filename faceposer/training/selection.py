@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.model.mixture import GaussianMixture
 from faceposer.progress import Progress
-from faceposer.training.mfa import MixtureOfFactorAnalyzers
+from faceposer.training.mfa import MixtureOfFactorAnalyzers, convergence_recorded
 
 Array = NDArray[np.float64]
 Fold = tuple[Array, Array]
@@ -24,6 +24,10 @@ _SAMPLES_PER_COMPONENT = 25
 # A larger mixture must be better by this much per frame, or the smaller one is taken.
 _WORTH = 0.02
 NOISE = 1e-5
+_NOT_CONVERGED = (
+    "The mixture of the prior had not converged when its learning ended: it can be used, and may fit the examples a "
+    "little less well than it could."
+)
 # Of fewer samples nothing can be left out.
 _FEWEST_TO_LEAVE_OUT = 4
 
@@ -40,6 +44,7 @@ class Choice:
         one_gaussian: The same of a single Gaussian.
         tried: All sizes that were tried, with their results.
         fixed: Whether the user set the number of analyzers or of factors.
+        converged: Whether the fit of that size to all frames converged.
     """
 
     n_components: int
@@ -49,6 +54,12 @@ class Choice:
     one_gaussian: float
     tried: tuple[dict[str, Any], ...] = ()
     fixed: bool = False
+    converged: bool = True
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences about the fit for the summary of a character."""
+        return [] if self.converged else [_NOT_CONVERGED]
 
     def as_json(self) -> dict[str, Any]:
         """Return the choice for a JSON file."""
@@ -59,6 +70,7 @@ class Choice:
             "held_out_log_likelihood": round(self.held_out, 3),
             "one_gaussian": round(self.one_gaussian, 3),
             "fixed_by_user": self.fixed,
+            "converged": self.converged,
             "tried": list(self.tried),
         }
 
@@ -147,8 +159,8 @@ def _judge(
         return np.array([mixture.log_densities(left_out).sum() for mixture in mixtures])
 
     count = sum(len(left_out) for _, left_out in folds)
-    # NumPy leaves the interpreter free while it multiplies.
-    with ThreadPoolExecutor(2) as pool:
+    # Sizes are compared after few iterations. NumPy leaves the interpreter free while it multiplies.
+    with convergence_recorded(), ThreadPoolExecutor(2) as pool:
         totals = np.sum([*pool.map(judge, folds)], axis=0)
     best = int(np.argmax(totals))
     return float(totals[best] / count), _BLENDS[best]

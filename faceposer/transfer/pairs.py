@@ -4,22 +4,33 @@ The names of feature points are those of MPEG-4, which all characters share what
 a pair means the same on each of them.
 """
 
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import UNSET, Meta, UnsetType
 
 from faceposer.errors import FacePoserError
+from faceposer.files.json_documents import (
+    JsonDocument,
+    JsonError,
+    JsonObject,
+    check_header,
+    convert,
+    given,
+    read_json,
+    shown,
+)
 from faceposer.model.subject import Subject
-from faceposer.solve.constraints import codec
 
 FORMAT = "faceposer.pairs"
 VERSION = 1
-_MAX_BYTES = 2**20
 _MAX_PAIRS = 1000
 _MAX_WEIGHT = 1000.0
 _MAX_NAME = 200
+_TWO_NAMES = 'the names of two feature points, such as ["8.3", "8.4"]'
+_Point = Annotated[str, Meta(min_length=1)]
 #: The middle of the left and of the right pupil.
 PUPILS = ("3.5", "3.6")
 
@@ -137,43 +148,32 @@ def pairs_to_json(pairs: Sequence[Pair]) -> dict[str, Any]:
     return {"format": FORMAT, "version": VERSION, "pairs": entries}
 
 
+class _PairJson(JsonObject, kw_only=True):
+    points: Annotated[tuple[_Point, _Point], Meta(description=_TWO_NAMES)]
+    name: Annotated[str, Meta(min_length=1, max_length=_MAX_NAME)] | UnsetType = UNSET
+    weight: Annotated[float, Meta(ge=0.0, le=_MAX_WEIGHT)] = 1.0
+    enabled: bool = True
+
+    def __post_init__(self) -> None:
+        if self.points[0] == self.points[1]:
+            raise JsonError(f"names the point {shown(self.points[0])} twice", "points")
+
+
+class _PairsFile(JsonDocument):
+    pairs: Annotated[list[Annotated[_PairJson, Meta(title="pairs")]], Meta(min_length=1, max_length=_MAX_PAIRS)]
+
+
 def pairs_from_json(data: Any) -> tuple[Pair, ...]:
     """Return the pairs that ``data`` describes.
 
     Raises:
         FacePoserError: If anything is unknown, missing or of the wrong kind, naming its place.
     """
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise FacePoserError(f'this is no list of pairs: it lacks \'"format": "{FORMAT}"\'.')
-    if data.get("version") != VERSION:
-        raise FacePoserError(f"version is {codec.shown(data.get('version'))}; this program reads version {VERSION}.")
-    codec.check_keys(data, {"format", "version", "pairs"}, set(), "the file")
-    entries = data["pairs"]
-    if not isinstance(entries, list) or not 0 < len(entries) <= _MAX_PAIRS:
-        raise FacePoserError(f"pairs must be a list of 1 to {_MAX_PAIRS}.")
-    return tuple(_pair_from_json(entry, f"pairs[{i}]") for i, entry in enumerate(entries))
-
-
-def _pair_from_json(data: Any, where: str) -> Pair:
-    codec.check_keys(data, {"points"}, {"name", "weight", "enabled"}, where)
-    points = data["points"]
-    if (
-        not isinstance(points, list)
-        or len(points) != 2
-        or not all(isinstance(point, str) and point for point in points)
-    ):
-        raise FacePoserError(f'{where}.points must be the names of two feature points, such as ["8.3", "8.4"].')
-    if points[0] == points[1]:
-        raise FacePoserError(f"{where}.points names the point {codec.shown(points[0])} twice.")
-    name = data.get("name", f"{points[0]} to {points[1]}")
-    if not isinstance(name, str) or not 0 < len(name) <= _MAX_NAME:
-        raise FacePoserError(f"{where}.name must be a text of 1 to {_MAX_NAME} letters.")
-    pair = Pair(name, points[0], points[1])
-    if "weight" in data:
-        pair = replace(pair, weight=codec.number_from_json(data["weight"], f"{where}.weight", 0.0, _MAX_WEIGHT))
-    if "enabled" in data:
-        pair = replace(pair, enabled=codec.flag_from_json(data["enabled"], f"{where}.enabled"))
-    return pair
+    check_header(data, FORMAT, VERSION)
+    return tuple(
+        Pair(given(pair.name) or " to ".join(pair.points), *pair.points, pair.weight, pair.enabled)
+        for pair in convert(data, _PairsFile).pairs
+    )
 
 
 def read_pairs(path: Path) -> tuple[Pair, ...]:
@@ -182,19 +182,4 @@ def read_pairs(path: Path) -> tuple[Pair, ...]:
     Raises:
         FacePoserError: If the file cannot be read or is not such a file, naming the place.
     """
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise FacePoserError(f"The pairs '{path}' are larger than {_MAX_BYTES // 2**20} MB; they cannot be that.")
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FacePoserError(f"The pairs '{path}' cannot be read: {error.strerror}.") from error
-    except json.JSONDecodeError as error:
-        raise FacePoserError(
-            f"The pairs '{path}' are not valid JSON at line {error.lineno}, column {error.colno}: {error.msg}."
-        ) from error
-    except (ValueError, RecursionError) as error:
-        raise FacePoserError(f"The pairs '{path}' are not a JSON text file.") from error
-    try:
-        return pairs_from_json(data)
-    except FacePoserError as error:
-        raise FacePoserError(f"The pairs '{path}': {error}") from error
+    return read_json(path, "pairs", pairs_from_json)

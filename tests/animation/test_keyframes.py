@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from faceposer.animation.keyframes import LONGEST, Key, Keyframes
+from faceposer.animation.keyframes import LONGEST, Key, Keyframes, KeyframesJson
 from faceposer.errors import FacePoserError
+from faceposer.files.json_documents import convert
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 
@@ -129,7 +130,7 @@ def test_few_keys_tell_of_all_frames(model: FaceModel) -> None:
 
 def test_wrong_animations_are_refused_with_their_place(model: FaceModel) -> None:
     good = random_keys(model, (0, 10), loop=True)
-    again = Keyframes.from_json(good.to_json(), "animation")
+    again = convert(good.to_json(), KeyframesJson, "animation").keyframes()
     assert again.same(good)
     for change, expected in (
         ({"rate": 0}, "animation.rate"),
@@ -144,7 +145,7 @@ def test_wrong_animations_are_refused_with_their_place(model: FaceModel) -> None
         ({"keys": [{"frame": 1, "coefficients": [0]}] * 2}, r"animation.keys\[1\].frame must be after 1"),
     ):
         with pytest.raises(FacePoserError, match=expected):
-            Keyframes.from_json(good.to_json() | change, "animation")
+            convert(good.to_json() | change, KeyframesJson, "animation")
     for wrong in ({"rate": -1.0}, {"length": 0}, {"keys": (Key.of(3, [0.0]), Key.of(3, [0.0]))}):
         with pytest.raises(ValueError, match=r".+"):
             Keyframes(**wrong)  # type: ignore[arg-type]

@@ -208,8 +208,8 @@ def test_json_round_trip_is_exact(subject: Subject) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"format": "else"}, "holds no trajectories"),
-        ({"version": 2}, "version 2"),
+        ({"format": "else"}, 'no "format"'),
+        ({"version": 2}, "version is 2"),
         ({"colour": 1}, "unknown key 'colour'"),
         ({"rate": 0}, "rate must be a number from 0.001"),
         ({"camera": {"view": "above", "size": [640, 480]}}, "camera.view is 'above'"),

@@ -9,7 +9,9 @@ import pytest
 from faceposer.cli import main
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.obj_io import write_obj
+from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
+from faceposer.training import expressions, mode_statistics
 from tests.training.faces import base, morph_mesh, write_examples
 
 
@@ -29,6 +31,15 @@ def rig(tmp_path: Path) -> Path:
     for name, offsets in mesh.targets.items():
         write_obj(folder / f"{name}.obj", mesh.mesh.vertices + offsets, mesh.mesh.polygons)
     return folder
+
+
+def write_capture(path: Path, count: int) -> Path:
+    """Write a take of Live Link Face with ``count`` frames."""
+    weights = 0.5 + 0.4 * np.sin(np.arange(count)[:, None] * np.linspace(0.05, 0.4, len(ARKIT_SHAPES)))
+    header = ["Timecode", "BlendShapeCount", *(name[0].upper() + name[1:] for name in ARKIT_SHAPES)]
+    rows = [["00:00:00:01", 61, *line] for line in weights.round(4).tolist()]
+    path.write_text("\n".join(",".join(map(str, row)) for row in [header, *rows]) + "\n")
+    return path
 
 
 def test_a_rig_is_trained_described_posed_and_renamed(
@@ -80,6 +91,7 @@ def test_examples_are_trained(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     status, out, err = run(capsys, "train", "--examples", folder, "-o", output, "--dimensions", "8")
     assert (status, err) == (0, "")
     assert "15 examples, 8 modes" in out
+    assert "not converged" not in out
     subject = load_subject(output)
     assert subject.statistics is not None
     old = subject.shape_names[0]
@@ -88,6 +100,25 @@ def test_examples_are_trained(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert renamed.statistics is not None
     assert renamed.statistics.shape_names[0] == "first"
     assert run(capsys, "subject", "check", output)[0] == 0
+
+
+def test_a_prior_that_did_not_converge_is_reported(
+    rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mode_statistics, "_ITERATIONS", 1)
+    monkeypatch.setattr(expressions, "_ITERATIONS", 1)
+    folder = tmp_path / "meshes"
+    folder.mkdir()
+    write_examples(folder, 6)
+    take = write_capture(tmp_path / "take.csv", 120)
+    for source in (("--examples", folder), ("--rig", rig, "--capture", take, "--components", 2, "--factors", 2)):
+        status, out, err = run(capsys, "train", *source, "-o", tmp_path / "me.npz", "--summary", tmp_path / "about")
+        assert (status, err) == (0, "")
+        (line,) = (line for line in out.splitlines() if "not converged" in line)
+        assert line.startswith("Note: The mixture of the prior had not converged when its learning ended")
+        summary = json.loads((tmp_path / "about" / "summary.json").read_text())["summary"]
+        assert summary["prior"]["converged"] is False
+        assert sum("not converged" in warning for warning in summary["warnings"]) == 1
 
 
 @pytest.mark.parametrize(

@@ -133,21 +133,27 @@ def test_bad_maps_are_refused_by_place(tmp_path: Path) -> None:
     texts = {
         'no "format"': json.dumps({**good, "format": "other"}),
         'no "format": ': "[]",
-        "has version 2": json.dumps({**good, "version": 2}),
-        '"markers" is not': json.dumps({**good, "markers": []}),
-        '"markers" is not an': json.dumps({**good, "markers": {}}),
-        "marker A is not understood": json.dumps({**good, "markers": {"A": {"vertex": 1.5}}}),
-        "marker B is not understood": json.dumps({**good, "markers": {"B": {"vertex": True}}}),
-        "marker C is not understood": json.dumps({**good, "markers": {"C": {"position": [1, 2]}}}),
-        "marker D is not understood": json.dumps({**good, "markers": {"D": 7}}),
-        "marker E is not understood": json.dumps(good).replace('"A": {"vertex": 3}', '"E": {"position": [NaN, 0, 0]}'),
-        "marker F is not understood": json.dumps({**good, "markers": {"F": {"position": [10**400, 0, 0]}}}),
-        '"fixed" is not a list': json.dumps({**good, "fixed": "A"}),
-        '"fixed" names fewer': json.dumps({**good, "fixed": ["A", "B", "A"]}),
-        '"neutral_frame" is not': json.dumps({**good, "neutral_frame": -1}),
+        "version is 2": json.dumps({**good, "version": 2}),
+        "markers must be an object with a place": json.dumps({**good, "markers": []}),
+        "markers must be an object with a place for each marker, not {}": json.dumps({**good, "markers": {}}),
+        "markers.A.vertex must be a whole number, not 1.5": json.dumps({**good, "markers": {"A": {"vertex": 1.5}}}),
+        "markers.B.vertex must be a whole number, not true": json.dumps({**good, "markers": {"B": {"vertex": True}}}),
+        "markers.C.position must be a list of 3 numbers, not 2": json.dumps(
+            {**good, "markers": {"C": {"position": [1, 2]}}}
+        ),
+        'markers.D must be {"vertex": 12}': json.dumps({**good, "markers": {"D": 7}}),
+        r"markers.E.position\[0\] must be a number .*, not NaN": json.dumps(good).replace(
+            '"A": {"vertex": 3}', '"E": {"position": [NaN, 0, 0]}'
+        ),
+        r"markers.F.position\[0\] must be a number": json.dumps(
+            {**good, "markers": {"F": {"position": [10**400, 0, 0]}}}
+        ),
+        "fixed must be a list of texts": json.dumps({**good, "fixed": "A"}),
+        "fixed names fewer": json.dumps({**good, "fixed": ["A", "B", "A"]}),
+        "neutral_frame must be the number of a frame": json.dumps({**good, "neutral_frame": -1}),
         '"A" is there twice': json.dumps(good).replace('"A": {"vertex": 3}', '"A": {"vertex": 3}, "A": {"vertex": 4}'),
-        "line 2 is not JSON": '{\n"format" 3}',
-        "cannot be used": "[" * 100_000,
+        "not valid JSON at line 2": '{\n"format" 3}',
+        "nested too deeply": "[" * 100_000,
     }
     for i, (what, text) in enumerate(texts.items()):
         path = tmp_path / f"{i}.json"
@@ -158,7 +164,7 @@ def test_bad_maps_are_refused_by_place(tmp_path: Path) -> None:
         assert "\n" not in str(caught.value)
     (tmp_path / "binary.json").write_bytes(b"\xff\xfe")
     for name in ("binary.json", "gone.json"):
-        with pytest.raises(FacePoserError, match="cannot be used"):
+        with pytest.raises(FacePoserError, match="cannot be read"):
             read_marker_map(tmp_path / name)
 
 

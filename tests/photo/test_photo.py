@@ -10,10 +10,11 @@ import pytest
 from PIL import Image
 
 from faceposer.errors import FacePoserError
+from faceposer.files.json_documents import convert
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint
 from faceposer.photo import reading
-from faceposer.photo.photo import Photo, Pin, photos_from_json
+from faceposer.photo.photo import Photo, PhotoJson, PhotosJson, Pin
 from faceposer.photo.pins_file import read_pins
 from faceposer.photo.reading import focal_in_mm, focal_in_pixels, inspect_photo, read_photo
 
@@ -27,8 +28,8 @@ def photo() -> Photo:
 
 def test_photos_come_back_as_they_were_written() -> None:
     data = json.loads(json.dumps([photo().to_json(), Photo("b.png", (10, 20)).to_json()]))
-    assert photos_from_json(data, "photos") == (photo(), Photo("b.png", (10, 20)))
-    assert Photo.from_json({"path": "b.png", "size": [10, 20]}, "photos[0]") == Photo("b.png", (10, 20))
+    assert [form.photo() for form in convert(data, PhotosJson)] == [photo(), Photo("b.png", (10, 20))]
+    assert convert({"path": "b.png", "size": [10, 20]}, PhotoJson).photo() == Photo("b.png", (10, 20))
 
 
 @pytest.mark.parametrize(
@@ -50,7 +51,7 @@ def test_photos_come_back_as_they_were_written() -> None:
 )
 def test_what_is_wrong_is_refused_with_its_place(change: dict[str, Any], place: str) -> None:
     with pytest.raises(FacePoserError) as raised:
-        photos_from_json([photo().to_json() | change], "photos")
+        convert([photo().to_json() | change], PhotosJson, "photos")
     assert place in str(raised.value)
 
 

@@ -33,14 +33,14 @@ def test_a_pose_comes_back_and_its_file_is_as_documented(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"format": "x"}, "no pose"),
+        ({"format": "x"}, 'no "format"'),
         ({"version": 2}, "version is 2"),
         ({"extra": 1}, "unknown key 'extra'"),
         ({"name": "  "}, "needs a name"),
         ({"name": "two\nlines"}, "needs a name"),
         ({"name": "x" * 81}, "needs a name"),
         ({"tags": "viseme"}, "tags must be a list"),
-        ({"subject": 3}, "short texts"),
+        ({"subject": 3}, "subject must be a text"),
         ({"weights": None}, "weights must be an object"),
         ({"weights": {"jawOpen": "wide"}}, "weights.jawOpen must be a number"),
         ({"weights": {"jawOpen": True}}, "weights.jawOpen must be a number"),

@@ -228,7 +228,12 @@ def test_wrong_files_are_refused(model: FaceModel, tmp_path: Path) -> None:
     write_document(path, Document("man", keyframes=Keyframes().with_key(3, np.zeros(2))))
     with pytest.raises(FacePoserError, match=r"animation.keys\[0\].coefficients has 2 numbers"):
         Session(model, read_document(path))
-    for animation, expected in ((3, "animation must be an object"), ({"frame": -1}, "animation.frame"), ({}, "lacks")):
+    keys = Keyframes().to_json()
+    for animation, expected in (
+        (3, "animation must be an object"),
+        (keys | {"frame": -1}, "animation.frame must be"),
+        ({}, "animation lacks the key 'rate'"),
+    ):
         data = Document("man").to_json() | {"animation": animation}
         path.write_text(json.dumps(data))
         with pytest.raises(FacePoserError, match=expected):

@@ -1,19 +1,25 @@
 """Session files come back as they were written, and wrong ones are refused with their place."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import pytest
+from msgspec import Meta
 
 from faceposer.errors import FacePoserError
+from faceposer.files.json_documents import convert
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.picking import SurfacePoint
 from faceposer.model.face_model import FaceModel
 from faceposer.model.subject_file import load_subject, save_subject
 from faceposer.session.document import Document, read_document, write_document
 from faceposer.session.opening import open_session
+from faceposer.solve.constraints import registry
+from faceposer.solve.constraints.base import ConstraintJson
+from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.problem import SPREAD
 
@@ -93,10 +99,50 @@ def test_a_pose_without_constraints_is_where_editing_starts(tmp_path: Path) -> N
     np.testing.assert_array_equal(read.start, [1.0, 2.0])
 
 
+class SquintJson(ConstraintJson, kw_only=True):
+    strength: Annotated[float, Meta(ge=0.0, le=1.0)]
+
+
+@dataclass(frozen=True)
+class Squint(GazeConstraint):
+    """A kind of constraint that a plug-in might bring."""
+
+    kind: ClassVar[str] = "squint"
+    strength: float = 1.0
+
+    def to_json(self) -> dict[str, Any]:
+        return {"type": self.kind, "strength": self.strength, **self.switches_to_json()}
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any], where: str) -> "Squint":
+        form = convert(data, SquintJson, where)
+        return cls(strength=form.strength, **form.switches)
+
+
+def test_a_kind_that_is_registered_is_read_and_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.json"
+    squint = Squint(strength=0.25, weight=2.0, locked=True)
+    write_document(path, Document("man", (squint,)))
+    with pytest.raises(FacePoserError, match=r"constraints\[0\]\.type is 'squint'; the types are 'point', "):
+        read_document(path)
+    monkeypatch.setattr(registry, "CONSTRAINTS", dict(registry.CONSTRAINTS))
+    registry.register(Squint)
+    assert read_document(path).constraints == (squint,)
+    data = json.loads(path.read_text())
+    for change, said in (
+        ({"strength": 2}, r"constraints\[0\]\.strength must be a number from 0 to 1, not 2"),
+        ({"colour": 2}, r"constraints\[0\] has the unknown key 'colour'; the keys here are 'enabled', 'locked', "),
+        ({"locked": 1}, r"constraints\[0\]\.locked must be true or false, not 1"),
+    ):
+        path.write_text(json.dumps(data | {"constraints": [data["constraints"][0] | change]}))
+        with pytest.raises(FacePoserError, match=said):
+            read_document(path)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"format": "other"}, "not a Face Poser session"),
+        ({"format": "other"}, 'no "format": "faceposer.session"'),
         ({"version": 9}, "version is 9"),
         ({"subjekt": 1}, "unknown key 'subjekt'"),
         ({"subject": 5}, "subject must be"),
@@ -129,7 +175,7 @@ def test_wrong_content_is_refused(tmp_path: Path, change: dict, said: str) -> No
         (b"", "not valid JSON at line 1"),
         (b"\xff\xfe\x00", "not a text file"),
         (b"[" * 100_000, "nested too deeply|not valid JSON"),
-        (b"[]", "not a Face Poser session"),
+        (b"[]", 'no "format": "faceposer.session"'),
     ],
 )
 def test_what_is_no_json_is_refused(tmp_path: Path, content: bytes, said: str) -> None:

@@ -349,7 +349,7 @@ def test_unsaved_work_is_kept_for_another_version_too(tmp_path: Path) -> None:
     [
         (lambda data: data["character"].pop("faces"), "character lacks the key 'faces'"),
         (lambda data: data["character"].update(faces=5), "character.faces must be"),
-        (lambda data: data["character"].update(shapes=[5]), "character.shapes must be"),
+        (lambda data: data["character"].update(shapes=[5]), "character.shapes\\[0\\] must be"),
         (lambda data: data["character"].update(box=[[0, 0, 0]]), "character.box must be"),
         (lambda data: data["character"].update(parts={"skin": {"triangles": [1]}}), "character.parts.skin"),
         (lambda data: data["character"].update(feature_points=[]), "character.feature_points must be"),

@@ -1,14 +1,16 @@
 """The mixture of factor analyzers against scikit-learn, against known mixtures and against itself."""
 
+import warnings
+
 import numpy as np
 import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 from sklearn.base import clone
 from sklearn.decomposition import FactorAnalysis
-from sklearn.exceptions import NotFittedError
+from sklearn.exceptions import ConvergenceWarning, NotFittedError
 
-from faceposer.training.mfa import MixtureOfFactorAnalyzers
+from faceposer.training.mfa import MixtureOfFactorAnalyzers, convergence_recorded
 
 
 @pytest.fixture
@@ -23,7 +25,7 @@ def samples() -> np.ndarray:
 
 
 def test_one_component_agrees_with_factor_analysis(samples: np.ndarray) -> None:
-    ours = MixtureOfFactorAnalyzers(1, 2, tol=1e-8, max_iter=5000, random_state=0).fit(samples)
+    ours = MixtureOfFactorAnalyzers(1, 2, tol=1e-7, max_iter=5000, random_state=0).fit(samples)
     theirs = FactorAnalysis(2, tol=1e-4, max_iter=5000, svd_method="lapack").fit(samples)
     assert ours.score(samples) == pytest.approx(theirs.score(samples), abs=1e-3)
     np.testing.assert_allclose(ours.covariances_[0], theirs.get_covariance(), atol=0.02)
@@ -48,7 +50,8 @@ def test_a_known_mixture_is_found(samples: np.ndarray, noise: str) -> None:
 @pytest.mark.parametrize("shrinkage", [0.0, 0.3])
 def test_the_objective_never_falls(samples: np.ndarray, noise: str, shrinkage: float) -> None:
     mixture = MixtureOfFactorAnalyzers(5, 3, noise=noise, shrinkage=shrinkage, tol=0, max_iter=60, random_state=1)
-    bounds = mixture.fit(samples).lower_bounds_
+    with pytest.warns(ConvergenceWarning, match="did not converge in 60 iterations"):
+        bounds = mixture.fit(samples).lower_bounds_
     assert np.diff(bounds).min() > -1e-9
     assert bounds[-1] > bounds[0]
 
@@ -57,6 +60,46 @@ def test_more_starts_are_never_worse(samples: np.ndarray) -> None:
     one = MixtureOfFactorAnalyzers(4, 2, n_init=1, random_state=3).fit(samples)
     five = MixtureOfFactorAnalyzers(4, 2, n_init=5, random_state=3).fit(samples)
     assert five.lower_bound_ >= one.lower_bound_
+
+
+def test_a_fit_that_does_not_converge_says_so(samples: np.ndarray) -> None:
+    mixture = MixtureOfFactorAnalyzers(5, 3, tol=1e-9, max_iter=7, n_init=2, random_state=0)
+    with pytest.warns(
+        ConvergenceWarning, match="7 iterations: its objective still rose by .*, and tol is 1e-09"
+    ) as said:
+        mixture.fit(samples)
+    assert len(said) == 1, "one sentence, however many starts"
+    assert not mixture.converged_
+    assert (mixture.n_iter_, len(mixture.lower_bounds_)) == (7, 7)
+    assert said[0].filename == __file__
+
+
+def test_a_fit_that_converges_is_silent(samples: np.ndarray) -> None:
+    # Warnings are errors here.
+    mixture = MixtureOfFactorAnalyzers(3, 2, random_state=0).fit(samples)
+    assert mixture.converged_
+    assert mixture.n_iter_ == len(mixture.lower_bounds_) < mixture.max_iter
+    assert (
+        mixture.lower_bounds_[-1] - mixture.lower_bounds_[-2] < mixture.tol <= np.diff(mixture.lower_bounds_[:-1]).min()
+    )
+
+
+def test_one_iteration_does_not_converge(samples: np.ndarray) -> None:
+    with pytest.warns(ConvergenceWarning, match="in 1 iterations: its objective still rose by inf"):
+        assert not MixtureOfFactorAnalyzers(2, 1, max_iter=1, random_state=0).fit(samples).converged_
+
+
+def test_convergence_is_recorded_and_other_warnings_are_not(samples: np.ndarray) -> None:
+    with warnings.catch_warnings(record=True) as others:
+        warnings.simplefilter("always")
+        with convergence_recorded() as messages:
+            MixtureOfFactorAnalyzers(3, 2, max_iter=2, random_state=0).fit(samples)
+            warnings.warn("another thing", UserWarning, stacklevel=1)
+    assert [str(other.message) for other in others] == ["another thing"]
+    assert len(messages) == 1
+    with convergence_recorded() as messages:
+        MixtureOfFactorAnalyzers(3, 2, random_state=0).fit(samples)
+    assert messages == []
 
 
 def test_shrinkage_helps_where_data_is_short() -> None:

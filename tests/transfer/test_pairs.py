@@ -34,7 +34,7 @@ def test_a_name_may_be_left_out() -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"format": "other"}, "no list of pairs"),
+        ({"format": "other"}, 'no "format"'),
         ({"version": 2}, "version is 2"),
         ({"pairs": []}, "pairs must be a list of 1 to"),
         ({"pairs": [{"points": ["8.3"]}]}, r"pairs\[0\].points must be"),
@@ -61,5 +61,5 @@ def test_files_that_are_no_json_are_refused(tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match="line 1"):
         read_pairs(path)
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(FacePoserError, match="not a JSON text file"):
+    with pytest.raises(FacePoserError, match="not a text file"):
         read_pairs(path)

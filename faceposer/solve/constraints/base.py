@@ -1,18 +1,19 @@
 """The base of all kinds of constraints: weight, switches, and what the rest of the program asks of a kind."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Protocol, Self
+from typing import Annotated, Any, ClassVar, Protocol, Self
 
+import numpy as np
+from msgspec import UNSET, Meta, UnsetType
 from numpy.typing import ArrayLike
 
+from faceposer.files.json_documents import JsonObject
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
 from faceposer.solve.term import Array
 
-#: The keys that the session file may have for a constraint of any kind.
-KEYS = frozenset({"weight", "enabled", "locked", "rest"})
 LARGEST_WEIGHT = 1e6
 
 
@@ -101,10 +102,6 @@ class ConstraintBase:
         """Return ``start``: most constraints pull only by their energy."""
         return start
 
-    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
-        """Return ``residual_px``, given where the points of the constraint appear, shape (n, 2)."""
-        raise NotImplementedError
-
     def nudged(self, offset: tuple[float, float]) -> Self | None:
         """Return the constraint with its target moved by ``offset`` pixels of its camera, or None if it has none."""
         return None
@@ -124,15 +121,17 @@ class ConstraintBase:
         return data
 
 
-def switches_from_json(data: dict[str, Any], where: str) -> dict[str, Any]:
-    """Return the switches in ``data`` as keyword arguments.
+class ConstraintJson(JsonObject, kw_only=True):
+    """Base of the JSON forms of all kinds: the keys that each of them has."""
 
-    Raises:
-        FacePoserError: If one is of the wrong kind; ``where`` names the place.
-    """
-    return {
-        "weight": codec.number_from_json(data.get("weight", 1.0), f"{where}.weight", 0.0, LARGEST_WEIGHT),
-        "enabled": codec.flag_from_json(data.get("enabled", True), f"{where}.enabled"),
-        "locked": codec.flag_from_json(data.get("locked", False), f"{where}.locked"),
-        "rest": codec.rest_from_json(data["rest"], f"{where}.rest") if "rest" in data else None,
-    }
+    type: str
+    weight: Annotated[float, Meta(ge=0.0, le=LARGEST_WEIGHT)] = 1.0
+    enabled: bool = True
+    locked: bool = False
+    rest: codec.Rest | UnsetType = UNSET
+
+    @property
+    def switches(self) -> dict[str, Any]:
+        """The weight, the switches and the rest positions as keyword arguments of a ``ConstraintBase``."""
+        rest = None if self.rest is UNSET else np.array(self.rest)
+        return {"weight": self.weight, "enabled": self.enabled, "locked": self.locked, "rest": rest}

@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from msgspec import UNSET, Meta, UnsetType
 from numpy.typing import ArrayLike
 
-from faceposer.errors import FacePoserError
+from faceposer.files.json_documents import JsonError, convert, given
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.curves import curve_at, even_parameters, relaxed_bezier
@@ -16,7 +17,7 @@ from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera, mirrored_p
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
-from faceposer.solve.constraints.base import KEYS, ConstraintBase, switches_from_json
+from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson
 from faceposer.solve.constraints.point import SIGMA_PX
 from faceposer.solve.constraints.stroke import Pixels, as_pixels
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
@@ -27,6 +28,29 @@ _PER_PIECE = 12
 # What an offset along the target counts, against one across it: a curve says where a lip should run, and less
 # strictly which point of the lip should be where.
 _ALONG = 0.25
+
+
+_ControlPoints = Annotated[tuple[codec.Pixel, ...], Meta(min_length=2, max_length=MOST_POINTS)]
+
+
+class _CurveJson(ConstraintJson, kw_only=True):
+    source: _ControlPoints
+    target: _ControlPoints
+    camera: codec.CameraJson
+    anchors: codec.Anchors | UnsetType = UNSET
+    parameters: list[codec.Coordinate] | UnsetType = UNSET
+
+    def __post_init__(self) -> None:
+        if len(self.source) != len(self.target):
+            raise JsonError("must have as many points as its source", "target")
+        if (self.anchors is UNSET) != (self.parameters is UNSET):
+            raise JsonError("must have both of the keys 'anchors' and 'parameters', or neither")
+        if self.anchors is UNSET or self.parameters is UNSET:
+            return
+        if len(self.parameters) != len(self.anchors):
+            raise JsonError(f"must be a list of {len(self.anchors)} numbers, one per anchor", "parameters")
+        if not 0.0 <= min(self.parameters) <= max(self.parameters) <= len(self.source) - 1:
+            raise JsonError(f"must lie from 0 to {len(self.source) - 1}, the number of pieces", "parameters")
 
 
 @dataclass(frozen=True)
@@ -93,10 +117,6 @@ class CurveConstraint(ConstraintBase):
         if len(points) < 2:
             raise ValueError("its source does not touch the face")
         return replace(self, anchors=points, parameters=tuple(parameters[met].tolist()))
-
-    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
-        """Return ``residual_px``; the pixels alone do not tell it."""
-        return self.residual_px(model, p)
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return the mean distance between the points of the face ``p`` and the target, in pixels."""
@@ -189,21 +209,10 @@ class CurveConstraint(ConstraintBase):
         Raises:
             FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
         """
-        codec.check_keys(data, {"type", "source", "target", "camera"}, KEYS | {"anchors", "parameters"}, where)
-        source, target = (codec.pixels_from_json(data[key], f"{where}.{key}", 2) for key in ("source", "target"))
-        if len(source) != len(target) or len(source) > MOST_POINTS:
-            raise FacePoserError(f"{where}.target must have as many points as its source, at most {MOST_POINTS}.")
-        anchors: SurfacePoints | None = None
-        parameters: tuple[float, ...] = ()
-        if "anchors" in data or "parameters" in data:
-            codec.check_keys(data, {"anchors", "parameters"}, set(data), where)
-            anchors = codec.points_from_json(data["anchors"], f"{where}.anchors")
-            values = codec.numbers_from_json(data["parameters"], len(anchors), f"{where}.parameters")
-            if not 0.0 <= min(values) <= max(values) <= len(source) - 1:
-                raise FacePoserError(f"{where}.parameters must lie from 0 to {len(source) - 1}, the number of pieces.")
-            parameters = tuple(values)
-        camera = codec.camera_from_json(data["camera"], f"{where}.camera")
-        return cls(source, target, camera, anchors, parameters, **switches_from_json(data, where))
+        form = convert(data, _CurveJson, where)
+        anchors = None if form.anchors is UNSET else codec.points_of(form.anchors)
+        parameters = tuple(given(form.parameters) or ())
+        return cls(form.source, form.target, form.camera.camera(), anchors, parameters, **form.switches)
 
 
 class CurveTerm(ResidualTerm):

@@ -8,18 +8,25 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from faceposer.files.json_documents import convert
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
-from faceposer.solve.constraints.base import KEYS, ConstraintBase, PlaceNames, switches_from_json
+from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson, PlaceNames
 from faceposer.solve.constraints.point import SIGMA_PX
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 
 # Pixels below which two points have no direction from one to the other.
 _COINCIDENT = 1e-6
+
+
+class _DistanceJson(ConstraintJson, kw_only=True):
+    anchors: tuple[codec.Anchor, codec.Anchor]
+    target: codec.NotNegative
+    camera: codec.CameraJson
 
 
 @dataclass(frozen=True)
@@ -78,10 +85,6 @@ class DistanceConstraint(ConstraintBase):
         """Return by how many pixels the distance is missed on the face ``p``, shape (r,)."""
         return self.residual_of(self.pixels(model, p))
 
-    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
-        """Return ``residual_px``, given where the points of the constraint appear, shape (n, 2)."""
-        return self.residual_of(pixels)
-
     def residual_of(self, pixels: Array) -> float:
         """Return by how much the distance is missed where the two points appear at ``pixels``, shape (2, 2)."""
         return abs(float(np.hypot(*(pixels[0] - pixels[1]))) - self.target)
@@ -117,14 +120,9 @@ class DistanceConstraint(ConstraintBase):
         Raises:
             FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
         """
-        codec.check_keys(data, {"type", "anchors", "target", "camera"}, KEYS, where)
-        first, second = codec.anchors_from_json(data["anchors"], f"{where}.anchors", 2, 2)
-        return cls(
-            (first, second),
-            codec.number_from_json(data["target"], f"{where}.target", minimum=0.0),
-            codec.camera_from_json(data["camera"], f"{where}.camera"),
-            **switches_from_json(data, where),
-        )
+        form = convert(data, _DistanceJson, where)
+        first, second = (anchor.anchor() for anchor in form.anchors)
+        return cls((first, second), form.target, form.camera.camera(), **form.switches)
 
 
 @lru_cache(maxsize=64)

@@ -5,22 +5,32 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
+from msgspec import UNSET, UnsetType
 from numpy.typing import ArrayLike
 
-from faceposer.errors import FacePoserError
+from faceposer.files.json_documents import JsonError, convert
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
-from faceposer.solve.constraints.base import KEYS, ConstraintBase, PlaceNames, switches_from_json
+from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson, PlaceNames
 from faceposer.solve.constraints.point import SIGMA_PX
-from faceposer.solve.term import Array, Indices, PoseState, QuadraticTerm, Term
+from faceposer.solve.term import Array, Indices, PoseState, Term
 
 #: How many pixels a centimetre takes in an ordinary view: a distance in space counts like one in such a picture.
 PX_PER_CM = 25.0
 # Held vertices are neighbours and tell much the same: all together count as this many points at most.
 _AS_MANY_POINTS = 20
+
+
+class _FixedJson(ConstraintJson, kw_only=True):
+    anchors: codec.Anchors
+    positions: list[codec.Triple] | UnsetType = UNSET
+
+    def __post_init__(self) -> None:
+        if self.positions is not UNSET and len(self.positions) != len(self.anchors):
+            raise JsonError(f"must be a list of {len(self.anchors)} positions, one per anchor", "positions")
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +104,6 @@ class FixedConstraint(ConstraintBase):
         """Return the name of the area that is held."""
         return names.area(self.points)
 
-    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
-        """Return ``residual_px``; the pixels alone do not tell it."""
-        return self.residual_px(model, p)
-
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return how far the points of the face ``p`` are off on average, in the pixels of an ordinary view."""
         if self.positions is None or not len(self.points):
@@ -131,20 +137,12 @@ class FixedConstraint(ConstraintBase):
         Raises:
             FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
         """
-        codec.check_keys(data, {"type", "anchors"}, KEYS | {"positions"}, where)
-        points = codec.points_from_json(data["anchors"], f"{where}.anchors")
-        positions = None
-        if "positions" in data:
-            rows = data["positions"]
-            if not isinstance(rows, list) or len(rows) != len(points):
-                raise FacePoserError(f"{where}.positions must be a list of {len(points)} positions, one per anchor.")
-            positions = np.array(
-                [codec.numbers_from_json(row, 3, f"{where}.positions[{i}]") for i, row in enumerate(rows)]
-            )
-        return cls(points, positions, **switches_from_json(data, where))
+        form = convert(data, _FixedJson, where)
+        positions = None if form.positions is UNSET else np.array(form.positions)
+        return cls(codec.points_of(form.anchors), positions, **form.switches)
 
 
-class FixedTerm(QuadraticTerm):
+class FixedTerm:
     """w m / n sum over i of |x_i(p) - x_i,original|^2 / sigma^2 (paper, eqs. (15) and (30); (30) lacks a factor 2).
 
     Positions are linear in p, so that the energy is a quadratic form whose matrix is gathered once for a set of points:

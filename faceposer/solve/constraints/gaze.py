@@ -8,14 +8,15 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from faceposer.files.json_documents import convert
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
-from faceposer.solve.constraints.base import KEYS, ConstraintBase, PlaceNames, switches_from_json
+from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson, PlaceNames
 from faceposer.solve.constraints.fixed import PX_PER_CM
-from faceposer.solve.term import Array, Indices, PoseState, QuadraticTerm, ResidualTerm, Term
+from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 
 #: Degrees that an eye turns when its shape is at full strength: outwards or inwards, up or down.
 MOST_YAW, MOST_PITCH = 31.0, 23.0
@@ -24,6 +25,10 @@ REACH_CM = 22.0
 # How far a rig weight of gaze may be off, as a standard deviation.
 _SIGMA = 0.01
 _NO_POINTS = SurfacePoints(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+
+
+class _GazeJson(ConstraintJson, kw_only=True):
+    direction: codec.Pixel
 
 
 @dataclass(frozen=True)
@@ -85,10 +90,6 @@ class GazeConstraint(ConstraintBase):
         """Return what it turns."""
         return "both eyes"
 
-    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
-        """Return ``residual_px``; the pixels alone do not tell it."""
-        return self.residual_px(model, p)
-
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return how far the gaze of the face ``p`` passes by the handle, in the pixels of an ordinary view."""
         looking = gaze_direction(model, p)
@@ -115,9 +116,8 @@ class GazeConstraint(ConstraintBase):
         Raises:
             FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
         """
-        codec.check_keys(data, {"type", "direction"}, KEYS, where)
-        yaw, pitch = codec.numbers_from_json(data["direction"], 2, f"{where}.direction")
-        return cls((yaw, pitch), **switches_from_json(data, where)).within_reach()
+        form = convert(data, _GazeJson, where)
+        return cls(form.direction, **form.switches).within_reach()
 
     def within_reach(self) -> "GazeConstraint":
         """Return the constraint with its direction no farther than eyes turn."""
@@ -137,7 +137,7 @@ def gaze_direction(model: FaceModel, p: ArrayLike) -> tuple[float, float]:
     return (MOST_YAW * left, MOST_PITCH * up)
 
 
-class GazeTerm(ResidualTerm, QuadraticTerm):
+class GazeTerm(ResidualTerm):
     """w / sigma^2 sum over the eyeLook shapes of (weight_j(p) - value_j)^2: other constraints do not turn the eyes."""
 
     def __init__(self, constraint: GazeConstraint, model: FaceModel) -> None:

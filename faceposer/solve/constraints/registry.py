@@ -6,6 +6,7 @@ from typing import Any, ClassVar, Protocol, Self
 from numpy.typing import ArrayLike
 
 from faceposer.errors import FacePoserError
+from faceposer.files.json_documents import shown
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror
@@ -93,10 +94,6 @@ class Constraint(Protocol):
         """Return how far the constraint is from being met by the face ``p``, shape (r,), in pixels."""
         ...
 
-    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
-        """Return ``residual_px``, given where the points of the constraint appear, shape (n, 2)."""
-        ...
-
     @staticmethod
     def terms(constraints: Sequence[Any], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
         """Return the terms of all ``constraints`` of this kind, whose points have the indices ``slots``."""
@@ -159,7 +156,7 @@ def constraint_from_json(data: Any, where: str) -> Constraint:
     name = data["type"]
     if not isinstance(name, str) or name not in CONSTRAINTS:
         known = ", ".join(f"'{kind}'" for kind in CONSTRAINTS)
-        raise FacePoserError(f"{where}.type is {codec.shown(name)}; the types are {known}.")
+        raise FacePoserError(f"{where}.type is {shown(name)}; the types are {known}.")
     constraint = CONSTRAINTS[name].from_json(data, where)
     codec.check_rest(constraint.rest, constraint.places, where)
     return constraint

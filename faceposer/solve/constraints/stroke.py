@@ -3,19 +3,21 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, Literal, cast, get_args
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import ArrayLike
 
+from faceposer.files.json_documents import JsonObject, convert
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera, mirrored_pixels
 from faceposer.geometry.picking import SurfacePoints
-from faceposer.geometry.strokes import STROKE_SHAPES, StrokeShape, stroke_pixels
+from faceposer.geometry.strokes import StrokeShape, stroke_pixels
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
-from faceposer.solve.constraints.base import KEYS, ConstraintBase, switches_from_json
+from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson
 from faceposer.solve.constraints.stroke_terms import StrokeDistanceTerm, StrokeImageTerm
 from faceposer.solve.term import Array, Indices, Term
 
@@ -25,6 +27,19 @@ STROKE_ENERGIES: tuple[StrokeEnergy, ...] = get_args(StrokeEnergy)
 WIDEST = 200.0
 # So many points of a stroke say as much as all of them.
 _SAMPLES = 200
+
+
+class _PaintedJson(JsonObject):
+    anchors: codec.Anchors
+
+
+class _StrokeJson(ConstraintJson, kw_only=True):
+    source: _PaintedJson | codec.Pixels
+    target: codec.Pixels
+    width: Annotated[float, Meta(ge=1.0, le=WIDEST)]
+    camera: codec.CameraJson
+    shape: StrokeShape = "line"
+    energy: StrokeEnergy = "distance"
 
 
 @dataclass(frozen=True)
@@ -103,10 +118,6 @@ class StrokeConstraint(ConstraintBase):
         """Return how far the two strokes lie apart: the mean distance to the nearest of the other, in pixels."""
         return self.residual_of(self.camera.project(model.positions_at(self.points, p)))
 
-    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
-        """Return ``residual_px``, given where the points of the constraint appear, shape (n, 2)."""
-        return self.residual_of(pixels)
-
     def residual_of(self, pixels: Array) -> float:
         """Return how far the strokes lie apart where ``points`` appear at ``pixels``, shape (n, 2)."""
         # The window's start does not wait for search trees.
@@ -169,24 +180,10 @@ class StrokeConstraint(ConstraintBase):
         Raises:
             FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
         """
-        codec.check_keys(data, {"type", "source", "target", "width", "camera"}, KEYS | {"shape", "energy"}, where)
-        source: SurfacePoints | Pixels
-        if isinstance(data["source"], dict):
-            codec.check_keys(data["source"], {"anchors"}, set(), f"{where}.source")
-            source = codec.points_from_json(data["source"]["anchors"], f"{where}.source.anchors")
-        else:
-            source = codec.pixels_from_json(data["source"], f"{where}.source", 1)
-        return cls(
-            source,
-            codec.pixels_from_json(data["target"], f"{where}.target", 1),
-            codec.number_from_json(data["width"], f"{where}.width", 1.0, WIDEST),
-            codec.camera_from_json(data["camera"], f"{where}.camera"),
-            cast(StrokeShape, codec.name_from_json(data.get("shape", "line"), f"{where}.shape", STROKE_SHAPES)),
-            cast(
-                StrokeEnergy, codec.name_from_json(data.get("energy", "distance"), f"{where}.energy", STROKE_ENERGIES)
-            ),
-            **switches_from_json(data, where),
-        )
+        form = convert(data, _StrokeJson, where)
+        source = codec.points_of(form.source.anchors) if isinstance(form.source, _PaintedJson) else form.source
+        camera = form.camera.camera()
+        return cls(source, form.target, form.width, camera, form.shape, form.energy, **form.switches)
 
 
 def as_pixels(points: ArrayLike) -> Pixels:

@@ -1,0 +1,318 @@
+"""JSON documents: bounded reading of files, and conversion to declared types that names the path of what is wrong."""
+
+import json
+import reprlib
+import stat
+from collections.abc import Callable
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
+
+import msgspec
+import numpy as np
+
+from faceposer.errors import FacePoserError
+
+T = TypeVar("T")
+
+#: How deep lists and objects may lie in each other.
+DEEPEST = 64
+_BRACKETS = b"[]{}"
+_ALL_ELSE = bytes(set(range(256)) - set(_BRACKETS + b'"'))
+_PLURALS = {bool: "flags", int: "whole numbers", float: "numbers", str: "texts", list: "lists", tuple: "lists"}
+_SHORT = reprlib.Repr()
+_SHORT.maxother = _SHORT.maxstring = 40
+
+
+class JsonObject(msgspec.Struct, forbid_unknown_fields=True):
+    """Base of the declared types of JSON objects: keys that are no field are refused, those without default required.
+
+    A subclass may check what its fields' types cannot say in ``__post_init__``, and raise ``JsonError``. Where a
+    sentence about a field should not be made from its type, ``msgspec.Meta`` has a ``description``, such as "a word",
+    and a ``title``, the plural for lists of it.
+    """
+
+
+class JsonDocument(JsonObject):
+    """Base of the declared types of whole files; ``check_header`` looks at the header."""
+
+    format: Any
+    version: Any
+
+
+class JsonError(ValueError):
+    """An object's fields do not go together; raised by ``__post_init__`` of a ``JsonObject``.
+
+    Args:
+        reason: What follows the object's path, or that of its ``key``, in a sentence: "must be shorter".
+        key: The field that it is about.
+    """
+
+    def __init__(self, reason: str, key: str = "") -> None:
+        super().__init__(reason)
+        self.key = key
+
+
+class UnreadableError(FacePoserError):
+    """The system does not let a file be read; what it holds may be as it should."""
+
+
+def read_json(path: Path, kind: str, parse: Callable[[Any], T], max_bytes: int = 2**20, unique_keys: bool = False) -> T:
+    """Return what ``parse`` makes of the JSON in the file ``path``: UTF-8, with or without a byte order mark.
+
+    Args:
+        path: A regular file.
+        kind: Noun for messages, such as "session".
+        parse: Raises ``FacePoserError`` with a sentence about the content.
+        max_bytes: The largest file that is read.
+        unique_keys: Refuse an object with a key twice, of which else the last counts.
+
+    Raises:
+        UnreadableError: If the system does not let the file be read.
+        FacePoserError: If the file cannot be used, naming the file and the place in it.
+    """
+    try:
+        data = _loads(_bytes(path, max_bytes), unique_keys)
+    except OSError as error:
+        raise UnreadableError(f"The {kind} '{path}' cannot be read: {error.strerror or error}.") from error
+    except _RefusedError as error:
+        raise FacePoserError(f"The {kind} '{path}' cannot be read: {error}.") from error
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise FacePoserError(f"The {kind} '{path}' cannot be read: not valid JSON at {place} ({error.msg}).") from error
+    except UnicodeDecodeError as error:
+        raise FacePoserError(f"The {kind} '{path}' cannot be read: it is not a text file in UTF-8.") from error
+    except RecursionError as error:
+        raise FacePoserError(f"The {kind} '{path}' cannot be read: not valid JSON, nested too deeply.") from error
+    except ValueError as error:
+        raise FacePoserError(f"The {kind} '{path}' cannot be read: not valid JSON, {error}.") from error
+    try:
+        return parse(data)
+    except FacePoserError as error:
+        raise FacePoserError(f"The {kind} '{path}' cannot be used: {error}") from error
+
+
+def check_header(data: Any, name: str, version: int) -> None:
+    """Raise ``FacePoserError`` unless ``data`` is an object whose "format" and "version" are these."""
+    if not isinstance(data, dict) or data.get("format") != name:
+        raise FacePoserError(f'the file has no "format": "{name}".')
+    found = data.get("version")
+    if isinstance(found, bool) or found != version:
+        raise FacePoserError(f"version is {shown(found)}; this program reads version {version}.")
+
+
+def convert(data: Any, form: type[T], where: str = "") -> T:
+    """Return ``data``, as JSON has it, converted to the declared type ``form``.
+
+    Args:
+        data: Of dictionaries, lists, texts, numbers, flags and None.
+        form: A ``JsonObject``, or another type that msgspec can convert to.
+        where: Path of ``data`` in its file, such as "constraints[3]"; "" for the whole file.
+
+    Raises:
+        FacePoserError: If it does not fit, in a sentence that begins with the path of what is wrong.
+    """
+    try:
+        return msgspec.convert(data, form)
+    except msgspec.ValidationError as error:
+        raise FacePoserError(f"{_problem(data, form, where)}.") from error
+
+
+def given(value: T | msgspec.UnsetType) -> T | None:
+    """Return the ``value`` of an optional key, or None if the file does not have it."""
+    return None if isinstance(value, msgspec.UnsetType) else value
+
+
+def shown(value: Any) -> str:
+    """Return ``value`` short enough for a sentence, as JSON has it where that is short."""
+    text = json.dumps(value) if value is None or isinstance(value, bool) else _SHORT.repr(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+class _RefusedError(Exception):
+    """The file is not read, for the reason of the message."""
+
+
+def _bytes(path: Path, max_bytes: int) -> bytes:
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        raise _RefusedError("it is no regular file")
+    if status.st_size > max_bytes:
+        raise _RefusedError(f"it is larger than {max_bytes / 2**20:.3g} MB")
+    with path.open("rb") as file:
+        return file.read(max_bytes)
+
+
+def _loads(content: bytes, unique_keys: bool) -> Any:
+    # Python's own parser and not msgspec's: it names the line of an error, and can find keys that are there twice.
+    text = content.decode("utf-8-sig")
+    # Without escaped quotes, every other part between quotes is outside of texts.
+    plain = content.replace(b"\\\\", b"").replace(b'\\"', b"").translate(None, _ALL_ELSE)
+    brackets = np.frombuffer(b"".join(plain.split(b'"')[::2]), dtype=np.uint8)
+    opening = (brackets == ord("[")) | (brackets == ord("{"))
+    if np.cumsum(np.where(opening, 1, -1)).max(initial=0) > DEEPEST:
+        raise RecursionError
+    return json.loads(text, parse_constant=_Constant, object_pairs_hook=_without_repetition if unique_keys else None)
+
+
+class _Constant:
+    """NaN, Infinity or -Infinity, which JSON does not have; no declared type takes it."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __repr__(self) -> str:
+        return self._name
+
+
+def _without_repetition(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    result = dict(pairs)
+    if len(result) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise _RefusedError(f'"{next(name for name in names if names.count(name) > 1)}" is there twice')
+    return result
+
+
+# Sentences
+
+
+def _problem(data: Any, form: Any, where: str) -> str:
+    """Return what is wrong with ``data`` that does not fit ``form``, without full stop."""
+    form = _alternative(form, data)
+    bare, meta = _split(form)
+    place = where or "the file"
+    if isinstance(data, dict) and _is_object(bare):
+        return _problem_of_object(data, bare, where)
+    if isinstance(data, dict) and get_origin(bare) is dict:
+        items = [(f"{where}.{key[:40]}", value, get_args(bare)[1]) for key, value in data.items()]
+    elif isinstance(data, list) and get_origin(bare) in (list, tuple):
+        kinds = get_args(bare)
+        fixed = get_origin(bare) is tuple and kinds[-1] is not Ellipsis
+        items = [
+            (f"{where}[{i}]", value, kinds[i] if fixed else kinds[0])
+            for i, value in enumerate(data[: len(kinds)] if fixed else data)
+        ]
+        least, most = _lengths(bare, meta)
+        if not least <= len(data) <= (len(data) if most is None else most):
+            return f"{place} must be {_phrase(form)}, not {len(data)}"
+    else:
+        items = []
+    for path, value, kind in items:
+        if not _fits(value, kind):
+            return _problem(value, kind, path)
+    if get_origin(bare) is Literal:
+        return f"{place} is {shown(data)}; it must be {_phrase(form)}"
+    return f"{place} must be {_phrase(form)}, not {shown(data)}"
+
+
+def _problem_of_object(data: dict[str, Any], form: type[msgspec.Struct], where: str) -> str:
+    place, start = where or "the file", f"{where}." if where else ""
+    fields = {field.name: field for field in msgspec.structs.fields(form)}
+    unknown = sorted(set(data) - set(fields))
+    if unknown and form.__struct_config__.forbid_unknown_fields:
+        return f"{place} has the unknown key {shown(unknown[0])}; the keys here are {_quoted(fields)}"
+    missing = [name for name, field in fields.items() if field.required and name not in data]
+    if missing:
+        return f"{place} lacks the key '{missing[0]}'"
+    for name, value in ((name, data[name]) for name in fields if name in data):
+        if not _fits(value, fields[name].type):
+            return _problem(value, fields[name].type, f"{start}{name}")
+    try:
+        msgspec.convert(data, form)
+    except msgspec.ValidationError as error:
+        if isinstance(error.__cause__, JsonError):
+            return f"{start}{error.__cause__.key} {error}" if error.__cause__.key else f"{place} {error}"
+        return f"{place}: {error}"
+    raise AssertionError(f"{place} fits")  # the caller has seen that it does not
+
+
+def _fits(data: Any, form: Any) -> bool:
+    try:
+        msgspec.convert(data, form)
+    except msgspec.ValidationError:
+        return False
+    return True
+
+
+def _alternative(form: Any, data: Any) -> Any:
+    """Return that of the alternatives in ``form`` whose parts ``data`` may have, or ``form``."""
+    bare, meta = _split(form)
+    if get_origin(bare) not in (Union, UnionType):
+        return form
+    kinds = [kind for kind in get_args(bare) if kind not in (NoneType, msgspec.UnsetType)]
+    if len(kinds) == 1:
+        return kinds[0] if meta == msgspec.Meta() else Annotated[kinds[0], meta]
+    for kind in kinds:
+        part = _split(kind)[0]
+        is_object = _is_object(part) or get_origin(part) is dict
+        if is_object if isinstance(data, dict) else isinstance(data, list) and get_origin(part) in (list, tuple):
+            return kind
+    return form
+
+
+def _split(form: Any) -> tuple[Any, msgspec.Meta]:
+    """Return the type itself and what its annotation says."""
+    if get_origin(form) is not Annotated:
+        return form, msgspec.Meta()
+    bare, *notes = get_args(form)
+    return bare, next((note for note in notes if isinstance(note, msgspec.Meta)), msgspec.Meta())
+
+
+def _is_object(form: Any) -> bool:
+    return isinstance(form, type) and issubclass(form, msgspec.Struct)
+
+
+def _lengths(form: Any, meta: msgspec.Meta) -> tuple[int, int | None]:
+    if get_origin(form) is tuple and get_args(form)[-1] is not Ellipsis:
+        return len(get_args(form)), len(get_args(form))
+    return meta.min_length or 0, meta.max_length
+
+
+def _phrase(form: Any) -> str:
+    """Return what a value of the type ``form`` is called: "a number from 0 to 1"."""
+    form, meta = _split(form)
+    kind = get_origin(form) or form
+    if meta.description is not None:
+        return meta.description
+    if kind in (Union, UnionType):
+        return " or ".join(_phrase(one) for one in get_args(form) if one is not msgspec.UnsetType)
+    if kind is Literal:
+        return f"one of {', '.join(map(repr, get_args(form)))}"
+    if kind in (int, float):
+        return ("a whole number" if kind is int else "a number") + _range(kind, meta)
+    if kind in (list, tuple, dict):
+        of = _plural(get_args(form)[kind is dict]) if get_args(form) else "entries"
+        return f"{'an object' if kind is dict else 'a list'} of {_count(*_lengths(form, meta))}{of}"
+    if kind is str:
+        count = _count(*_lengths(form, meta))
+        return f"a text of {count}letters" if count else "a text"
+    if _is_object(form):
+        return f"an object with the keys {_quoted(f.name for f in msgspec.structs.fields(form) if f.required)}"
+    return {bool: "true or false", NoneType: "null"}.get(form, "something else")
+
+
+def _range(kind: type, meta: msgspec.Meta) -> str:
+    step = 1 if kind is int else 0
+    least = meta.ge if meta.gt is None else meta.gt + step
+    most = meta.le if meta.lt is None else meta.lt - step
+    low, high = (None if x is None else f"{x}" if kind is int else f"{x:g}" for x in (least, most))
+    if low and high:
+        return f" from {low} to {high}"
+    return f" of at least {low}" if low else f" of at most {high}" if high else ""
+
+
+def _count(least: int, most: int | None) -> str:
+    if most is None:
+        return f"at least {least} " if least else ""
+    if least == most:
+        return f"{least} "
+    return f"{least} to {most} " if least else f"at most {most} "
+
+
+def _plural(form: Any) -> str:
+    bare, meta = _split(form)
+    return meta.title or _PLURALS.get(get_origin(bare) or bare, "objects" if _is_object(bare) else "entries")
+
+
+def _quoted(names: Any) -> str:
+    return ", ".join(f"'{name}'" for name in sorted(names))
