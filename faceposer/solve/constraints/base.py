@@ -102,6 +102,10 @@ class ConstraintBase:
         """Return ``start``: most constraints pull only by their energy."""
         return start
 
+    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
+        """Return ``residual_px``, given where the points of the constraint appear, shape (n, 2)."""
+        raise NotImplementedError
+
     def nudged(self, offset: tuple[float, float]) -> Self | None:
         """Return the constraint with its target moved by ``offset`` pixels of its camera, or None if it has none."""
         return None

@@ -85,6 +85,10 @@ class DistanceConstraint(ConstraintBase):
         """Return by how many pixels the distance is missed on the face ``p``, shape (r,)."""
         return self.residual_of(self.pixels(model, p))
 
+    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
+        """Return ``residual_px``, given where the points of the constraint appear, shape (n, 2)."""
+        return self.residual_of(pixels)
+
     def residual_of(self, pixels: Array) -> float:
         """Return by how much the distance is missed where the two points appear at ``pixels``, shape (2, 2)."""
         return abs(float(np.hypot(*(pixels[0] - pixels[1]))) - self.target)

@@ -16,7 +16,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson, PlaceNames
 from faceposer.solve.constraints.point import SIGMA_PX
-from faceposer.solve.term import Array, Indices, PoseState, Term
+from faceposer.solve.term import Array, Indices, PoseState, QuadraticTerm, Term
 
 #: How many pixels a centimetre takes in an ordinary view: a distance in space counts like one in such a picture.
 PX_PER_CM = 25.0
@@ -104,6 +104,10 @@ class FixedConstraint(ConstraintBase):
         """Return the name of the area that is held."""
         return names.area(self.points)
 
+    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
+        """Return ``residual_px``; the pixels alone do not tell it."""
+        return self.residual_px(model, p)
+
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return how far the points of the face ``p`` are off on average, in the pixels of an ordinary view."""
         if self.positions is None or not len(self.points):
@@ -142,7 +146,7 @@ class FixedConstraint(ConstraintBase):
         return cls(codec.points_of(form.anchors), positions, **form.switches)
 
 
-class FixedTerm:
+class FixedTerm(QuadraticTerm):
     """w m / n sum over i of |x_i(p) - x_i,original|^2 / sigma^2 (paper, eqs. (15) and (30); (30) lacks a factor 2).
 
     Positions are linear in p, so that the energy is a quadratic form whose matrix is gathered once for a set of points:

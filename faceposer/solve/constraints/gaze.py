@@ -16,7 +16,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson, PlaceNames
 from faceposer.solve.constraints.fixed import PX_PER_CM
-from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
+from faceposer.solve.term import Array, Indices, PoseState, QuadraticTerm, ResidualTerm, Term
 
 #: Degrees that an eye turns when its shape is at full strength: outwards or inwards, up or down.
 MOST_YAW, MOST_PITCH = 31.0, 23.0
@@ -90,6 +90,10 @@ class GazeConstraint(ConstraintBase):
         """Return what it turns."""
         return "both eyes"
 
+    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
+        """Return ``residual_px``; the pixels alone do not tell it."""
+        return self.residual_px(model, p)
+
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return how far the gaze of the face ``p`` passes by the handle, in the pixels of an ordinary view."""
         looking = gaze_direction(model, p)
@@ -137,7 +141,7 @@ def gaze_direction(model: FaceModel, p: ArrayLike) -> tuple[float, float]:
     return (MOST_YAW * left, MOST_PITCH * up)
 
 
-class GazeTerm(ResidualTerm):
+class GazeTerm(ResidualTerm, QuadraticTerm):
     """w / sigma^2 sum over the eyeLook shapes of (weight_j(p) - value_j)^2: other constraints do not turn the eyes."""
 
     def __init__(self, constraint: GazeConstraint, model: FaceModel) -> None:

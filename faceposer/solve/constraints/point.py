@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,13 +16,15 @@ from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson
-from faceposer.solve.reach import reach_of_rows
+from faceposer.solve.reach import reach_of_points
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 
 # How far a hand misses the pixel that it means, in pixels: sigma of eq. (9).
 SIGMA_PX = 1.5
 # By what share of its length a pull passes by what it means, as a standard deviation, and how many points are few.
 _SLACK, _FEW = 0.15, 3.0
+# Signs of (v, u) that turn (u, v) by a right angle.
+_QUARTER_TURN = np.array([-1.0, 1.0])
 
 
 class _PointJson(ConstraintJson, kw_only=True):
@@ -52,7 +54,7 @@ class PointConstraint(ConstraintBase):
     @cached_property
     def points(self) -> SurfacePoints:
         """The point of the surface, as a batch of one."""
-        return SurfacePoints.of([self.anchor])
+        return _points_at(self.anchor)
 
     def nudged(self, offset: tuple[float, float]) -> "PointConstraint":
         """Return the constraint with its target moved by ``offset`` pixels."""
@@ -66,6 +68,10 @@ class PointConstraint(ConstraintBase):
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return the distance to the target in pixels on the face ``p``, shape (r,)."""
         return self.residual_of(self.camera.project(model.positions_at(self.points, p)))
+
+    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
+        """Return ``residual_px``, given where the points of the constraint appear, shape (n, 2)."""
+        return self.residual_of(pixels)
 
     def residual_of(self, pixels: Array) -> float:
         """Return the distance to the target where the point appears at ``pixels``, shape (1, 2)."""
@@ -112,6 +118,12 @@ class PointConstraint(ConstraintBase):
         return cls(form.anchor.anchor(), form.target, form.camera.camera(), **form.switches)
 
 
+@lru_cache(maxsize=1024)
+def _points_at(anchor: SurfacePoint | int) -> SurfacePoints:
+    """Return the point ``anchor`` as a batch of one; while it is dragged, it stays the same."""
+    return SurfacePoints.of([anchor])
+
+
 class PointTerm(ResidualTerm):
     """sum over i of w_i (a_i^2 / sigma^2 + b_i^2 / sigma_i^2), a_i and b_i being y_i(p) - z_i along and across pull i.
 
@@ -126,9 +138,11 @@ class PointTerm(ResidualTerm):
         self._targets = np.array([constraint.target for constraint in constraints])
         self._cameras = [constraint.camera for constraint in constraints]
         self._points = points
-        self._across = np.tile([0.0, 1.0], (len(constraints), 1))
+        # Unit vectors along and across the pulls, shape (n, 2, 2).
+        self._axes = np.zeros((len(constraints), 2, 2))
+        self._axes[:, (0, 1), (0, 1)] = 1.0
 
-    def take_up(self, model: FaceModel, state: PoseState, limits: Array, wholeness: float = 0.0) -> None:
+    def take_up(self, model: FaceModel, state: PoseState, limits: Array, trusted: float = 0.0) -> None:
         """Look at the pulls from the ``state`` where they begin: their reach (``faceposer.solve.reach``) and direction.
 
         Targets that no face reaches are brought back to its reach.
@@ -137,31 +151,27 @@ class PointTerm(ResidualTerm):
             model: The face.
             state: The pose that the pulls start from.
             limits: Of the weights of the model's density there, shape (W, 2).
-            wholeness: See ``LocalMoments``; the more of the face follows, the more the pulls count as they are.
+            trusted: From 0 to 1, how far the pulls count as they are, without regard to reach and direction: the more
+                of the face follows, and the more of it is pulled.
         """
         here = state.pixels[self._points]
-        rows, neutral = state.anchored_at(self._points)
-        for camera in dict.fromkeys(self._cameras):
-            seen = [i for i, own in enumerate(self._cameras) if own == camera]
-            reach = reach_of_rows(model, state.p, rows[seen], neutral[seen], camera, limits)
-            pulls = self._targets[seen] - here[seen]
-            self._targets[seen] = here[seen] + (1.0 - wholeness) * reach.limited(pulls) + wholeness * pulls
         pulls = self._targets - here
-        lengths = np.hypot(*pulls.T)
+        for camera in dict.fromkeys(self._cameras):
+            seen = np.array([own == camera for own in self._cameras])
+            reach = reach_of_points(model, state, self._points[seen], camera, limits)
+            pulls[seen] = (1.0 - trusted) * reach.limited(pulls[seen]) + trusted * pulls[seen]
+        self._targets = here + pulls
+        lengths = np.sqrt(np.einsum("nk,nk->n", pulls, pulls))
         far = lengths > 1e-6
-        self._across[far] = np.column_stack([-pulls[far, 1], pulls[far, 0]]) / lengths[far, None]
-        slack = (1.0 - wholeness) * _SLACK * min(1.0, _FEW / len(lengths)) * lengths
+        along = pulls[far] / lengths[far, None]
+        self._axes[far, 0] = along
+        self._axes[far, 1] = along[:, ::-1] * _QUARTER_TURN
+        slack = (1.0 - trusted) * _SLACK * min(1.0, _FEW / len(lengths)) * lengths
         self.weights[1::2] /= 1.0 + (slack / SIGMA_PX) ** 2
 
     def residual(self, state: PoseState) -> Array:
         """Return pixel minus target, along and across the pull, shape (2 n,)."""
         return np.einsum("nij,nj->ni", self._axes, state.pixels[self._points] - self._targets).ravel()
-
-    @property
-    def _axes(self) -> Array:
-        """Unit vectors along and across the pulls, shape (n, 2, 2)."""
-        along = np.column_stack([self._across[:, 1], -self._across[:, 0]])
-        return np.stack([along, self._across], axis=1)
 
     def jacobian(self, state: PoseState) -> Array:
         """Return the derivatives of the residuals, shape (2 n, r)."""

@@ -94,6 +94,10 @@ class Constraint(Protocol):
         """Return how far the constraint is from being met by the face ``p``, shape (r,), in pixels."""
         ...
 
+    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
+        """Return ``residual_px``, given where the points of the constraint appear, shape (n, 2)."""
+        ...
+
     @staticmethod
     def terms(constraints: Sequence[Any], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
         """Return the terms of all ``constraints`` of this kind, whose points have the indices ``slots``."""

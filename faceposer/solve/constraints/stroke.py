@@ -118,6 +118,10 @@ class StrokeConstraint(ConstraintBase):
         """Return how far the two strokes lie apart: the mean distance to the nearest of the other, in pixels."""
         return self.residual_of(self.camera.project(model.positions_at(self.points, p)))
 
+    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
+        """Return ``residual_px``, given where the points of the constraint appear, shape (n, 2)."""
+        return self.residual_of(pixels)
+
     def residual_of(self, pixels: Array) -> float:
         """Return how far the strokes lie apart where ``points`` appear at ``pixels``, shape (n, 2)."""
         # The window's start does not wait for search trees.
