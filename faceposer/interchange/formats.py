@@ -1,6 +1,7 @@
 """The table of export formats: what the dialog, the command and the Python interface know of each.
 
-A new format is a module that writes it and a row here.
+A new format is a module that writes it and a row here. What writes is imported when it is used: some of it needs
+libraries that the window does not wait for at its start, and pictures need OpenGL, which meshes and weights do not.
 """
 
 from collections.abc import Callable, Generator
@@ -12,10 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.interchange.glb import write_glb
-from faceposer.interchange.live_link import write_live_link
-from faceposer.interchange.meshes import sequence_steps, write_posed_obj, write_posed_ply
-from faceposer.interchange.weights_json import write_weights
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.progress import Progress
@@ -172,29 +169,41 @@ def write_sequence_steps(output: Output, suffix: str) -> Generator[float, None, 
 
 
 def _glb(output: Output) -> Generator[float, None, None]:
+    from faceposer.interchange.glb import write_glb
+
     write_glb(output.path, output.model, output.motion, output.progress)
     yield 1.0
 
 
 def _posed_obj(output: Output) -> Generator[float, None, None]:
+    from faceposer.interchange.meshes import write_posed_obj
+
     write_posed_obj(output.path, output.model, _pose(output), output.options.contact)
     yield 1.0
 
 
 def _posed_ply(output: Output) -> Generator[float, None, None]:
+    from faceposer.interchange.meshes import write_posed_ply
+
     write_posed_ply(output.path, output.model, _pose(output), output.options.contact)
     yield 1.0
 
 
 def _obj_sequence(output: Output) -> Generator[float, None, None]:
+    from faceposer.interchange.meshes import sequence_steps
+
     return sequence_steps(output.path, output.model, _performance(output), "obj", output.options.contact)
 
 
 def _ply_sequence(output: Output) -> Generator[float, None, None]:
+    from faceposer.interchange.meshes import sequence_steps
+
     return sequence_steps(output.path, output.model, _performance(output), "ply", output.options.contact)
 
 
 def _live_link(output: Output) -> Generator[float, None, None]:
+    from faceposer.interchange.live_link import write_live_link
+
     motion = output.motion
     whole = motion if isinstance(motion, Performance) else Performance(motion[None], _ONE_FRAME_RATE)
     write_live_link(output.path, output.model, whole)
@@ -202,12 +211,13 @@ def _live_link(output: Output) -> Generator[float, None, None]:
 
 
 def _weights(output: Output) -> Generator[float, None, None]:
+    from faceposer.interchange.weights_json import write_weights
+
     write_weights(output.path, output.model, output.motion)
     yield 1.0
 
 
 def _picture(output: Output) -> Generator[float, None, None]:
-    # OpenGL is loaded by those who draw: meshes and weights are written without it.
     from faceposer.render.shots import picture_steps
 
     yield from picture_steps(output.path, output.model, _pose(output), output.options, output.ctx)
