@@ -30,6 +30,7 @@ class Settings:
         auto_key: Whether a changed pose becomes a key by itself, once there is any.
         range_marks: Whether the view shows how far the point under the pointer can go.
         expression_lines: Whether the lines of the skin that a pose makes are drawn.
+        materials: Whether OBJ files are written with materials and textures.
         recent: Whole paths of the files that were opened or saved last, newest first, at most ``MAX_RECENT``.
     """
 
@@ -42,6 +43,7 @@ class Settings:
     auto_key: bool = True
     range_marks: bool = True
     expression_lines: bool = True
+    materials: bool = True
     recent: list[str] = field(default_factory=list)
 
 
@@ -83,7 +85,7 @@ def _checked(name: str, value: Any) -> Any:
     if name == "window_size":
         sound = isinstance(value, list) and len(value) == 2 and all(isinstance(v, int) for v in value)
         return (min(max(value[0], 480), 16384), min(max(value[1], 360), 16384)) if sound else None
-    if name in ("welcome_done", "auto_key", "range_marks", "expression_lines"):
+    if name in ("welcome_done", "auto_key", "range_marks", "expression_lines", "materials"):
         return value if isinstance(value, bool) else None
     if name == "recent":
         listed = value if isinstance(value, list) else []
