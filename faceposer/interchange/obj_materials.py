@@ -29,20 +29,17 @@ class ObjMaterials:
         groups: Runs of the faces of its OBJ file, with the names of their materials.
         materials: Each material once, without a file of its picture.
         pictures: Encoded picture of each material that has one, by its name.
-        labels: What the files of the pictures are called, by the name of the material.
     """
 
     groups: tuple[Group, ...]
     materials: tuple[MtlMaterial, ...]
     pictures: dict[str, bytes]
-    labels: dict[str, str]
 
 
 def materials_of(subject: Subject) -> ObjMaterials:
     """Return the materials of ``subject``; none if its own file names none."""
     found: dict[str, MtlMaterial] = {}
     pictures: dict[str, bytes] = {}
-    labels: dict[str, str] = {}
     if subject.origin is None:
         groups = tuple(Group(part.name, part.polygons, _material_name(subject, part)) for part in subject.parts)
         owners: Iterator[tuple[Group, Part | None, bool]] = (
@@ -59,8 +56,8 @@ def materials_of(subject: Subject) -> ObjMaterials:
         picture = subject.textures.get(key) if has_picture else None
         found[name] = _material(name, "skin" if part is None else part.material, picture)
         if picture is not None:
-            pictures[name], labels[name] = picture, key
-    return ObjMaterials(groups, tuple(found.values()), pictures, labels)
+            pictures[name] = picture
+    return ObjMaterials(groups, tuple(found.values()), pictures)
 
 
 def _material_name(subject: Subject, part: Part) -> str:
@@ -101,7 +98,7 @@ def _material(name: str, kind: str, picture: bytes | None) -> MtlMaterial:
 def library_files(folder: Path, stem: str, looks: ObjMaterials, comment: str) -> dict[str, bytes]:
     """Return the contents of the library and of its pictures by the names of their files, the library last.
 
-    Pictures are called after ``stem`` and what they belong to, such as smile_skin.jpg. A picture in ``folder`` that has
+    Pictures are called after ``stem`` and their material, such as smile_skin.jpg. A picture in ``folder`` that has
     the name but is another, as after painting over it, is left alone: a number makes the name another one.
 
     Args:
@@ -115,7 +112,7 @@ def library_files(folder: Path, stem: str, looks: ObjMaterials, comment: str) ->
     for material in looks.materials:
         picture = looks.pictures.get(material.name)
         if picture is not None:
-            label = re.sub(r"[^\w.-]+", "_", looks.labels[material.name])
+            label = re.sub(r"[^\w.-]+", "_", material.name)
             suffix = ".png" if is_png(picture) else ".jpg"
             chosen = _free_name(folder, writable_name(f"{stem}_{label}"), suffix, picture, files)
             files[chosen] = picture

@@ -60,8 +60,9 @@ def _draw_form(context: EditorContext, exchange: "ExportFeature") -> str:
     top = imgui.get_cursor_pos_y()
     _draw_options(context, exchange)
     # As high with every format, so that nothing jumps when another one is chosen.
-    missing_height = top + _MOST_OPTIONS * imgui.get_frame_height_with_spacing() - imgui.get_cursor_pos_y()
-    imgui.dummy((0.0, max(missing_height - imgui.get_style().item_spacing.y, 0.0)))
+    left_over = top + _MOST_OPTIONS * imgui.get_frame_height_with_spacing() - imgui.get_cursor_pos_y()
+    if left_over > imgui.get_style().item_spacing.y:
+        imgui.dummy((0.0, left_over - imgui.get_style().item_spacing.y))
     pressed = modal_buttons(rects, "export", (("accept", "Export..."), ("cancel", "Cancel")))
     if not fresh and not imgui.get_io().want_text_input:
         if imgui.is_key_pressed(imgui.Key.escape, False):
