@@ -332,7 +332,7 @@ def test_pictures_without_background_and_sequences(tmp_path: Path) -> None:
     face.set_weights({"jawOpen": 1.0})
     face.set_key(3)
     folder = face.export_sequence(tmp_path / "yawn", "png", size=(48, 64), transparent=True)
-    assert sorted(path.name for path in folder.iterdir()) == [f"yawn.000{i}.png" for i in range(1, 5)]
+    assert len([*folder.iterdir()]) == len(face.performance)
     with Image.open(folder / "yawn.0004.png") as written:
         assert (written.mode, written.size) == ("RGBA", (48, 64))
     motion = faceposer.Performance(face.performance.coefficients[:2], 24.0)

@@ -10,6 +10,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.ndimage import binary_erosion
 
 from faceposer.errors import FacePoserError
 from faceposer.interchange.formats import Output, check_writable, offered, write, write_sequence_steps, write_steps
@@ -222,6 +223,7 @@ def test_without_background_no_edge_shows_one(name: str, view: str) -> None:
     # than what is there at all.
     edge = (alpha > 0) & (alpha < 255)
     assert edge.sum() > 100
+    assert binary_erosion(edge, iterations=2).sum() > 100, "the neck fades into nothing"
     skin = clear[inside][:, :3]
     assert (clear[edge][:, :3].mean(axis=0) > 0.4 * skin.mean(axis=0)).all(), "no black has crept into the edges"
     background = solid[:8].mean()

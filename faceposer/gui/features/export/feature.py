@@ -141,11 +141,18 @@ class ExportFeature(Feature):
         name = FORMATS[suffix].name
         if self.writes_folder:
             title = f"Export as a folder of {name} files"
-            request = FileRequest("new folder", title, name, (suffix,), folder / stem, self.export)
+            request = FileRequest("new folder", title, f"{name} files", (suffix,), folder / stem, self.export)
         else:
             start, others = folder / f"{stem}{suffix}", self._others()
             request = FileRequest(
-                "save", f"Export as {name}", name, (suffix,), start, self.export, others, self._replaced_beside
+                "save",
+                f"Export as {name}",
+                f"{name} files",
+                (suffix,),
+                start,
+                self.export,
+                others,
+                self._replaced_beside,
             )
         context.ask_for_file(request)
 
