@@ -41,7 +41,7 @@ def mtl_text(materials: Sequence[MtlMaterial], comment: str = "") -> str:
         red, green, blue = material.diffuse
         lines += [
             "",
-            f"newmtl {material.name}",
+            f"newmtl {writable_name(material.name)}",
             f"Kd {red:.4f} {green:.4f} {blue:.4f}",
             f"Ks {material.specular:.4f} {material.specular:.4f} {material.specular:.4f}",
             f"Ns {material.exponent:.2f}",

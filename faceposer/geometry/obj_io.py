@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
+from faceposer.geometry.mtl_io import writable_name
 from faceposer.geometry.polygon_mesh import Group, PolygonMesh, no_polygons, pad_polygons
 
 # All faces are kept as wide as the widest.
@@ -82,9 +83,9 @@ class ObjWriter:
         for group in groups:
             self._faces += faces[done : group.polygons[0]]
             if group.name:
-                self._faces.append(f"g {group.name}")
+                self._faces.append(f"g {writable_name(group.name)}")
             if group.material:
-                self._faces.append(f"usemtl {group.material}")
+                self._faces.append(f"usemtl {writable_name(group.material)}")
             self._faces += faces[group.polygons[0] : group.polygons[1]]
             done = group.polygons[1]
         self._faces += faces[done:]

@@ -148,13 +148,13 @@ def _obj_frames(model: FaceModel, library: str) -> Callable[[NDArray[np.floating
     groups, comment = materials_of(subject).groups, _comment(model)
     if origin is None:
         whole = ObjWriter(subject.polygons, subject.uv, subject.polygon_uvs, True, groups, comment, library)
-        return lambda vertices: whole.text(vertices, normals(vertices)).encode()
+        return lambda vertices: whole.text(vertices, normals(vertices)).encode(errors="replace")
     has_uvs = len(origin.polygon_uvs) > 0
     uv, polygon_uvs = (origin.uv, origin.polygon_uvs) if has_uvs else (None, None)
     writer = ObjWriter(origin.polygons, uv, polygon_uvs, True, groups, comment, library)
     return lambda vertices: writer.text(
         origin.vertices_of(vertices - subject.vertices), origin.normals_of(normals(vertices))
-    ).encode()
+    ).encode(errors="replace")
 
 
 def _ply_frames(model: FaceModel) -> _WriteFrame:

@@ -118,7 +118,7 @@ def library_files(folder: Path, stem: str, looks: ObjMaterials, comment: str) ->
             files[chosen] = picture
             material = replace(material, picture=chosen)  # noqa: PLW2901
         materials.append(material)
-    return files | {library_name(stem): mtl_text(materials, comment).encode()}
+    return files | {library_name(stem): mtl_text(materials, comment).encode(errors="replace")}
 
 
 def library_name(stem: str) -> str:
