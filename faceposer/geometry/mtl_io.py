@@ -18,7 +18,8 @@ class MtlMaterial:
         specular: Ks, one grey level from 0 to 1.
         exponent: Ns, of the highlight, 0 to 1000.
         picture: File name of the colour picture, in the folder of the library; "" for none.
-        transparent: Whether the alpha channel of the picture is the opacity.
+        transparent: Whether the alpha channel of the picture is the opacity too.
+        opacity: d, 0 to 1.
     """
 
     name: str
@@ -27,6 +28,7 @@ class MtlMaterial:
     exponent: float
     picture: str = ""
     transparent: bool = False
+    opacity: float = 1.0
 
 
 def writable_name(name: str) -> str:
@@ -45,7 +47,7 @@ def mtl_text(materials: Sequence[MtlMaterial], comment: str = "") -> str:
             f"Kd {red:.4f} {green:.4f} {blue:.4f}",
             f"Ks {material.specular:.4f} {material.specular:.4f} {material.specular:.4f}",
             f"Ns {material.exponent:.2f}",
-            "d 1",
+            f"d {material.opacity:g}",
             "illum 2",
         ]
         if material.picture:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from faceposer.files.atomic import atomic_file
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.interchange.gltf_builder import INDICES, VERTICES, GltfBuilder
-from faceposer.interchange.surfaces import base_colour, is_png, roughness
+from faceposer.interchange.surfaces import base_colour, is_png, opacity, roughness
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.model.shape_names import halves_of, whole_of
@@ -203,7 +203,9 @@ class _Materials:
         entry: dict[str, Any] = {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True}
         picture = self._subject.textures.get(name)
         if picture is None:
-            surface["baseColorFactor"] = [*base_colour(material), 1.0]
+            surface["baseColorFactor"] = [*base_colour(material), opacity(material)]
+            if opacity(material) < 1.0:
+                entry["alphaMode"] = "BLEND"
             return builder.add("materials", entry)
         kind = "image/png" if is_png(picture) else "image/jpeg"
         image = builder.add("images", {"name": name, "mimeType": kind, "bufferView": builder.view(picture)})

@@ -11,14 +11,17 @@ from pathlib import Path
 
 from faceposer.geometry.mtl_io import MtlMaterial, mtl_text, writable_name
 from faceposer.geometry.polygon_mesh import Group
-from faceposer.interchange.surfaces import base_colour, is_png, roughness
+from faceposer.interchange.surfaces import base_colour, is_png, opacity, roughness
 from faceposer.model.origin import Origin
 from faceposer.model.subject import Part, Subject
 
 # Strength of highlights, as grey level; lashes have none.
-_SPECULAR = {"skin": 0.15, "eye": 0.5, "teeth": 0.4, "gums": 0.3, "tongue": 0.25, "lashes": 0.0}
+_SPECULAR: dict[str, float] = {"skin": 0.15, "eye": 0.5, "teeth": 0.4, "gums": 0.3, "tongue": 0.25, "lashes": 0.0}
+_USUAL_SPECULAR = 0.5
 _WHITE = (1.0, 1.0, 1.0)
 _SRGB_GAMMA = 2.2
+# Characters of a material's name in the file name of its picture; file systems take about 255 bytes in all.
+_LONGEST_LABEL = 40
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,8 @@ def _material(name: str, kind: str, picture: bytes | None) -> MtlMaterial:
     red, green, blue = (channel ** (1.0 / _SRGB_GAMMA) for channel in base_colour(kind))
     colour = (red, green, blue) if picture is None else _WHITE
     transparent = picture is not None and kind == "lashes" and is_png(picture)
-    return MtlMaterial(name, colour, _SPECULAR[kind], exponent, transparent=transparent)
+    specular = _SPECULAR.get(kind, _USUAL_SPECULAR)
+    return MtlMaterial(name, colour, specular, exponent, transparent=transparent, opacity=opacity(kind))
 
 
 def library_files(folder: Path, stem: str, looks: ObjMaterials, comment: str) -> dict[str, bytes]:
@@ -112,7 +116,7 @@ def library_files(folder: Path, stem: str, looks: ObjMaterials, comment: str) ->
     for material in looks.materials:
         picture = looks.pictures.get(material.name)
         if picture is not None:
-            label = re.sub(r"[^\w.-]+", "_", material.name)
+            label = re.sub(r"[^\w.-]+", "_", material.name)[:_LONGEST_LABEL]
             suffix = ".png" if is_png(picture) else ".jpg"
             chosen = _free_name(folder, writable_name(f"{stem}_{label}"), suffix, picture, files)
             files[chosen] = picture

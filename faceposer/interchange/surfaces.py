@@ -4,6 +4,8 @@ from faceposer.model.materials import BASE_COLOURS
 
 _ROUGHNESS = {"eye": 0.12, "teeth": 0.3, "gums": 0.35, "tongue": 0.45}
 _SKIN_ROUGHNESS = 0.55
+# How much of what lies behind a clear shell is covered by it.
+_OPACITY = {"film": 0.05}
 _PNG = b"\x89PNG\r\n\x1a\n"
 
 
@@ -15,6 +17,11 @@ def roughness(material: str) -> float:
 def base_colour(material: str) -> tuple[float, float, float]:
     """Return the linear colour of ``material``: red, green and blue from 0 to 1."""
     return BASE_COLOURS[material]
+
+
+def opacity(material: str) -> float:
+    """Return the opacity of ``material``, 0 to 1."""
+    return _OPACITY.get(material, 1.0)
 
 
 def is_png(picture: bytes) -> bool:

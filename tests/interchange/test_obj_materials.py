@@ -23,6 +23,8 @@ from faceposer.progress import Progress
 from faceposer.training.rigs import RigOptions, subject_from_morphs
 from tests.training.faces import morph_mesh
 
+LONG = "x" * 300
+
 
 def picture(colour: tuple[int, int, int], form: str = "PNG") -> bytes:
     file = io.BytesIO()
@@ -195,9 +197,9 @@ def test_names_that_no_line_can_hold_are_replaced(low: FaceModel, tmp_path: Path
     assert "\nmtllib a_newmtl b.mtl\n" in path.read_text()
     assert (tmp_path / "a_newmtl b.mtl").is_file()
     assert by_material(path)["skin"].visual.material.image is not None
-    groups = tuple(replace(group, material=f"{group.name}\nv 0 0 0\ud800") for group in morph_mesh().mesh.groups)
+    groups = tuple(replace(group, material=f"{group.name}\nv 0 0 0\ud800{LONG}") for group in morph_mesh().mesh.groups)
     subject = imported({groups[0].material: picture((9, 99, 199))}, groups)
     rig = build_face_model(replace(subject, title="a\ud800"))
     write_posed_obj(tmp_path / "b.obj", rig, rig.neutral())
     assert len(read_mesh(tmp_path / "b.obj").vertices) == len(morph_mesh().mesh.vertices)
-    assert by_material(tmp_path / "b.obj")["skin_v 0 0 0_"].visual.material.image is not None
+    assert by_material(tmp_path / "b.obj")[f"skin_v 0 0 0_{LONG}"].visual.material.image is not None
