@@ -12,7 +12,7 @@ uniform bool textured;
 uniform sampler2D image;
 uniform vec3 base;
 uniform vec2 mouth;  // height of the upper teeth's edges, and how far forward the teeth reach
-uniform bool over_photo;  // whether what fades shows a photo instead of the backdrop
+uniform bool blended;  // whether what fades shows a photo or nothing instead of the backdrop
 
 in vec3 eye_position;
 in vec3 eye_normal;
@@ -69,6 +69,6 @@ void main() {
     bool inner = !gl_FrontFacing && material <= 1;
     if (inner) linear = mix(0.75 * linear, vec3(0.014, 0.013, 0.013), from_below);
     float fade = material <= 1 ? neck_opacity(world_position, inner, from_below) : 1.0;
-    if (over_photo) colour = vec4(display(linear, gl_FragCoord.xy), fade);
+    if (blended) colour = vec4(display(linear, gl_FragCoord.xy), fade);
     else colour = vec4(display(mix(backdrop(gl_FragCoord.xy), linear, fade), gl_FragCoord.xy), 1.0);
 }

@@ -369,6 +369,7 @@ class Face(InMotion):
         size: tuple[int, int] = _SIZE,
         shading: Literal["full", "clay"] = "full",
         expression_lines: bool = True,
+        transparent: bool = False,
     ) -> NDArray[np.uint8]:
         """Return a picture of the face, shape (height, width, 3), and write it to ``path`` (.png) if there is one.
 
@@ -378,6 +379,7 @@ class Face(InMotion):
             size: Width and height in pixels.
             shading: "clay" leaves the textures out.
             expression_lines: Draw the lines of the skin that the pose makes; clay has none.
+            transparent: Leave the background out; the shape is (height, width, 4) then, with straight alpha.
         """
         from faceposer.render.images import write_png
         from faceposer.render.offscreen import render_subject
@@ -387,7 +389,12 @@ class Face(InMotion):
             raise FacePoserError(f"The picture '{path}' must end in '.png'.")
         camera = view if isinstance(view, Camera) else self.camera(view, size)
         picture = render_subject(
-            self.subject, self.vertices, camera, shading=shading, expression_lines=expression_lines
+            self.subject,
+            self.vertices,
+            camera,
+            shading=shading,
+            expression_lines=expression_lines,
+            transparent=transparent,
         )
         if path is not None:
             write_png(Path(path), picture)

@@ -113,6 +113,8 @@ class InMotion:
         motion: Performance | None = None,
         turn: float = 0.0,
         expression_lines: bool = True,
+        transparent: bool = False,
+        materials: bool = True,
     ) -> Path:
         """Write the pose, or a performance, for other programs (docs/interchange.md), and return the path.
 
@@ -120,10 +122,12 @@ class InMotion:
         .glb and the weights of .csv and .json cannot contain it: lids, lips and teeth may lie in each other there.
 
         Args:
-            path: Ends in .obj, .ply, .glb, .csv, .json (weights, no session), .png, .gif or .mp4.
+            path: Ends in .obj, .ply, .glb, .csv, .json (weights, no session), .png, .gif or .mp4, which needs ffmpeg.
             motion: What to write in place of the pose, such as ``performance``; for .glb, .csv, .json, .gif and .mp4.
             turn: Seconds in which the camera of a film goes round the head once, 0 for one that stands.
             expression_lines: Draw the lines that a pose makes in the skin, in pictures and films.
+            transparent: Leave the background of a .png out.
+            materials: Write materials and textures beside an .obj.
         """
         from faceposer.interchange.formats import write
         from faceposer.render.options import OutputOptions
@@ -133,6 +137,56 @@ class InMotion:
             raise FacePoserError(f"The camera turns in films; let '{path}' end in .gif or .mp4, or leave 'turn' out.")
         model = self.session.model
         moving = self.session.coefficients if motion is None else checks.performance_of(motion, model)
-        options = OutputOptions(turn=turn, expression_lines=expression_lines, contact=self.session.document.contact)
+        options = OutputOptions(
+            turn=turn,
+            expression_lines=expression_lines,
+            contact=self.session.document.contact,
+            transparent=transparent,
+            materials=materials,
+        )
         write(Path(path), model, moving, options)
         return Path(path)
+
+    def export_sequence(
+        self,
+        folder: str | PathLike[str],
+        kind: str = "obj",
+        motion: Performance | None = None,
+        size: tuple[int, int] = (640, 640),
+        turn: float = 0.0,
+        expression_lines: bool = True,
+        transparent: bool = False,
+        materials: bool = True,
+    ) -> Path:
+        """Write each frame of a performance as a file of its own into a new folder, and return the folder.
+
+        Args:
+            folder: New or empty; its name and the number of the frame name the files, such as smile.0001.obj.
+            kind: "obj", "ply" or "png".
+            motion: The performance; the face's animation if left out.
+            size: Width and height of pictures in pixels.
+            turn: Seconds in which the camera of pictures goes round the head once, 0 for one that stands.
+            expression_lines: Draw the lines that a pose makes in the skin, in pictures.
+            transparent: Leave the background of pictures out.
+            materials: Write materials and textures for OBJ, once for all frames.
+        """
+        from faceposer.interchange.formats import Output, suffixes, write_sequence_steps
+        from faceposer.render.options import OutputOptions
+
+        kinds = tuple(suffix[1:] for suffix in suffixes(lambda form: form.sequence is not None))
+        checks.one_of(kind, kinds, "The kind of a sequence")
+        checks.number(turn, 0.0, _LONGEST_TURN, "The seconds of a turn")
+        played = self.performance if motion is None else checks.performance_of(motion, self.session.model)
+        if played is None:
+            raise FacePoserError("The face has no animation; give a motion, or set keys first.")
+        options = OutputOptions(
+            size=checks.picture_size(size),
+            turn=turn,
+            expression_lines=expression_lines,
+            contact=self.session.document.contact,
+            transparent=transparent,
+            materials=materials,
+        )
+        for _ in write_sequence_steps(Output(Path(folder), self.session.model, played, options), f".{kind}"):
+            pass
+        return Path(folder)

@@ -6,7 +6,7 @@ from typing import Any
 
 from faceposer.cli.arguments import add_contact_option, add_spread, number_between
 from faceposer.cli.progress_line import ProgressLine
-from faceposer.files.atomic import check_apart, check_output
+from faceposer.files.atomic import check_apart
 
 NAME = "animate"
 _PRIORS = ("regions", "whole", "plain")
@@ -55,9 +55,9 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Make and write the animation that ``options`` ask for and return the exit status."""
-    from faceposer.interchange.formats import suffixes
+    from faceposer.interchange.formats import check_writable
 
-    check_output(options.output, *suffixes(lambda form: form.animated))
+    check_writable(options.output, lambda form: form.animated)
     check_apart(options.output, options.subject, options.trajectories, options.camera, options.markers)
     import numpy as np
 

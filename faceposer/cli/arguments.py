@@ -41,6 +41,16 @@ def add_contact_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_materials_option(parser: argparse.ArgumentParser) -> None:
+    """Add ``--no-materials`` to ``parser``."""
+    parser.add_argument(
+        "--no-materials",
+        dest="materials",
+        action="store_false",
+        help="write .obj without its .mtl and textures",
+    )
+
+
 def picture_size(text: str, least: int, most: int, example: str = "960x720") -> tuple[int, int]:
     """Return the width and height of a picture written as ``WxH``.
 

@@ -6,10 +6,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from faceposer.cli.arguments import add_contact_option, picture_size
+from faceposer.cli.arguments import add_contact_option, add_materials_option, picture_size
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import check_apart, check_output
+from faceposer.files.atomic import check_apart
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,7 +29,8 @@ _GIF_SIZE = (480, 480)
 _DESCRIPTION = """\
 Write a face as other programs read it. The suffix of OUT says how:
 
-  .obj   the posed mesh with UVs, normals and groups, in the character's own unit, axes and order
+  .obj   the posed mesh with UVs, normals and groups, in the character's own unit, axes and order,
+         and its materials and textures beside it: OUT.mtl, OUT_skin.jpg and so on
   .ply   the same mesh, binary, with normals
   .glb   parts, textures and all shapes as morph targets with their names, in metres;
          the pose as default weights, an animation as keys of the weights; targets cannot hold
@@ -38,7 +39,7 @@ Write a face as other programs read it. The suffix of OUT says how:
   .json  weights of the face's own shapes (docs/interchange.md)
   .png   a picture of the pose
   .gif   the animation, or the pose turning round
-  .mp4   the same, by ffmpeg
+  .mp4   the same; needs ffmpeg, or the Python package: pip install 'faceposer[films]'
 
 What is written is the session's: its animation, if its timeline has keys and the format holds one, otherwise its pose;
 the neutral face of a subject; or what --pose or --animation says."""
@@ -50,6 +51,7 @@ examples:
   faceposer export woman --animation take.csv -o take --sequence obj    ... as a folder of meshes
   faceposer export woman --animation take.csv --fps 25 -o take.gif
   faceposer export keys.json -o keys.glb                           what the timeline of a session plays
+  faceposer export keys.json -o keys --sequence png --transparent  ... as pictures without background
   faceposer export smile.json --turntable 6 --size 800x800 -o smile.mp4
   faceposer export man --pose sculpted.obj -o sculpted.csv         what weights make this mesh?
   faceposer export man --pose take.csv --frame 120 -o frame.obj"""
@@ -109,6 +111,10 @@ def add_parser(commands: Any) -> None:
         help="pixels of pictures (default: 640x640; 480x480 for .gif)",
     )
     add_contact_option(parser)
+    add_materials_option(parser)
+    parser.add_argument(
+        "--transparent", action="store_true", help="leave out the background of .png, also with --sequence png"
+    )
     parser.add_argument("--clay", action="store_true", help="draw pictures without the texture of the skin")
     parser.add_argument(
         "--no-expression-lines",
@@ -142,6 +148,8 @@ def run(options: argparse.Namespace) -> int:
         "clay" if options.clay else "full",
         expression_lines=not options.no_expression_lines,
         contact=contact,
+        transparent=options.transparent,
+        materials=options.materials,
     )
     line = ProgressLine()
     try:
@@ -157,7 +165,7 @@ def run(options: argparse.Namespace) -> int:
                 line.share(share)
     finally:
         line.clear()
-    _say(f"{path} written" if options.sequence is None else f"{len(list(path.iterdir()))} files written to {path}")
+    _say(f"{path} written" if options.sequence is None else f"{len(motion)} files written to {path}")
     return 0
 
 
@@ -192,26 +200,24 @@ def _check_options(options: argparse.Namespace) -> None:
     Raises:
         FacePoserError: Saying what, and what to do.
     """
+    from faceposer.interchange.formats import FORMATS, check_writable, suffixes
+
     path: Path = options.output
     suffix = path.suffix.lower()
     if options.frame is not None and options.pose is None:
         raise FacePoserError("--frame says which frame of the weights in --pose; give that, too.")
     if options.sequence is not None:
-        from faceposer.interchange.formats import suffixes
-
         kinds = [kind[1:] for kind in suffixes(lambda form: form.sequence is not None)]
         if options.sequence not in kinds:
             raise FacePoserError(f"--sequence takes {', '.join(kinds)}, and not '{options.sequence}'.")
         if options.pose is not None or options.still:
             raise FacePoserError("--sequence writes an animation; leave out --pose and --still.")
+        if options.transparent and not FORMATS[f".{options.sequence}"].transparent:
+            raise FacePoserError("--transparent is for pictures; write --sequence png.")
         if not path.absolute().parent.is_dir():
             raise FacePoserError(f"The folder '{path.absolute().parent}' of the output does not exist; make it first.")
         return
-    from faceposer.interchange.formats import FORMATS, suffixes
-
-    if suffix not in FORMATS:
-        raise FacePoserError(f"The output '{path}' must end in one of {', '.join(suffixes())}.")
-    check_output(path, suffix)
+    check_writable(path)
     if options.animation is not None and suffix in (".obj", ".ply"):
         raise FacePoserError(
             f"'{path}' holds one pose: write the animation into a folder with --sequence {suffix[1:]}, or one frame of "
@@ -221,6 +227,8 @@ def _check_options(options: argparse.Namespace) -> None:
         raise FacePoserError(f"'{path}' shows one pose: write a .gif, or one frame with --pose and --frame.")
     if options.turntable is not None and suffix not in (".gif", ".mp4"):
         raise FacePoserError("--turntable is for films; let the output end in .gif or .mp4.")
+    if options.transparent and not FORMATS[suffix].transparent:
+        raise FacePoserError("--transparent is for pictures; let the output end in .png.")
     check_apart(path, options.what, options.pose, options.animation)
 
 

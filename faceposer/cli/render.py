@@ -32,6 +32,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--no-expression-lines", action="store_true", help="leave out the lines that a pose makes in the skin"
     )
+    parser.add_argument("--transparent", action="store_true", help="leave out the background")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -47,13 +48,21 @@ def run(options: argparse.Namespace) -> int:
 
         mesh = read_mesh(Path(options.what))
         view = OrbitView.preset(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0), options.view)
-        write_png(options.output, render_mesh(mesh.vertices, mesh.triangles(), view.camera(options.size)))
+        camera = view.camera(options.size)
+        picture = render_mesh(mesh.vertices, mesh.triangles(), camera, transparent=options.transparent)
+        write_png(options.output, picture)
     else:
         from faceposer.api import Face
         from faceposer.cli.opening import open_with_remark
 
         face = Face(open_with_remark(options.what))
         face.contact = face.contact and options.contact
-        face.render(options.output, options.view, options.size, expression_lines=not options.no_expression_lines)
+        face.render(
+            options.output,
+            options.view,
+            options.size,
+            expression_lines=not options.no_expression_lines,
+            transparent=options.transparent,
+        )
     print(f"{options.output} written")
     return 0

@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from faceposer.cli.arguments import add_contact_option, add_spread
+from faceposer.cli.arguments import add_contact_option, add_materials_option, add_spread
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import check_apart, check_output, write_text
 
@@ -24,6 +24,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--report", type=Path, metavar="R.json", help="also write energy, residuals and ARKit weights")
     add_spread(parser, "as the session has it")
     add_contact_option(parser)
+    add_materials_option(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -54,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     solution = session.solution
     assert solution is not None
     contact = document.contact and options.contact
-    write_posed_obj(options.output, session.model, session.coefficients, contact)
+    write_posed_obj(options.output, session.model, session.coefficients, contact, options.materials)
     if options.report is not None:
         report = solve_report(session.model, session.document, solution)
         write_text(options.report, json.dumps(report, indent=1) + "\n", "report")

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from faceposer.cli.arguments import add_contact_option
+from faceposer.cli.arguments import add_contact_option, add_materials_option
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import check_apart, check_output
+from faceposer.files.atomic import check_apart
 
 if TYPE_CHECKING:
     from faceposer.model.face_model import FaceModel
@@ -49,6 +49,7 @@ def add_parser(commands: Any) -> None:
         help="session or, of a capture, weights (.json); or .csv, .glb, .gif, .mp4, .obj, .ply, .png",
     )
     add_contact_option(parser)
+    add_materials_option(parser)
     parser.add_argument(
         "--from",
         dest="subject",
@@ -102,12 +103,12 @@ def _rate(text: str) -> float:
 
 def run(options: argparse.Namespace) -> int:
     """Carry over what ``options`` ask for and return the exit status."""
-    from faceposer.interchange.formats import format_of, suffixes
+    from faceposer.interchange.formats import check_writable, offered
 
-    check_output(options.output, *suffixes())
+    form = check_writable(options.output)
     check_apart(options.output, options.source, options.target, options.pairs)
     suffix = options.output.suffix.lower()
-    holds_animation = format_of(options.output).animated
+    holds_animation = form.animated
     if options.pairs is not None and options.method == "weights":
         raise FacePoserError("Pairs are for the method 'distances'; leave out --pairs or --method weights.")
     from faceposer.session.opening import load_model
@@ -129,14 +130,14 @@ def run(options: argparse.Namespace) -> int:
     if moving and not holds_animation:
         raise FacePoserError(
             f"The source has {len(performance)} frames, and '{suffix}' holds one; choose one by --frames, or an output "
-            f"that ends in one of {', '.join(suffixes(lambda form: form.animated))}."
+            f"that ends in one of {', '.join(offered(lambda form: form.animated))}."
         )
     began = time.perf_counter()
     line = ProgressLine()
     try:
         result = transfer_performance(transfer, performance, line.progress if moving else None)
         spent = 1e3 * (time.perf_counter() - began) / len(result)
-        _write(options.output, options.target, target, result, line, options.contact)
+        _write(options.output, options.target, target, result, line, options)
     finally:
         line.clear()
     what = f"{len(result)} frames" if len(result) > 1 else "pose"
@@ -222,7 +223,12 @@ def _write_session(options: argparse.Namespace, source: _Source, transfer: "Tran
 
 
 def _write(
-    path: Path, subject: str, model: "FaceModel", performance: "Performance", line: ProgressLine, contact: bool
+    path: Path,
+    subject: str,
+    model: "FaceModel",
+    performance: "Performance",
+    line: ProgressLine,
+    options: argparse.Namespace,
 ) -> None:
     """Write one pose as a session or as any other file holds it, more as an animation."""
     from faceposer.interchange.formats import write
@@ -230,10 +236,11 @@ def _write(
     from faceposer.session.document import Document, subject_from, write_document
 
     pose = performance.coefficients[0]
+    output_options = OutputOptions(contact=options.contact, materials=options.materials)
     if len(performance) > 1:
-        write(path, model, performance, OutputOptions(contact=contact), line.progress)
+        write(path, model, performance, output_options, line.progress)
     elif path.suffix.lower() == ".json":
-        document = Document(subject_from(subject, path.parent), contact=contact)
+        document = Document(subject_from(subject, path.parent), contact=options.contact)
         write_document(path, document.starting_from(pose).posed(pose).stamped(model))
     else:
-        write(path, model, pose, OutputOptions(contact=contact))
+        write(path, model, pose, output_options)

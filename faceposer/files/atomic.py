@@ -4,7 +4,7 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -44,6 +44,66 @@ def atomic_file(path: Path, kind: str, durable: bool = True) -> Iterator[Path]:
         # Cleaning up must not hide the first error.
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def atomic_files(paths: Sequence[Path], kind: str) -> Iterator[list[Path]]:
+    """Yield temporary paths beside ``paths`` that replace all of them at the end of the block, or none.
+
+    Args:
+        paths: The files, at least one, in the order in which they are replaced; their folders must exist. The last is
+            the one that messages name.
+        kind: Noun for messages, such as "mesh".
+
+    Raises:
+        FacePoserError: If one of the files cannot be written; the old ones are then back in their places.
+    """
+    temporaries = [_temporary(path) for path in paths]
+    olds = [path.with_name(f"{path.name}.old") for path in paths]
+    backups = [_temporary(old) for old in olds]
+    try:
+        for path in (*paths, *olds):
+            _remove_stale(path)
+        yield temporaries
+        for temporary in temporaries:
+            _sync(temporary, os.O_RDWR)
+        _replace_all(paths, temporaries, backups)
+        for folder in {path.parent for path in paths}:
+            _sync_folder(folder)
+    except OSError as error:
+        raise FacePoserError(_cannot(kind, paths[-1], error)) from error
+    finally:
+        # Cleaning up must not hide the first error.
+        for left in (*temporaries, *backups):
+            with suppress(OSError):
+                left.unlink(missing_ok=True)
+
+
+def _replace_all(paths: Sequence[Path], temporaries: Sequence[Path], backups: Sequence[Path]) -> None:
+    """Move ``temporaries`` to ``paths``; after a failure the old files, kept as ``backups``, are restored."""
+    replaced: list[tuple[Path, Path]] = []
+    try:
+        for path, temporary, backup in zip(paths, temporaries, backups, strict=True):
+            if os.path.lexists(path):
+                _keep(path, backup)
+            temporary.replace(path)
+            replaced.append((path, backup))
+    except BaseException:
+        for path, backup in reversed(replaced):
+            with suppress(OSError):
+                if os.path.lexists(backup):
+                    backup.replace(path)
+                else:
+                    path.unlink()
+        raise
+
+
+def _keep(path: Path, backup: Path) -> None:
+    """Let the file ``path`` have the second name ``backup``, or copy it where the file system has no links."""
+    try:
+        os.link(path, backup, follow_symlinks=False)
+    except (OSError, NotImplementedError):
+        shutil.copy2(path, backup, follow_symlinks=False)
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
+from faceposer.geometry.mtl_io import writable_name
 from faceposer.geometry.polygon_mesh import Group, PolygonMesh, no_polygons, pad_polygons
 
 # All faces are kept as wide as the widest.
@@ -57,9 +58,21 @@ class ObjWriter:
         with_normals: bool = False,
         groups: Sequence[Group] = (),
         comment: str = "",
+        library: str = "",
     ) -> None:
-        """Prepare what ``write_obj`` is told; ``with_normals`` says whether there will be normals."""
+        """Prepare what ``write_obj`` is told.
+
+        Args:
+            polygons: As for ``write_obj``.
+            uv: Likewise.
+            polygon_uvs: Likewise.
+            with_normals: Whether there will be normals.
+            groups: As for ``write_obj``.
+            comment: Likewise.
+            library: Name of the file with the materials, in the same folder; "" for none.
+        """
         self._head = [f"# {comment}"] if comment else []
+        self._head += [f"mtllib {library}"] if library else []
         self._uv = _rows("vt", np.asarray(uv), "%.7g") if uv is not None else []
         textures = polygon_uvs if uv is not None else None
         faces = [
@@ -70,9 +83,9 @@ class ObjWriter:
         for group in groups:
             self._faces += faces[done : group.polygons[0]]
             if group.name:
-                self._faces.append(f"g {group.name}")
+                self._faces.append(f"g {writable_name(group.name)}")
             if group.material:
-                self._faces.append(f"usemtl {group.material}")
+                self._faces.append(f"usemtl {writable_name(group.material)}")
             self._faces += faces[group.polygons[0] : group.polygons[1]]
             done = group.polygons[1]
         self._faces += faces[done:]
@@ -83,14 +96,14 @@ class ObjWriter:
         Raises:
             FacePoserError: If the file cannot be written.
         """
+        write_text(path, self.text(vertices, normals), "mesh")
+
+    def text(self, vertices: ArrayLike, normals: ArrayLike | None = None) -> str:
+        """Return the content of the file for ``vertices``, (N, 3), and normals."""
         lines = [*self._head, *_rows("v", np.asarray(vertices), "%.9g"), *self._uv]
         if normals is not None:
             lines += _rows("vn", np.asarray(normals), "%.5f")
-        _write(path, [*lines, *self._faces])
-
-
-def _write(path: Path, lines: list[str]) -> None:
-    write_text(path, "\n".join(lines) + "\n", "mesh")
+        return "\n".join([*lines, *self._faces]) + "\n"
 
 
 def _rows(keyword: str, values: NDArray[np.floating], form: str) -> list[str]:

@@ -107,7 +107,9 @@ class App:
         self.scene.set_model(session.model)
         self.viewport = Viewport(self.scene, session, self.settings.navigation)
         self.dialogs = Dialogs(self.gui.fonts, self.widget_rects)
-        self.file_dialogs = FileDialogs(self.gui.fonts, self.widget_rects, use_native=False if hidden else None)
+        self.file_dialogs = FileDialogs(
+            self.gui.fonts, self.widget_rects, use_native=False if hidden else None, notify=self.notify
+        )
         self.keeps_journal = self.remembers if journal is None else journal
         self.toolbox = Toolbox(self.viewport)
         self.palette = Palette()

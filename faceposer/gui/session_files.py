@@ -10,7 +10,7 @@ from faceposer.gui.recent_files import RecentFiles
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.gui.widgets.file_dialogs import FileRequest
-from faceposer.interchange.meshes import write_posed_obj
+from faceposer.interchange.meshes import foreign_library, write_posed_obj
 from faceposer.session.opening import open_session
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
@@ -189,14 +189,27 @@ class SessionFiles:
         stem = session.path.stem if session.path else _stem(session.document.subject)
         start = self.export_path or folder / f"{stem}.obj"
         context.ask_for_file(
-            FileRequest("save", "Save the posed face as OBJ", "Meshes", (".obj",), start, self._export)
+            FileRequest(
+                "save",
+                "Save the posed face as OBJ",
+                "Meshes",
+                (".obj",),
+                start,
+                self._export,
+                beside=self._library_of,
+            )
         )
+
+    def _library_of(self, path: Path) -> tuple[Path, ...]:
+        return foreign_library(path) if self._context.settings.materials else ()
 
     def _export(self, path: Path) -> None:
         context = self._context
+        session = context.session
         try:
-            context.session.wait()
-            write_posed_obj(path, context.session.model, context.session.coefficients, context.session.document.contact)
+            session.wait()
+            contact, materials = session.document.contact, context.settings.materials
+            write_posed_obj(path, session.model, session.coefficients, contact, materials)
         except FacePoserError as error:
             context.dialogs.report("The mesh is not saved", str(error))
             return

@@ -30,6 +30,7 @@ class Settings:
         auto_key: Whether a changed pose becomes a key by itself, once there is any.
         range_marks: Whether the view shows how far the point under the pointer can go.
         expression_lines: Whether the lines of the skin that a pose makes are drawn.
+        materials: Whether OBJ files are written with materials and textures.
         recent: Whole paths of the files that were opened or saved last, newest first, at most ``MAX_RECENT``.
     """
 
@@ -42,6 +43,7 @@ class Settings:
     auto_key: bool = True
     range_marks: bool = True
     expression_lines: bool = True
+    materials: bool = True
     recent: list[str] = field(default_factory=list)
 
 

@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.atomic import check_output
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.progress import Progress
+from faceposer.render.ffmpeg import missing_ffmpeg
 from faceposer.render.options import OutputOptions
 
 if TYPE_CHECKING:
@@ -62,6 +64,8 @@ class Format:
         sequence: Likewise, writes a performance as a new folder with a file for each frame; None where there is no way.
         drawn: Whether files are pictures, to which size, view and shading apply.
         contact: Whether what is written can show the contact step.
+        transparent: Whether pictures can leave the background out.
+        materials: Whether materials and textures are written as files beside it.
         missing: Returns why the format cannot be written on this machine, or "".
     """
 
@@ -73,6 +77,8 @@ class Format:
     sequence: Callable[[Output], Generator[float, None, None]] | None = None
     drawn: bool = False
     contact: bool = True
+    transparent: bool = False
+    materials: bool = False
     missing: Callable[[], str] = lambda: ""
 
     @property
@@ -101,6 +107,11 @@ def suffixes(kind: Callable[[Format], bool] = lambda _: True) -> tuple[str, ...]
     return tuple(form.suffix for form in FORMATS.values() if kind(form))
 
 
+def offered(kind: Callable[[Format], bool] = lambda _: True) -> tuple[str, ...]:
+    """Return the suffixes of the formats for which ``kind`` holds and that can be written on this machine."""
+    return suffixes(lambda form: kind(form) and not form.missing())
+
+
 def format_of(path: Path) -> Format:
     """Return the format that the suffix of ``path`` names.
 
@@ -110,7 +121,23 @@ def format_of(path: Path) -> Format:
     try:
         return FORMATS[path.suffix.lower()]
     except KeyError:
-        raise FacePoserError(f"'{path}' must end in one of {', '.join(FORMATS)}.") from None
+        raise FacePoserError(f"'{path}' must end in one of {', '.join(offered())}.") from None
+
+
+def check_writable(path: Path, kind: Callable[[Format], bool] = lambda _: True) -> Format:
+    """Return the format of the output ``path``, one for which ``kind`` holds, before any work is done for it.
+
+    Raises:
+        FacePoserError: If the suffix names none of these, the format cannot be written on this machine, or the file
+            could not be written.
+    """
+    named = FORMATS.get(path.suffix.lower())
+    if named is None or not kind(named):
+        raise FacePoserError(f"The output '{path}' must end in one of {', '.join(offered(kind))}.")
+    if reason := named.missing():
+        raise FacePoserError(reason)
+    check_output(path, named.suffix)
+    return named
 
 
 def write(
@@ -151,8 +178,7 @@ def write_steps(output: Output) -> Generator[float, None, None]:
         instead = "choose a frame, or write a .gif" if form.drawn else "write a folder of them instead"
         verb = "shows" if form.drawn else "holds"
         raise FacePoserError(f"'{output.path}' {verb} one pose and not {len(output.motion)}; {instead}.")
-    if reason := form.missing():
-        raise FacePoserError(reason)
+    _check_options(form, output.options)
     yield from form.write(output)
 
 
@@ -165,7 +191,16 @@ def write_sequence_steps(output: Output, suffix: str) -> Generator[float, None, 
     form = FORMATS[suffix]
     if form.sequence is None or not isinstance(output.motion, Performance):
         raise FacePoserError(f"{form.name} has no sequences of files; write an animation in another format.")
+    _check_options(form, output.options)
     yield from form.sequence(output)
+
+
+def _check_options(form: Format, options: OutputOptions) -> None:
+    if reason := form.missing():
+        raise FacePoserError(reason)
+    if options.transparent and not form.transparent:
+        kinds = " or ".join(suffixes(lambda other: other.transparent))
+        raise FacePoserError(f"{form.name} cannot leave the background out; write {kinds} instead.")
 
 
 def _glb(output: Output) -> Generator[float, None, None]:
@@ -178,7 +213,8 @@ def _glb(output: Output) -> Generator[float, None, None]:
 def _posed_obj(output: Output) -> Generator[float, None, None]:
     from faceposer.interchange.meshes import write_posed_obj
 
-    write_posed_obj(output.path, output.model, _pose(output), output.options.contact)
+    options = output.options
+    write_posed_obj(output.path, output.model, _pose(output), options.contact, options.materials)
     yield 1.0
 
 
@@ -192,7 +228,8 @@ def _posed_ply(output: Output) -> Generator[float, None, None]:
 def _obj_sequence(output: Output) -> Generator[float, None, None]:
     from faceposer.interchange.meshes import sequence_steps
 
-    return sequence_steps(output.path, output.model, _performance(output), "obj", output.options.contact)
+    options = output.options
+    return sequence_steps(output.path, output.model, _performance(output), "obj", options.contact, options.materials)
 
 
 def _ply_sequence(output: Output) -> Generator[float, None, None]:
@@ -241,12 +278,6 @@ def _mp4(output: Output) -> Generator[float, None, None]:
     yield from mp4_steps(output.path, output.model, output.motion, output.options, output.ctx)
 
 
-def _no_ffmpeg() -> str:
-    from faceposer.render.film import missing_ffmpeg
-
-    return missing_ffmpeg()
-
-
 def _pose(output: Output) -> NDArray[np.float64]:
     assert not isinstance(output.motion, Performance)
     return output.motion
@@ -268,7 +299,15 @@ for _format in (
         _glb,
         contact=False,
     ),
-    Format(".obj", "OBJ", "the posed mesh, with UVs and groups", "pose", _posed_obj, _obj_sequence),
+    Format(
+        ".obj",
+        "OBJ",
+        "the posed mesh, with UVs, groups, materials and textures",
+        "pose",
+        _posed_obj,
+        _obj_sequence,
+        materials=True,
+    ),
     Format(".ply", "PLY", "the posed mesh, binary", "pose", _posed_ply, _ply_sequence),
     Format(
         ".csv",
@@ -279,10 +318,16 @@ for _format in (
         contact=False,
     ),
     Format(".json", "JSON", "weights of the face's own shapes, without contact", "either", _weights, contact=False),
-    Format(".png", "PNG", "a picture of the pose", "pose", _picture, _picture_sequence, drawn=True),
+    Format(".png", "PNG", "a picture of the pose", "pose", _picture, _picture_sequence, drawn=True, transparent=True),
     Format(".gif", "GIF", "the face in motion or turning round, for web pages", "film", _gif, drawn=True),
     Format(
-        ".mp4", "MP4", "the face in motion or turning round, as a film", "film", _mp4, drawn=True, missing=_no_ffmpeg
+        ".mp4",
+        "MP4",
+        "the face in motion or turning round, as a film",
+        "film",
+        _mp4,
+        drawn=True,
+        missing=missing_ffmpeg,
     ),
 ):
     register(_format)

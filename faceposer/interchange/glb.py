@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from faceposer.files.atomic import atomic_file
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.interchange.gltf_builder import INDICES, VERTICES, GltfBuilder
+from faceposer.interchange.surfaces import base_colour, is_png, opacity, roughness
 from faceposer.model.face_model import FaceModel
-from faceposer.model.materials import BASE_COLOURS
 from faceposer.model.performance import Performance
 from faceposer.model.shape_names import halves_of, whole_of
 from faceposer.model.subject import Part, Subject
@@ -27,10 +27,6 @@ METRES_PER_UNIT = 0.01
 #: What the file says of contact, in ``asset.extras.contact``.
 CONTACT_NOTE = "not contained in the morph targets"
 _SMALL_INDEX = 65_535
-# How much of what lies behind a clear shell is covered by it.
-_FILM_ALPHA = 0.05
-_ROUGHNESS = {"eye": 0.12, "teeth": 0.3, "gums": 0.35, "tongue": 0.45}
-_SKIN_ROUGHNESS = 0.55
 
 Floats = NDArray[np.float32]
 
@@ -204,24 +200,23 @@ class _Materials:
         builder = self._builder
         surface: dict[str, Any] = {
             "metallicFactor": 0.0,
-            "roughnessFactor": _ROUGHNESS.get(material, _SKIN_ROUGHNESS),
+            "roughnessFactor": roughness(material),
         }
         entry: dict[str, Any] = {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True}
         picture = self._subject.textures.get(name)
         if picture is None:
-            surface["baseColorFactor"] = [*BASE_COLOURS[material], _FILM_ALPHA if material == "film" else 1.0]
-            if material == "film":
+            surface["baseColorFactor"] = [*base_colour(material), opacity(material)]
+            if opacity(material) < 1.0:
                 entry["alphaMode"] = "BLEND"
             return builder.add("materials", entry)
-        is_png = picture.startswith(b"\x89PNG")
-        kind = "image/png" if is_png else "image/jpeg"
+        kind = "image/png" if is_png(picture) else "image/jpeg"
         image = builder.add("images", {"name": name, "mimeType": kind, "bufferView": builder.view(picture)})
         if "samplers" not in builder.root:
             linear, linear_mipmaps, repeat = 9729, 9987, 10497
             sampler = {"magFilter": linear, "minFilter": linear_mipmaps, "wrapS": repeat, "wrapT": repeat}
             builder.add("samplers", sampler)
         surface["baseColorTexture"] = {"index": builder.add("textures", {"sampler": 0, "source": image})}
-        if material == "lashes" and is_png:
+        if material == "lashes" and is_png(picture):
             entry["alphaMode"] = "BLEND"
         return builder.add("materials", entry)
 

@@ -1,6 +1,5 @@
-"""Moving pictures in files, drawn frame by frame, each file all or nothing: GIF, and MP4 by way of ffmpeg."""
+"""Films in files, drawn frame by frame and written atomically: GIF, and MP4 through the program ffmpeg."""
 
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Generator
@@ -14,6 +13,7 @@ from PIL import Image
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file
+from faceposer.render.ffmpeg import find_ffmpeg
 from faceposer.render.images import reduced, shared_palette, write_reduced
 
 Picture = NDArray[np.uint8]
@@ -49,25 +49,6 @@ def write_gif(path: Path, draw: Draw, count: int, rate: float) -> Generator[floa
         pictures.append(reduced(Image.fromarray(draw(i)), palette))
         yield (i + 1) / (count + 1)
     write_reduced(path, pictures, (10 * np.diff(ends)).tolist())
-
-
-def missing_ffmpeg() -> str:
-    """Return why MP4 cannot be written here, or "" if it can."""
-    if shutil.which("ffmpeg") is None:
-        return "MP4 needs the program ffmpeg, which is not found; install it, or write a .gif instead."
-    return ""
-
-
-def find_ffmpeg() -> str:
-    """Return the program that writes MP4.
-
-    Raises:
-        FacePoserError: If it is not installed.
-    """
-    program = shutil.which("ffmpeg")
-    if program is None:
-        raise FacePoserError(missing_ffmpeg())
-    return program
 
 
 def write_mp4(path: Path, draw: Draw, count: int, rate: float, size: tuple[int, int]) -> Generator[float, None, None]:

@@ -39,6 +39,20 @@ class ColourTarget:
         data = np.frombuffer(self._resolved.read(components=3, alignment=1), dtype=np.uint8)
         return np.ascontiguousarray(data.reshape(self.size[1], self.size[0], 3)[::-1])
 
+    def read_transparent(self) -> NDArray[np.uint8]:
+        """Return what was drawn over nothing, with straight alpha, top row first, shape (height, width, 4).
+
+        What was drawn must have been blended with premultiplied alpha; where it covers nothing, it is black.
+        """
+        data = np.frombuffer(self._resolved.read(components=4, alignment=1), dtype=np.uint8)
+        picture = data.reshape(self.size[1], self.size[0], 4)[::-1].copy()
+        partial = (picture[..., 3] > 0) & (picture[..., 3] < 255)
+        values = picture[partial].astype(np.float32)
+        values[:, :3] *= 255.0 / values[:, 3:]
+        picture[partial] = np.rint(np.minimum(values, 255.0)).astype(np.uint8)
+        picture[picture[..., 3] == 0] = 0
+        return picture
+
     def release(self) -> None:
         """Free the memory."""
         for framebuffer in (self._resolved, self._multisampled):

@@ -15,7 +15,7 @@ _COLOURS = 160
 
 
 def write_png(path: Path, picture: NDArray[np.uint8]) -> None:
-    """Write ``picture``, shape (height, width, 3), as PNG.
+    """Write ``picture``, shape (height, width, 3), or 4 with straight alpha, as PNG.
 
     Raises:
         FacePoserError: If the file cannot be written.

@@ -46,6 +46,7 @@ def render_subject(
     wireframe: bool = False,
     photo: tuple[NDArray[np.uint8], Camera, float, float] | None = None,
     expression_lines: bool = True,
+    transparent: bool = False,
 ) -> NDArray[np.uint8]:
     """Return a picture of ``subject`` with ``vertices``, (N, 3), under ``camera``, of shape (height, width, 3).
 
@@ -58,6 +59,7 @@ def render_subject(
         wireframe: Draw the edges of the mesh too.
         photo: The pixels of a photo, top row first, its camera, and its opacity behind the face and before it.
         expression_lines: Draw the lines of the skin that the pose makes; clay has none.
+        transparent: Leave the background out; the shape is (height, width, 4) then, with straight alpha.
 
     Raises:
         FacePoserError: If the system has no OpenGL through EGL.
@@ -72,11 +74,11 @@ def render_subject(
         if photo is not None:
             picture, taken, behind, before = photo
             layer = PhotoLayer(photo_texture(ctx, picture), taken.size, taken.focal, behind, before)
-        renderer.draw(target.framebuffer, camera, shading, wireframe, layer, expression_lines)
+        renderer.draw(target.framebuffer, camera, shading, wireframe, layer, expression_lines, transparent)
         if layer is not None:
             layer.picture.release()
         target.resolve()
-        picture = target.read()
+        picture = target.read_transparent() if transparent else target.read()
         target.release()
         renderer.release()
     return picture
@@ -109,7 +111,9 @@ def plain_subject(vertices: ArrayLike, triangles: ArrayLike) -> Subject:
     )
 
 
-def render_mesh(vertices: ArrayLike, triangles: ArrayLike, camera: Camera, samples: int = 4) -> NDArray[np.uint8]:
-    """Return a picture of a plain mesh, (N, 3) and (T, 3), in clay, of shape (height, width, 3)."""
+def render_mesh(
+    vertices: ArrayLike, triangles: ArrayLike, camera: Camera, samples: int = 4, transparent: bool = False
+) -> NDArray[np.uint8]:
+    """Return a picture of a plain mesh, (N, 3) and (T, 3), in clay, of shape (height, width, 3), or 4 with alpha."""
     subject = plain_subject(vertices, triangles)
-    return render_subject(subject, subject.vertices, camera, samples, "clay")
+    return render_subject(subject, subject.vertices, camera, samples, "clay", transparent=transparent)

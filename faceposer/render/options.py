@@ -21,6 +21,8 @@ class OutputOptions:
         shading: "full", or "clay" without textures.
         orbit: The view itself; in place of ``view`` where the camera stands still.
         expression_lines: Draw the lines of the skin that a pose makes; clay has none.
+        transparent: Leave the background out of pictures; not for films.
+        materials: Write materials and textures beside meshes whose format has them in files of their own.
     """
 
     size: tuple[int, int] = (640, 640)
@@ -31,3 +33,5 @@ class OutputOptions:
     orbit: View | None = None
     expression_lines: bool = True
     contact: bool = True
+    transparent: bool = False
+    materials: bool = True

@@ -145,25 +145,35 @@ class Renderer:
         wireframe: bool = False,
         photo: PhotoLayer | None = None,
         expression_lines: bool = True,
+        transparent: bool = False,
     ) -> None:
         """Draw the backdrop and the subject into all of ``target``, whose size must be the camera's.
 
-        With a ``photo`` that lies behind, what fades into the backdrop fades into the photo. Clay has no
-        ``expression_lines``.
+        Args:
+            target: Drawn into.
+            camera: Under which.
+            shading: "full", or "clay" without textures.
+            wireframe: Draw the edges of the mesh too.
+            photo: Lies behind the face or in front of it; what fades into the backdrop fades into one that lies behind.
+            expression_lines: Draw the lines of the skin that the pose makes; clay has none.
+            transparent: Leave out the backdrop: colours are premultiplied with an alpha that is the opacity.
         """
         ctx, buffers = self.ctx, self._require_buffers()
         target.use()
         ctx.viewport = (0, 0, *camera.size)
-        target.clear(0.0, 0.0, 0.0, 1.0, depth=1.0)
+        target.clear(0.0, 0.0, 0.0, 0.0 if transparent else 1.0, depth=1.0)
         size = (float(camera.size[0]), float(camera.size[1]))
         ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
-        set_uniform(self._background, "viewport", size)
-        self._backdrop.render(moderngl.TRIANGLES, vertices=3)
-        # What lies below shows through: the picture itself stays opaque.
-        ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ONE, moderngl.ONE  # type: ignore[assignment]
-        over_photo = photo is not None and photo.behind > 0.0
-        if photo is not None and over_photo:
+        # What lies below shows through: over the backdrop the picture itself stays opaque.
+        kept = moderngl.ONE_MINUS_SRC_ALPHA if transparent else moderngl.ONE
+        ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ONE, kept  # type: ignore[assignment]
+        if not transparent:
+            set_uniform(self._background, "viewport", size)
+            self._backdrop.render(moderngl.TRIANGLES, vertices=3)
+        if photo is not None and photo.behind > 0.0:
             self._draw_photo(photo, camera, photo.behind)
+        fades = transparent or (photo is not None and photo.behind > 0.0)
+        if fades:
             ctx.enable(moderngl.BLEND)
 
         ctx.enable(moderngl.DEPTH_TEST)
@@ -177,11 +187,11 @@ class Renderer:
         for program in (self._surface, *self._eyes.programs):
             self._set_camera(program, camera)
             set_uniform(program, "viewport", size)
-        set_uniform(self._surface, "over_photo", over_photo)
+        set_uniform(self._surface, "blended", fades)
         set_uniform(self._surface, "neck", self._neck)
         set_uniform(self._surface, "mouth", _mouth_opening(buffers.subject))
-        if over_photo:
-            # Only what is nearest fades into the photo: its depth comes first.
+        if fades:
+            # Only what is nearest fades: its depth comes first.
             target.color_mask = (False, False, False, False)
             self._draw_parts(shading, opaque=True, lined=lined)
             target.color_mask = (True, True, True, True)

@@ -16,7 +16,8 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.framing import face_view
 from faceposer.model.performance import Performance
 from faceposer.model.sampling import resampled
-from faceposer.render.film import FASTEST_GIF, Picture, find_ffmpeg, write_gif, write_mp4
+from faceposer.render.ffmpeg import find_ffmpeg
+from faceposer.render.film import FASTEST_GIF, Picture, write_gif, write_mp4
 from faceposer.render.framebuffers import ColourTarget
 from faceposer.render.images import write_png
 from faceposer.render.offscreen import offscreen_context
@@ -214,17 +215,21 @@ class _Pictures:
         self._shown: NDArray[np.float64] | None = None
 
     def draw(self, pose: NDArray[np.float64], camera: Camera) -> Picture:
-        """Return the picture of ``pose``, (r,), under ``camera``, of shape (height, width, 3)."""
+        """Return the picture of ``pose``, (r,), under ``camera``, of shape (height, width, 3), or 4 with alpha."""
         if self._shown is None or not np.array_equal(pose, self._shown):
             vertices = self._model.surface(pose, self._options.contact)
             self._renderer.update(vertices, self._normals(vertices))
             self._shown = pose
         options = self._options
         self._renderer.draw(
-            self._target.framebuffer, camera, options.shading, expression_lines=options.expression_lines
+            self._target.framebuffer,
+            camera,
+            options.shading,
+            expression_lines=options.expression_lines,
+            transparent=options.transparent,
         )
         self._target.resolve()
-        return self._target.read()
+        return self._target.read_transparent() if options.transparent else self._target.read()
 
     def release(self) -> None:
         """Free what the GPU holds."""

@@ -50,9 +50,9 @@ class TexelMap:
 
     def image(self, values: Image32) -> Image32:
         """Return values at covered texels, shape (K, C), as an image (H, W, C); others get the nearest one's value."""
-        image = np.zeros((*self.is_modal.shape, values.shape[1]), dtype=np.float32)
-        image[self.is_modal] = values
-        nearest = ndimage.distance_transform_edt(~self.is_modal, return_distances=False, return_indices=True)
+        image = np.zeros((*self.covered.shape, values.shape[1]), dtype=np.float32)
+        image[self.covered] = values
+        nearest = ndimage.distance_transform_edt(~self.covered, return_distances=False, return_indices=True)
         filled: Image32 = image[tuple(nearest)]
         return filled
 
@@ -129,22 +129,22 @@ def draw_strokes(
     Returns:
         Optical thickness, shape (H, W): 1 - exp(-thickness) is the opacity.
     """
-    height, width = texels.is_modal.shape
+    height, width = texels.covered.shape
     velocity = np.zeros((height, width, 2), dtype=np.float32)
-    velocity[texels.is_modal] = np.einsum("kij,kj->ki", texels.along, flow)
+    velocity[texels.covered] = np.einsum("kij,kj->ki", texels.along, flow)
     # Hairs bend on the surface; in the texture, which may be stretched, they bend otherwise.
     sideways = np.zeros((height, width, 2), dtype=np.float32)
-    sideways[texels.is_modal] = np.einsum("kij,kj->ki", texels.along, np.cross(texels.normals, flow))
+    sideways[texels.covered] = np.einsum("kij,kj->ki", texels.along, np.cross(texels.normals, flow))
     enter = np.zeros((height, width), dtype=bool)
-    enter[texels.is_modal] = allowed
+    enter[texels.covered] = allowed
     fineness = np.zeros((height, width), dtype=np.float32)
-    fineness[texels.is_modal] = texels.pixels_per_area
+    fineness[texels.covered] = texels.pixels_per_area
     fineness /= HAIR_RESOLUTION * np.maximum(np.linalg.norm(velocity, axis=2), 1.0)
-    rows, columns = np.nonzero(texels.is_modal)
+    rows, columns = np.nonzero(texels.covered)
     at = np.stack([columns[starts], rows[starts]], axis=1).astype(np.float32)
     travelled = np.zeros(len(starts), dtype=np.float32)
     thickness = np.zeros(height * width)
-    seam = None if places is None else _Seam(texels.is_modal, places)
+    seam = None if places is None else _Seam(texels.covered, places)
     before = np.stack([columns[starts], rows[starts]], axis=1)
     may_cross = np.full(len(starts), seam is not None)
     for _ in range(_MAX_STEPS):
@@ -212,8 +212,8 @@ def softening(texels: TexelMap, reach: float) -> Image32:
         texels: The surface.
         reach: How far around larger texels detail is softened, in pixels.
     """
-    size = np.zeros(texels.is_modal.shape, dtype=np.float32)
-    size[texels.is_modal] = 1.0 / np.sqrt(np.maximum(texels.pixels_per_area, 1e-3))
+    size = np.zeros(texels.covered.shape, dtype=np.float32)
+    size[texels.covered] = 1.0 / np.sqrt(np.maximum(texels.pixels_per_area, 1e-3))
     # Blurred at a quarter of the size: the fields are smooth.
     small = size[::4, ::4]
     around = ndimage.gaussian_filter(ndimage.maximum_filter(small, round(reach / 4)), reach / 8)

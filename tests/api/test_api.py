@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import faceposer
 from faceposer.api import Face
@@ -294,6 +295,10 @@ def test_a_picture_comes_as_an_array_and_as_a_file(face: Face, tmp_path: Path) -
         ("face.export('face.glb', Performance(np.zeros((2, 3)), 30.0))", "it is of another face"),
         ("face.export('face.gif', turn=nan)", "seconds of a turn"),
         ("face.export('face.obj', turn=3)", "turns in films"),
+        ("face.export('face.gif', transparent=True)", "GIF cannot leave the background out; write .png"),
+        ("face.export_sequence('face', 'gif')", "The kind of a sequence is one of 'obj', 'ply', 'png'"),
+        ("face.export_sequence('face')", "The face has no animation"),
+        ("face.export_sequence('face', 'png', Performance(np.zeros((2, 3)), 30.0))", "it is of another face"),
         ("face.follow('none.csv', smoothness=-1)", "The smoothness is a number"),
         ("face.transfer_to('woman', method='x')", "The method is one of"),
         ("face.transfer_to('woman', pairs=['8.3'])", "Pairs are"),
@@ -314,3 +319,32 @@ def test_errors_are_one_sentence_and_nothing_is_left(
     assert face.constraints == ()
     assert not face.session.can_undo
     assert list(tmp_path.iterdir()) == []
+
+
+def test_pictures_without_background_and_sequences(tmp_path: Path) -> None:
+    face = faceposer.load("low")
+    picture = face.render(tmp_path / "a.png", size=(48, 64), transparent=True)
+    assert picture.shape == (64, 48, 4)
+    with Image.open(tmp_path / "a.png") as written:
+        np.testing.assert_array_equal(np.asarray(written), picture)
+    assert (picture[..., 3].min(), picture[..., 3].max()) == (0, 255)
+    face.set_key(0)
+    face.set_weights({"jawOpen": 1.0})
+    face.set_key(3)
+    folder = face.export_sequence(tmp_path / "yawn", "png", size=(48, 64), transparent=True)
+    assert len([*folder.iterdir()]) == len(face.performance)
+    with Image.open(folder / "yawn.0004.png") as written:
+        assert (written.mode, written.size) == ("RGBA", (48, 64))
+    motion = faceposer.Performance(face.performance.coefficients[:2], 24.0)
+    folder = face.export_sequence(tmp_path / "two", motion=motion, materials=False)
+    assert sorted(path.name for path in folder.iterdir()) == ["two.0001.obj", "two.0002.obj"]
+    face.export(tmp_path / "b.obj", materials=False)
+    assert not (tmp_path / "b.mtl").exists()
+    face.save(tmp_path / "c.obj")
+    assert (tmp_path / "c.mtl").exists()
+
+
+@pytest.mark.usefixtures("no_ffmpeg")
+def test_without_ffmpeg_python_says_so(tmp_path: Path) -> None:
+    with pytest.raises(faceposer.FacePoserError, match=r"MP4 needs ffmpeg.*faceposer\[films\]"):
+        faceposer.load("low").export(tmp_path / "a.mp4")

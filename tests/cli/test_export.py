@@ -53,7 +53,7 @@ def test_a_session_goes_out_in_every_format(low: FaceModel, session: Path, tmp_p
     out = tmp_path / "out"
     out.mkdir()
     for suffix in ("obj", "ply", "glb", "csv", "json", "png"):
-        assert run("export", session, "-o", out / f"a.{suffix}", "--size", "64x64") == 0
+        assert run("export", session, "-o", out / f"a.{suffix}", "--size", "64x64", "--no-materials") == 0
         assert capsys.readouterr().out == f"{out / f'a.{suffix}'} written\n"
     pose = low.coefficients_of({"jawOpen": 0.6})
     for suffix in ("obj", "ply"):
@@ -76,7 +76,7 @@ def test_an_animation_goes_out_at_another_rate(low: FaceModel, take: Path, tmp_p
         assert film.n_frames == 5
     assert run("export", "low", "--animation", take, "--fps", 4, "--sequence", "obj", "-o", tmp_path / "yawn") == 0
     assert "3 files written" in capsys.readouterr().out
-    assert sorted(path.name for path in (tmp_path / "yawn").iterdir()) == [f"yawn.000{i}.obj" for i in (1, 2, 3)]
+    assert sorted(path.name for path in (tmp_path / "yawn").glob("*.obj")) == [f"yawn.000{i}.obj" for i in (1, 2, 3)]
     last = read_mesh(tmp_path / "yawn" / "yawn.0003.obj").vertices
     np.testing.assert_allclose(last, low.surface(low.coefficients_of({"jawOpen": 1.0})), atol=0.1)
 
@@ -125,6 +125,9 @@ def test_a_pose_comes_from_a_file(low: FaceModel, take: Path, tmp_path: Path, ca
         (("low", "-o", "{out}/a.obj", "--animation", "{take}"), "--sequence obj"),
         (("low", "-o", "{out}/a.png", "--animation", "{take}"), "shows one pose"),
         (("low", "-o", "{out}/a.glb", "--turntable", "3"), "--turntable is for films"),
+        (("low", "-o", "{out}/a.gif", "--transparent"), "--transparent is for pictures; let the output end in .png"),
+        (("low", "-o", "{out}/a", "--sequence", "ply", "--transparent"), "write --sequence png"),
+        (("low", "-o", "{out}/a", "--sequence", "gif"), "--sequence takes obj, ply, png, and not 'gif'"),
         (("low", "-o", "{out}/a.glb", "--pose", "{take}", "--frame", "17"), "frames 1 to 16, and not frame 17"),
         (("low", "-o", "{take}", "--pose", "{take}"), "is what is read"),
         (("low", "-o", "{out}/a.glb", "--pose", "{out}/none.obj"), "cannot be read"),
@@ -158,3 +161,55 @@ def test_help_tells_every_format(capsys: Capture) -> None:
     assert run("export", "--help") == 0
     said = capsys.readouterr().out
     assert all(suffix in said for suffix in (".obj", ".ply", ".glb", ".csv", ".json", ".png", ".gif", ".mp4"))
+
+
+def test_materials_go_out_unless_they_are_left_out(session: Path, tmp_path: Path, take: Path) -> None:
+    for name, words in (("with", ()), ("without", ("--no-materials",))):
+        (tmp_path / name).mkdir()
+        assert run("export", session, "-o", tmp_path / name / "a.obj", *words) == 0
+        assert run("solve", session, "-o", tmp_path / name / "b.obj", *words) == 0
+        assert run("transfer", session, "low", "-o", tmp_path / name / "c.obj", *words) == 0
+        sequence = ("--animation", take, "--fps", 4, "--sequence", "obj", "-o", tmp_path / name / "d")
+        assert run("export", "low", *sequence, *words) == 0
+    pictures = {f"_{key}.jpg" for key in ("skin", "eye", "tongue", "gums_throat", "teeth")}
+    for stem in "abc":
+        names = {path.name[1:] for path in (tmp_path / "with").glob(f"{stem}*")}
+        assert names == {".obj", ".mtl", *pictures}
+    meshes = {f"d.000{i}.obj" for i in (1, 2, 3)}
+    assert {path.name for path in (tmp_path / "with" / "d").iterdir()} == meshes | {
+        "d.mtl",
+        *(f"d{picture}" for picture in pictures),
+    }
+    assert {path.name for path in (tmp_path / "without").iterdir()} == {"a.obj", "b.obj", "c.obj", "d"}
+    assert {path.name for path in (tmp_path / "without" / "d").iterdir()} == meshes
+
+
+def test_pictures_without_background(session: Path, take: Path, tmp_path: Path, capsys: Capture) -> None:
+    assert run("export", session, "-o", tmp_path / "a.png", "--size", "64x64", "--transparent") == 0
+    assert run("render", session, "-o", tmp_path / "b.png", "--size", "64x64", "--transparent") == 0
+    assert run("export", session, "-o", tmp_path / "c.obj") == 0
+    assert run("render", tmp_path / "c.obj", "-o", tmp_path / "d.png", "--size", "64x64", "--transparent") == 0
+    capsys.readouterr()
+    words = ("--animation", take, "--fps", 4, "--sequence", "png", "--transparent", "--size", "64x64")
+    assert run("export", "low", *words, "-o", tmp_path / "v1.2 yawn") == 0
+    assert "3 files written" in capsys.readouterr().out
+    frames = sorted((tmp_path / "v1.2 yawn").iterdir())
+    assert [path.name for path in frames] == [f"v1.2 yawn.000{i}.png" for i in (1, 2, 3)]
+    for path in (tmp_path / "a.png", tmp_path / "b.png", tmp_path / "d.png", *frames):
+        with Image.open(path) as picture:
+            assert picture.mode == "RGBA"
+            assert picture.getextrema()[3] == (0, 255)
+
+
+@pytest.mark.usefixtures("no_ffmpeg")
+def test_without_ffmpeg_commands_say_so_before_any_work(take: Path, tmp_path: Path, capsys: Capture) -> None:
+    for words in (("export", "nobody"), ("animate", "nobody", take), ("transfer", "nobody", "nowhere")):
+        assert run(*words, "-o", tmp_path / "a.mp4") == 2
+        said = capsys.readouterr().err
+        assert "MP4 needs ffmpeg" in said
+        assert "faceposer[films]" in said
+        assert run(*words, "-o", tmp_path / "a.bmp") == 2
+        said = capsys.readouterr().err
+        assert ".gif" in said
+        assert ".mp4" not in said
+    assert not [*tmp_path.iterdir()]

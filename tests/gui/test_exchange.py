@@ -14,6 +14,7 @@ from faceposer.gui.features.export.feature import ExportFeature
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
+from faceposer.gui.widgets.file_dialogs import FileDialogs, FileRequest
 from faceposer.interchange.formats import write
 from faceposer.model.performance import Performance
 from faceposer.render.options import OutputOptions
@@ -156,6 +157,7 @@ def test_the_animation_of_the_window_is_what_moves(robot: Robot, tmp_path: Path)
     exchange.form.suffix = ".obj"
     exchange.export(tmp_path / "a.obj")
     assert (tmp_path / "a.obj").is_file()
+    assert (tmp_path / "a.mtl").is_file()
     exchange.form.suffix = ".gif"
     app.actions["export-other"].run()
     robot.frames(2)
@@ -166,15 +168,13 @@ def test_the_animation_of_the_window_is_what_moves(robot: Robot, tmp_path: Path)
     choose(robot, "yawn")
     robot.frames(8)
     assert app.notice == "Saved yawn"
-    meshes = sorted((tmp_path / "yawn").iterdir())
+    meshes = sorted((tmp_path / "yawn").glob("*.obj"))
     assert [mesh.name for mesh in meshes] == [f"yawn.000{i}.obj" for i in range(1, 6)]
     np.testing.assert_allclose(read_mesh(meshes[4]).vertices, model.surface(take.coefficients[4]), atol=1e-4)
 
 
-def test_what_goes_wrong_is_told_and_nothing_is_lost(
-    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
+@pytest.mark.usefixtures("no_ffmpeg")
+def test_what_goes_wrong_is_told_and_nothing_is_lost(robot: Robot, tmp_path: Path) -> None:
     app, pose = robot.app, posed(robot)
     exchange = exchange_of(app)
     exchange.form.suffix = ".mp4"
@@ -244,3 +244,192 @@ def test_weights_are_opened_as_a_pose(robot: Robot, tmp_path: Path) -> None:
     exchange_of(app).open_pose(tmp_path / "a.csv")
     assert "Frame 1 of 2" in app.notice
     np.testing.assert_allclose(model.instance(app.session.coefficients), model.instance(pose), atol=0.15)
+
+
+def open_export(robot: Robot, suffix: str) -> None:
+    """Open the export dialog, choose a format and go on to the name of the file."""
+    robot.app.actions["export-other"].run()
+    robot.frames(2)
+    robot.click_widget(f"export:{suffix}")
+    robot.click_widget("export:accept")
+    robot.frames(1)
+
+
+def test_the_suffix_typed_decides_or_is_replaced(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    open_export(robot, "glb")
+    choose(robot, "face.ply")
+    assert app.notice == "Saved face.ply"
+    assert exchange_of(app).form.suffix == ".ply"
+    for typed, saved in (
+        ("other.stl", "other.glb"),
+        ("double.glb.glb", "double.glb"),
+        ("v1.2 smile", "v1.2 smile.glb"),
+    ):
+        open_export(robot, "glb")
+        robot.key("Ctrl+A")
+        robot.type(typed)
+        robot.frames(2)
+        browser = app.file_dialogs._browser
+        assert browser is not None
+        assert browser.advice() == (f"Will be saved as {saved}", typed != "v1.2 smile")
+        robot.click_widget("files:accept")
+        expected = f"'{typed}' is saved as '{saved}'" if typed != "v1.2 smile" else f"Saved {saved}"
+        assert app.notice == expected
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["double.glb", "face.ply", "other.glb", "v1.2 smile.glb"]
+
+
+def test_what_cannot_hold_the_animation_is_not_taken_for_it(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    exchange, model = exchange_of(app), app.session.model
+    take = Performance(np.linspace(0, 1, 3)[:, None] * model.coefficients_of({"jawOpen": 1.0}), 30.0)
+    exchange.performance = lambda: take
+    open_export(robot, "csv")
+    choose(robot, "a.ply")
+    assert app.notice == "'a.ply' is saved as 'a.csv'"
+    assert len(read_capture(tmp_path / "a.csv").weights) == 3
+
+
+def test_sessions_and_meshes_are_named_once(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    posed(robot)
+    for action, typed, saved in (
+        ("save-as", "v1.2 smile", "v1.2 smile.json"),
+        ("save-as", "smile.gif", "smile.json"),
+        ("save-as", "smile.json.json", "smile.json"),
+        ("export-as", "face.obj.obj", "face.obj"),
+        ("export-as", "face.json", "face.obj"),
+    ):
+        app.actions[action].run()
+        robot.frames(2)
+        choose(robot, typed)
+        robot.frames(1)
+        if app.file_dialogs.open:
+            robot.click_widget("files:accept")
+        assert not app.file_dialogs.open
+        assert (tmp_path / saved).is_file()
+    names = {path.name for path in tmp_path.iterdir() if path.suffix in (".json", ".obj", ".gif")}
+    assert names == {"v1.2 smile.json", "smile.json", "face.obj"}
+
+
+def test_a_sequence_of_pictures_without_background(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    exchange, model = exchange_of(app), app.session.model
+    take = Performance(np.linspace(0, 1, 3)[:, None] * model.coefficients_of({"jawOpen": 1.0}), 30.0)
+    exchange.performance = lambda: take
+    exchange.form.width, exchange.form.height = 64, 48
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken" / "notes.txt").touch()
+    app.actions["export-other"].run()
+    robot.frames(2)
+    robot.click_widget("export:png")
+    robot.click_widget("export:transparent")
+    robot.click_widget("export:accept")
+    choose(robot, "taken")
+    assert app.file_dialogs.open
+    assert "not an empty folder" in app.file_dialogs._browser.message
+    robot.click_widget("files:name")
+    choose(robot, "v1.2 take.png")
+    robot.frames(8)
+    assert app.notice == "Saved v1.2 take"
+    frames = sorted((tmp_path / "v1.2 take").iterdir())
+    assert [frame.name for frame in frames] == [f"v1.2 take.000{i}.png" for i in (1, 2, 3)]
+    with Image.open(frames[0]) as picture:
+        assert (picture.mode, picture.size) == ("RGBA", (64, 48))
+        assert picture.getextrema()[3] == (0, 255)
+    exchange.form.animated = False
+    open_export(robot, "png")
+    choose(robot, "one")
+    robot.frames(4)
+    with Image.open(tmp_path / "one.png") as picture:
+        assert picture.mode == "RGBA"
+    exchange.form.suffix = ".gif"
+    exchange.export(tmp_path / "a.gif")
+    robot.frames(2)
+    assert not app.dialogs.waiting, "a film takes no notice of the switch of pictures"
+
+
+def test_materials_can_be_left_out_and_foreign_ones_are_asked_about(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    (tmp_path / "a.mtl").write_text("newmtl theirs\n")
+    open_export(robot, "obj")
+    choose(robot, "a")
+    assert app.file_dialogs.open
+    assert app.file_dialogs._browser.message == "'a.mtl' exists; accept again to replace it."
+    robot.click_widget("files:accept")
+    assert app.notice == "Saved a.obj"
+    assert (tmp_path / "a_skin.jpg").is_file()
+    open_export(robot, "obj")
+    choose(robot, "a")
+    assert app.file_dialogs._browser.message == "'a.obj' exists; accept again to replace it."
+    robot.click_widget("files:accept")
+    app.actions["export-other"].run()
+    robot.frames(2)
+    robot.click_widget("export:materials")
+    robot.click_widget("export:accept")
+    choose(robot, "b")
+    assert app.notice == "Saved b.obj"
+    app.actions["export-as"].run()
+    robot.frames(2)
+    choose(robot, "c")
+    assert sorted(path.name for path in tmp_path.glob("[bc]*")) == ["b.obj", "c.obj"]
+    assert not app.settings.materials
+
+
+@pytest.mark.usefixtures("no_ffmpeg")
+def test_mp4_is_not_offered_without_ffmpeg(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    exchange = exchange_of(app)
+    exchange.form.suffix = ".mp4"
+    app.actions["export-other"].run()
+    robot.frames(2)
+    assert exchange.form.suffix == ".glb"
+    robot.click_widget("export:mp4")
+    assert exchange.form.suffix == ".glb"
+    robot.click_widget("export:gif")
+    robot.click_widget("export:accept")
+    robot.key("Ctrl+A")
+    robot.type("a.mp4")
+    robot.frames(1)
+    assert app.file_dialogs._browser.advice() == ("Will be saved as a.gif", True)
+
+
+def test_the_dialog_stays_where_it_is_when_the_format_changes(robot: Robot) -> None:
+    robot.app.actions["export-other"].run()
+    robot.frames(3)
+    places = set()
+    for suffix in ("glb", "obj", "png", "gif", "csv"):
+        robot.click_widget(f"export:{suffix}")
+        robot.frames(3)
+        places.add((robot.app.widget_rects["export:accept"], robot.app.widget_rects["export:glb"]))
+    assert len(places) == 1
+
+
+def test_an_answer_of_the_systems_dialog_follows_the_same_rule(robot: Robot, tmp_path: Path) -> None:
+    class Answer:
+        def __init__(self, name: str) -> None:
+            self.name = name
+
+        def ready(self, _timeout: int) -> bool:
+            return True
+
+        def result(self) -> str:
+            return str(tmp_path / self.name)
+
+    saved: list[str] = []
+    notices: list[str] = []
+    dialogs = FileDialogs(robot.app.gui.fonts, robot.app.widget_rects, True, notices.append)
+    request = FileRequest("save", "Save", "Meshes", (".obj",), tmp_path, lambda path: saved.append(path.name))
+    (tmp_path / "old.obj").touch()
+    for answer in ("face", "v1.2 smile.obj", "face.gif", "old.obj"):
+        dialogs._native = (request, Answer(answer))
+        dialogs.poll()
+        assert not dialogs.open
+    assert saved == ["face.obj", "v1.2 smile.obj", "face.obj", "old.obj"], "the system has asked about old.obj"
+    assert notices == ["'face.gif' is saved as 'face.obj'"]
+    dialogs._native = (request, Answer("old.stl"))
+    dialogs.poll()
+    assert dialogs.browsing, "nobody has been asked about old.obj"
+    assert dialogs._browser.message == "'old.obj' exists; accept again to replace it."
+    assert len(saved) == 4

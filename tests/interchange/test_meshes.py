@@ -29,7 +29,8 @@ def test_obj_is_the_posed_face(model: FaceModel, tmp_path: Path) -> None:
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-3)
     text = (tmp_path / "pose.obj").read_text()
     for part in subject.parts:
-        assert f"\ng {part.name}\nusemtl {part.material}\n" in text
+        material = "gums_throat" if part.name == "throat" else part.material
+        assert f"\ng {part.name}\nusemtl {material}\n" in text
 
 
 def test_ply_is_the_posed_face(low: FaceModel, tmp_path: Path) -> None:
@@ -77,7 +78,7 @@ def test_a_sequence_is_a_folder_of_the_frames(
     shares: list[float] = []
     files = write_sequence(tmp_path / "take", low, performance, kind, Progress(lambda _, share: shares.append(share)))  # type: ignore[arg-type]
     assert [file.name for file in files] == [f"take.{i:04}.{kind}" for i in range(1, 10)]
-    assert sorted((tmp_path / "take").iterdir()) == files
+    assert sorted((tmp_path / "take").glob(f"*.{kind}")) == files
     assert [*tmp_path.iterdir()] == [tmp_path / "take"]
     assert shares == sorted(shares)
     assert shares[-1] == 1
@@ -86,7 +87,8 @@ def test_a_sequence_is_a_folder_of_the_frames(
         np.testing.assert_allclose(read_mesh(file).vertices, low.surface(pose), atol=1e-5)
     write_posed_obj(tmp_path / "one.obj", low, performance.coefficients[4])
     if kind == "obj":
-        assert files[4].read_bytes() == (tmp_path / "one.obj").read_bytes()
+        alone = (tmp_path / "one.obj").read_bytes().replace(b"mtllib one.mtl", b"mtllib take.mtl")
+        assert files[4].read_bytes() == alone
 
 
 def test_a_sequence_that_is_stopped_leaves_nothing_behind(

@@ -2,19 +2,24 @@
 
 import os
 import stat
+import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.ndimage import binary_erosion
 
 from faceposer.errors import FacePoserError
-from faceposer.interchange.formats import Output, write, write_steps
+from faceposer.interchange.formats import Output, check_writable, offered, write, write_sequence_steps, write_steps
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
 from faceposer.model.subject_file import load_subject
 from faceposer.progress import Progress
+from faceposer.render.ffmpeg import find_ffmpeg, missing_ffmpeg
+from faceposer.render.offscreen import render_subject
 from faceposer.render.options import OutputOptions
 from faceposer.render.turntable import framed_all_round, turned
 
@@ -114,12 +119,8 @@ KEEPS = "open(sys.argv[-1], 'wb').write(' '.join(sys.argv[1:-1]).encode() + b'|'
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
-def test_mp4_hands_every_frame_to_ffmpeg(
-    low: FaceModel, yawn: Performance, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "bin").mkdir()
-    fake_ffmpeg(tmp_path / "bin", KEEPS)
-    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+def test_mp4_hands_every_frame_to_ffmpeg(low: FaceModel, yawn: Performance, tmp_path: Path, no_ffmpeg: Path) -> None:
+    fake_ffmpeg(no_ffmpeg, KEEPS)
     write(tmp_path / "a.mp4", low, yawn, OutputOptions((97, 73), rate=20.0))
     words, _, pixels = (tmp_path / "a.mp4").read_bytes().partition(b"|")
     assert b"-s 96x72 -r 20 " in words, "MP4 wants even sides"
@@ -129,7 +130,7 @@ def test_mp4_hands_every_frame_to_ffmpeg(
     assert len(frames) == 11
     write(tmp_path / "a.png", low, yawn.coefficients[2], OutputOptions((96, 72)))
     assert np.ptp(frames[0].astype(int) - frames[4].astype(int)) > 30
-    assert {path.name for path in tmp_path.iterdir()} == {"bin", "a.mp4", "a.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {"a.mp4", "a.png"}
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
@@ -141,42 +142,131 @@ def test_mp4_hands_every_frame_to_ffmpeg(
         ("sys.stdin.buffer.read(); sys.exit(1)", "gives no reason"),
     ],
 )
-def test_what_ffmpeg_says_is_told(
-    script: str, said: str, low: FaceModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "bin").mkdir()
-    fake_ffmpeg(tmp_path / "bin", script)
-    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+def test_what_ffmpeg_says_is_told(script: str, said: str, low: FaceModel, tmp_path: Path, no_ffmpeg: Path) -> None:
+    fake_ffmpeg(no_ffmpeg, script)
     with pytest.raises(FacePoserError, match=said):
         write(tmp_path / "a.mp4", low, low.neutral(), OutputOptions(SMALL, turn=0.5))
-    assert [path.name for path in tmp_path.iterdir()] == ["bin"]
-
-
-def test_without_ffmpeg_a_sentence_says_so(low: FaceModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(FacePoserError, match=r"MP4 needs the program ffmpeg.*\.gif"):
-        write(tmp_path / "a.mp4", low, low.neutral())
     assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.usefixtures("no_ffmpeg")
+def test_without_ffmpeg_a_sentence_says_so_and_mp4_is_not_offered(low: FaceModel, tmp_path: Path) -> None:
+    with pytest.raises(FacePoserError, match=r"MP4 needs ffmpeg.*pip install 'faceposer\[films\]'.*\.gif"):
+        write(tmp_path / "a.mp4", low, low.neutral())
+    with pytest.raises(FacePoserError, match="MP4 needs ffmpeg"):
+        check_writable(tmp_path / "a.mp4")
+    assert not [*tmp_path.iterdir()]
+    assert ".gif" in offered()
+    assert ".mp4" not in offered()
+    with pytest.raises(FacePoserError, match=r"must end in one of .*\.gif\.$"):
+        check_writable(tmp_path / "a.bmp")
+
+
+def test_the_systems_ffmpeg_comes_before_that_of_the_package(
+    no_ffmpeg: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = ModuleType("imageio_ffmpeg")
+    package.get_ffmpeg_exe = lambda: str(tmp_path / "bundled")  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", package)
+    assert find_ffmpeg() == str(tmp_path / "bundled")
+    assert ".mp4" in offered()
+    fake_ffmpeg(no_ffmpeg, KEEPS)
+    assert find_ffmpeg() == str(no_ffmpeg / "ffmpeg")
+
+
+def test_a_package_without_its_program_is_none(no_ffmpeg: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> str:
+        raise RuntimeError("No ffmpeg exe could be found.")
+
+    package = ModuleType("imageio_ffmpeg")
+    package.get_ffmpeg_exe = fail  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", package)
+    assert missing_ffmpeg().startswith("MP4 needs ffmpeg")
+    assert not [*no_ffmpeg.iterdir()]
+
+
+def test_the_package_writes_a_film(
+    low: FaceModel, yawn: Performance, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    write(tmp_path / "a.mp4", low, yawn, OutputOptions((64, 48)))
+    reading = ["-i", str(tmp_path / "a.mp4"), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    read = subprocess.run([find_ffmpeg(), *reading], capture_output=True, check=True)
+    frames = np.frombuffer(read.stdout, np.uint8).reshape(-1, 48, 64, 3).astype(float)
+    assert len(frames) == 6
+    assert np.abs(frames[0] - frames[2]).max() > 30
+    assert b"10 fps" in read.stderr
+
+
+def over(picture: np.ndarray, grey: float) -> np.ndarray:
+    """Return what shows of ``picture``, (height, width, 4), over ``grey``."""
+    alpha = picture[..., 3:] / 255.0
+    shown: np.ndarray = picture[..., :3] * alpha + grey * (1.0 - alpha)
+    return shown
+
+
+@pytest.mark.parametrize("name", ["man", "low"])
+@pytest.mark.parametrize("view", ["front", "left"])
+def test_without_background_no_edge_shows_one(name: str, view: str) -> None:
+    subject = load_subject(name)
+    camera = framed_all_round([subject.vertices], (320, 320)).looking(view).camera((320, 320))
+    clear = render_subject(subject, subject.vertices, camera, transparent=True).astype(float)
+    solid = render_subject(subject, subject.vertices, camera).astype(float)
+    alpha = clear[..., 3]
+    assert clear.shape == (320, 320, 4)
+    assert (alpha[:8] == 0).all()
+    inside = alpha == 255
+    assert 0.2 < inside.mean() < 0.9
+    assert np.abs(clear[..., :3] - solid)[inside].max() < 12, "only noise and lashes may differ"
+    # Each edge lies between its neighbours: over white none is darker than the skin beside it, over black none lighter
+    # than what is there at all.
+    edge = (alpha > 0) & (alpha < 255)
+    assert edge.sum() > 100
+    assert binary_erosion(edge, iterations=2).sum() > 100, "the neck fades into nothing"
+    skin = clear[inside][:, :3]
+    assert (clear[edge][:, :3].mean(axis=0) > 0.4 * skin.mean(axis=0)).all(), "no black has crept into the edges"
+    background = solid[:8].mean()
+    same = np.abs(over(clear, background) - solid).max(axis=-1)
+    assert np.percentile(same[edge], 90) < 25
+    assert (clear[alpha == 0] == 0).all()
+
+
+def test_png_without_background(low: FaceModel, yawn: Performance, tmp_path: Path) -> None:
+    look = OutputOptions(SMALL, transparent=True)
+    write(tmp_path / "a.png", low, low.neutral(), look)
+    with Image.open(tmp_path / "a.png") as picture:
+        assert picture.mode == "RGBA"
+        assert picture.getpixel((0, 0)) == (0, 0, 0, 0)
+        assert picture.getpixel((48, 36))[3] == 255
+    for _ in write_sequence_steps(Output(tmp_path / "v1.2 yawn", low, yawn, look), ".png"):
+        pass
+    names = sorted(path.name for path in (tmp_path / "v1.2 yawn").iterdir())
+    assert names == [f"v1.2 yawn.000{i}.png" for i in range(1, 7)]
+    with Image.open(tmp_path / "v1.2 yawn" / names[2]) as picture:
+        assert picture.mode == "RGBA"
+        assert picture.getextrema()[3] == (0, 255)
+    for suffix in (".gif", ".obj", ".glb"):
+        with pytest.raises(FacePoserError, match=r"cannot leave the background out; write \.png"):
+            write(tmp_path / f"b{suffix}", low, low.neutral(), look)
+    with pytest.raises(FacePoserError, match="OBJ cannot leave"):
+        next(write_sequence_steps(Output(tmp_path / "b", low, yawn, look), ".obj"))
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
 @pytest.mark.parametrize("suffix", [".gif", ".mp4"])
-def test_a_film_that_is_stopped_leaves_nothing(
-    suffix: str, low: FaceModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "bin").mkdir()
-    fake_ffmpeg(tmp_path / "bin", KEEPS)
-    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+def test_a_film_that_is_stopped_leaves_nothing(suffix: str, low: FaceModel, tmp_path: Path, no_ffmpeg: Path) -> None:
+    fake_ffmpeg(no_ffmpeg, KEEPS)
     steps = write_steps(Output(tmp_path / f"a{suffix}", low, low.neutral(), OutputOptions(SMALL, turn=1.0)))
     assert 0 < next(steps) < 0.1
     steps.close()  # type: ignore[attr-defined]
-    assert [path.name for path in tmp_path.iterdir()] == ["bin"]
+    assert not [*tmp_path.iterdir()]
 
 
 def test_what_cannot_be_written_gets_a_sentence(low: FaceModel, yawn: Performance, tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match="shows one pose and not 6"):
         write(tmp_path / "a.png", low, yawn, OutputOptions(SMALL))
-    with pytest.raises(FacePoserError, match=r"must end in one of .*\.mp4"):
+    with pytest.raises(FacePoserError, match=r"must end in one of .*\.gif"):
         write(tmp_path / "a.bmp", low, low.neutral(), OutputOptions(SMALL))
     with pytest.raises(FacePoserError, match="cannot be written"):
         write(tmp_path / "none" / "a.gif", low, low.neutral(), OutputOptions(SMALL, turn=0.1))

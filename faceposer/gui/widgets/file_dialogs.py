@@ -4,17 +4,20 @@ import os
 import shutil
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from imgui_bundle import imgui
 from imgui_bundle import portable_file_dialogs as native
 
+from faceposer.errors import FacePoserError
+from faceposer.files.names import save_path, suffix_replaced
 from faceposer.gui.widgets.basic import WidgetRects
 from faceposer.gui.widgets.theme import ACCENT_DARK, FAINT, WARNING, Fonts, Icon, em
 
-Purpose = Literal["open", "save", "folder"]
+Purpose = Literal["open", "save", "folder", "new folder"]
 _MOST_ENTRIES = 5000
 
 
@@ -23,12 +26,16 @@ class FileRequest:
     """What to ask for.
 
     Attributes:
-        purpose: "open" for a file that exists, "save" for one to write, "folder" for a folder that exists.
+        purpose: "open" for a file that exists, "save" for one to write, "folder" for a folder that exists, "new folder"
+            for one to write.
         title: What the file is for.
         kind: What such files are called, for example "Sessions".
-        suffixes: Their endings, with dots; a name without one of them gets the first.
+        suffixes: Their endings, with dots; a name without one of them gets the first. Of a new folder, those of the
+            files in it.
         start: A folder to begin in, or a file to propose.
         done: Is called with the chosen path.
+        others: Endings that may be typed instead when saving.
+        beside: Returns further files that saving a path would replace, to ask about them too.
     """
 
     purpose: Purpose
@@ -37,12 +44,31 @@ class FileRequest:
     suffixes: tuple[str, ...]
     start: Path
     done: Callable[[Path], None]
+    others: tuple[str, ...] = ()
+    beside: Callable[[Path], tuple[Path, ...]] = lambda _: ()
+
+    @property
+    def writes(self) -> bool:
+        """Whether what is chosen will be written."""
+        return self.purpose in ("save", "new folder")
 
     def completed(self, path: Path) -> Path:
-        """Return ``path`` with a suffix, if it is to be written and lacks one."""
-        if self.purpose != "save" or path.suffix.lower() in self.suffixes:
-            return path
-        return path.with_name(path.name + self.suffixes[0])
+        """Return ``path`` with the suffix that it is written with, if it is to be written.
+
+        Raises:
+            FacePoserError: If there is no name before the suffix.
+        """
+        if self.purpose == "new folder":
+            return save_path(path, "")
+        if self.purpose == "save":
+            return save_path(path, self.suffixes[0], (*self.suffixes, *self.others))
+        return path
+
+    def replaced(self, path: Path) -> tuple[Path, ...]:
+        """Return the files that writing ``path``, which is complete, replaces."""
+        if self.purpose != "save":
+            return ()
+        return (*((path,) if path.exists() else ()), *self.beside(path))
 
 
 def native_available() -> bool:
@@ -57,9 +83,23 @@ def native_available() -> bool:
 class FileDialogs:
     """The file dialog that is open, if any."""
 
-    def __init__(self, fonts: Fonts, rects: WidgetRects, use_native: bool | None = None) -> None:
-        """Use the system's dialog if ``use_native``, or if None where there is one."""
+    def __init__(
+        self,
+        fonts: Fonts,
+        rects: WidgetRects,
+        use_native: bool | None = None,
+        notify: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        """Serve a window.
+
+        Args:
+            fonts: The window's.
+            rects: Records the widgets.
+            use_native: Use the system's dialog; if None, where there is one.
+            notify: Shows a short message.
+        """
         self._fonts = fonts
+        self._notify = notify
         self._rects = rects
         self._use_native = native_available() if use_native is None else use_native
         self._native: tuple[FileRequest, Any] | None = None
@@ -88,6 +128,8 @@ class FileDialogs:
             self._browser = PathBrowser(request)
             return
         filters = [request.kind, " ".join(f"*{suffix}" for suffix in request.suffixes), "All files", "*"]
+        if request.purpose == "new folder":
+            filters = filters[2:]
         start = str(request.start)
         if request.purpose == "folder":
             self._native = (request, native.select_folder(request.title, start))
@@ -106,8 +148,20 @@ class FileDialogs:
         self._native = None
         answer = dialog.result()
         path = answer[0] if isinstance(answer, list) and answer else answer
-        if path:
-            request.done(request.completed(Path(path)))
+        if not path:
+            return
+        browser = PathBrowser(replace(request, start=Path(path)))
+        # The system has asked whether to replace the file of the name that was typed, and no other.
+        chosen = browser.accept(confirmed=browser.folder / browser.name) if request.writes else Path(path)
+        if chosen is None:
+            self._browser = browser
+        else:
+            self._finish(request, browser.typed, chosen)
+
+    def _finish(self, request: FileRequest, typed: Path, path: Path) -> None:
+        request.done(path)
+        if request.writes and suffix_replaced(typed, path):
+            self._notify(f"'{typed.name}' is saved as '{path.name}'")
 
     def draw(self) -> None:
         """Draw the browser if it is open."""
@@ -118,7 +172,7 @@ class FileDialogs:
         if browser.closed:
             self._browser = None
         if path is not None:
-            browser.request.done(path)
+            self._finish(browser.request, browser.typed, path)
 
 
 class PathBrowser:
@@ -131,15 +185,16 @@ class PathBrowser:
         self.message = ""
         self.folder = Path.home()
         self.name = ""
+        self.typed = Path()
         self._entries: list[tuple[bool, str]] = []
         self._replacing: Path | None = None
         self._focus = True
         start = request.start
-        if start.is_dir():
+        if start.is_dir() and request.purpose != "new folder":
             self._enter(start)
         else:
             self._enter(start.parent if start.parent.is_dir() else Path.cwd())
-            self.name = start.name if request.purpose == "save" else ""
+            self.name = start.name if request.writes else ""
 
     def _enter(self, folder: Path) -> None:
         """Show ``folder``."""
@@ -159,19 +214,27 @@ class PathBrowser:
                 self._entries.append((is_folder, entry.name))
         self._entries.sort(key=lambda entry: not entry[0])
 
-    def accept(self) -> Path | None:
-        """Return the path that is typed, if it will do; else go there or say why not."""
+    def accept(self, confirmed: Path | None = None) -> Path | None:
+        """Return the path that is typed, if it will do; else go there or say why not.
+
+        Args:
+            confirmed: A file that the user has agreed to replace.
+        """
         if self.request.purpose == "folder":
             return self._accept_folder()
         if not self.name.strip():
             self.message = "Give a name."
             return None
-        path = self.folder / Path(self.name.strip()).expanduser()
-        if path.is_dir():
+        path = self.typed = self.folder / Path(self.name.strip()).expanduser()
+        if path.is_dir() and self.request.purpose != "new folder":
             self._enter(path)
             self.name = ""
             return None
-        path = self.request.completed(path)
+        try:
+            path = self.request.completed(path)
+        except FacePoserError as error:
+            self.message = str(error)
+            return None
         if self.request.purpose == "open":
             if path.is_file():
                 return path
@@ -180,11 +243,25 @@ class PathBrowser:
         if not path.parent.is_dir():
             self.message = f"There is no folder '{path.parent}'."
             return None
-        if path.exists() and self._replacing != path:
+        if self.request.purpose == "new folder":
+            return self._accept_new_folder(path)
+        replaced = [file for file in self.request.replaced(path) if file != confirmed]
+        if replaced and self._replacing != path:
             self._replacing = path
-            self.message = f"'{path.name}' exists; accept again to replace it."
+            names = " and ".join(f"'{file.name}'" for file in replaced)
+            verb, pronoun = ("exists", "it") if len(replaced) == 1 else ("exist", "them")
+            self.message = f"{names} {verb}; accept again to replace {pronoun}."
             return None
         return path
+
+    def _accept_new_folder(self, path: Path) -> Path | None:
+        try:
+            if not path.exists() or (path.is_dir() and not any(path.iterdir())):
+                return path
+            self.message = f"'{path.name}' exists and is not an empty folder; type another name."
+        except OSError as error:
+            self.message = f"'{path}' cannot be read: {error.strerror}."
+        return None
 
     def _accept_folder(self) -> Path | None:
         path = self.folder / Path(self.name.strip()).expanduser()
@@ -192,6 +269,23 @@ class PathBrowser:
             return path
         self.message = f"There is no folder '{path}'."
         return None
+
+    def advice(self) -> tuple[str, bool]:
+        """Return what is written below the name, and whether it deserves attention."""
+        if self.message:
+            return self.message, True
+        request = self.request
+        if request.purpose == "folder":
+            return "A folder in the list, a whole path, or nothing for the folder that is shown", False
+        typed = Path(self.name.strip())
+        if request.writes and typed.name:
+            with suppress(FacePoserError):
+                saved = request.completed(typed)
+                if saved.name != typed.name:
+                    return f"Will be saved as {saved.name}", suffix_replaced(typed, saved)
+        if request.purpose == "new folder":
+            return "The name of a new folder, or a whole path", False
+        return f"A name, or a whole path ({', '.join(request.suffixes)})", False
 
     def draw(self, fonts: Fonts, rects: WidgetRects) -> Path | None:
         """Draw the browser and return the path once one is chosen."""
@@ -276,13 +370,10 @@ class PathBrowser:
         if entered and not fresh:
             chosen = self.accept()
             self._focus = chosen is None
-        advice = f"A name, or a whole path ({', '.join(self.request.suffixes)})"
-        if self.request.purpose == "folder":
-            advice = "A folder in the list, a whole path, or nothing for the folder that is shown"
-        imgui.text_colored(WARNING if self.message else FAINT, self.message or advice)
-        verb = {"open": "Open", "folder": "Choose", "save": "Replace" if self._replacing else "Save"}[
-            self.request.purpose
-        ]
+        text, notable = self.advice()
+        imgui.text_colored(WARNING if notable else FAINT, text)
+        save = "Replace" if self._replacing else "Save"
+        verb = {"open": "Open", "folder": "Choose", "save": save, "new folder": "Save"}[self.request.purpose]
         width = em(6)
         imgui.set_cursor_pos_x(imgui.get_window_width() - 2 * width - em(0.55) - imgui.get_style().window_padding.x)
         imgui.push_style_color(imgui.Col_.button, ACCENT_DARK)

@@ -6,18 +6,20 @@ from typing import TYPE_CHECKING
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.basic import tooltip
+from faceposer.gui.widgets.basic import WidgetRects, tooltip
 from faceposer.gui.widgets.modal import draw_job, modal, modal_buttons, modal_title
 from faceposer.gui.widgets.theme import FAINT, em
 from faceposer.interchange.formats import FORMATS
 from faceposer.session.jobs import Job
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.export.feature import ExportFeature
+    from faceposer.gui.features.export.feature import ExportFeature, ExportForm
 
 _WIDTH, _LABEL = 36.0, 7.0
 _SMALLEST, _LARGEST = 16, 4096
 _FASTEST, _LONGEST = 50, 60.0
+# Rows of options that the format with the most has.
+_MOST_OPTIONS = 4
 
 
 def draw_form(context: EditorContext, exchange: "ExportFeature") -> None:
@@ -49,11 +51,18 @@ def _draw_form(context: EditorContext, exchange: "ExportFeature") -> str:
         rects.record(f"export:{suffix[1:]}")
         imgui.same_line(left + em(_LABEL))
         imgui.align_text_to_frame_padding()
+        imgui.push_text_wrap_pos(0.0)
         imgui.text_colored(FAINT, missing or offered.purpose)
+        imgui.pop_text_wrap_pos()
     imgui.dummy((0.0, em(0.1)))
     imgui.separator()
     imgui.dummy((0.0, em(0.1)))
+    top = imgui.get_cursor_pos_y()
     _draw_options(context, exchange)
+    # As high with every format, so that nothing jumps when another one is chosen.
+    left_over = top + _MOST_OPTIONS * imgui.get_frame_height_with_spacing() - imgui.get_cursor_pos_y()
+    if left_over > imgui.get_style().item_spacing.y:
+        imgui.dummy((0.0, left_over - imgui.get_style().item_spacing.y))
     pressed = modal_buttons(rects, "export", (("accept", "Export..."), ("cancel", "Cancel")))
     if not fresh and not imgui.get_io().want_text_input:
         if imgui.is_key_pressed(imgui.Key.escape, False):
@@ -64,25 +73,39 @@ def _draw_form(context: EditorContext, exchange: "ExportFeature") -> str:
 
 
 def _draw_options(context: EditorContext, exchange: "ExportFeature") -> None:
-    form, rects = exchange.form, context.widget_rects
-    chosen = FORMATS[form.suffix]
+    rects, chosen = context.widget_rects, FORMATS[exchange.form.suffix]
     animated = exchange.performance() is not None
+    _draw_what(rects, exchange.form, animated)
+    if chosen.materials:
+        _label("Materials")
+        settings = context.settings
+        _, settings.materials = imgui.checkbox("Write the .mtl and the textures too##materials", settings.materials)
+        rects.record("export:materials")
+        tooltip("Beside the mesh and named after it: smile.mtl, smile_skin.jpg")
+    if chosen.drawn:
+        _draw_picture_options(rects, exchange.form)
+    if chosen.holds == "film":
+        _draw_film_options(rects, exchange.form, animated and exchange.form.animated)
+
+
+def _draw_what(rects: WidgetRects, form: "ExportForm", animated: bool) -> None:
+    chosen = FORMATS[form.suffix]
+    _label("What")
     if not animated:
         moving = "turns round once" if chosen.holds == "film" else "as it is now"
-        _label("What")
         imgui.text_unformatted(f"The pose {moving}")
-    else:
-        _label("What")
-        folder = ", a folder of files" if chosen.sequence is not None else ""
-        if imgui.radio_button(f"The animation{folder}", form.animated):
-            form.animated = True
-        rects.record("export:animation")
-        imgui.same_line()
-        if imgui.radio_button("The pose", not form.animated):
-            form.animated = False
-        rects.record("export:pose")
-    if not chosen.drawn:
         return
+    folder = ", a folder of files" if chosen.sequence is not None else ""
+    if imgui.radio_button(f"The animation{folder}", form.animated):
+        form.animated = True
+    rects.record("export:animation")
+    imgui.same_line()
+    if imgui.radio_button("The pose", not form.animated):
+        form.animated = False
+    rects.record("export:pose")
+
+
+def _draw_picture_options(rects: WidgetRects, form: "ExportForm") -> None:
     _label("Size")
     imgui.set_next_item_width(em(9))
     _, (width, height) = imgui.input_int2("##size", [form.width, form.height])
@@ -91,9 +114,14 @@ def _draw_options(context: EditorContext, exchange: "ExportFeature") -> None:
     form.width, form.height = (min(max(side, _SMALLEST), _LARGEST) for side in (width, height))
     imgui.same_line()
     imgui.text_disabled("pixels")
-    if chosen.holds != "film":
-        return
-    plays = animated and form.animated
+    if FORMATS[form.suffix].transparent:
+        _label("Background")
+        _, form.transparent = imgui.checkbox("Transparent##transparent", form.transparent)
+        rects.record("export:transparent")
+        tooltip("Leave the background out: the picture has an alpha channel")
+
+
+def _draw_film_options(rects: WidgetRects, form: "ExportForm", plays: bool) -> None:
     _label("Turn")
     if plays:
         _, form.turning = imgui.checkbox("##turning", form.turning)

@@ -17,7 +17,8 @@ from faceposer.gui.feature import Feature
 from faceposer.gui.features.export.dialog import draw_form, draw_progress
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.file_dialogs import FileRequest
-from faceposer.interchange.formats import FORMATS, Output, write_sequence_steps, write_steps
+from faceposer.interchange.formats import FORMATS, Output, offered, write_sequence_steps, write_steps
+from faceposer.interchange.meshes import foreign_library
 from faceposer.render.options import OutputOptions
 from faceposer.session.jobs import StepJob
 
@@ -42,6 +43,7 @@ class ExportForm:
         turning: Whether the camera goes round while the animation plays; for a pose alone it always does.
         seconds: How long a turn takes.
         rate: Frames per second of films.
+        transparent: Whether pictures have no background.
     """
 
     suffix: str = ".glb"
@@ -51,6 +53,7 @@ class ExportForm:
     turning: bool = False
     seconds: float = 4.0
     rate: int = 25
+    transparent: bool = False
 
 
 class ExportFeature(Feature):
@@ -116,6 +119,8 @@ class ExportFeature(Feature):
         """Open the dialog."""
         self.context.toolbox.finish()
         self.context.slider_edit.let_go()
+        if FORMATS[self.form.suffix].missing():
+            self.form.suffix = ExportForm.suffix
         self.open = True
         self.context.redraw()
 
@@ -133,14 +138,47 @@ class ExportFeature(Feature):
         last = Path(context.settings.export_path)
         folder = last.parent if context.settings.export_path and last.parent.is_dir() else last_folder(context.settings)
         stem = session.path.stem if session.path else Path(session.document.subject).stem
-        title = f"Export as {suffix[1:].upper()}"
-        context.ask_for_file(FileRequest("save", title, title[10:], (suffix,), folder / f"{stem}{suffix}", self.export))
+        name = FORMATS[suffix].name
+        if self.writes_folder:
+            title = f"Export as a folder of {name} files"
+            request = FileRequest("new folder", title, f"{name} files", (suffix,), folder / stem, self.export)
+        else:
+            start, others = folder / f"{stem}{suffix}", self._others()
+            request = FileRequest(
+                "save",
+                f"Export as {name}",
+                f"{name} files",
+                (suffix,),
+                start,
+                self.export,
+                others,
+                self._replaced_beside,
+            )
+        context.ask_for_file(request)
+
+    @property
+    def writes_folder(self) -> bool:
+        """Whether the form asks for a folder with a file for each frame."""
+        return FORMATS[self.form.suffix].sequence is not None and not isinstance(self._motion(), np.ndarray)
+
+    def _others(self) -> tuple[str, ...]:
+        """Return the suffixes that may be typed in place of the form's: of what can hold the same, and be written."""
+        still = isinstance(self._motion(), np.ndarray)
+        return offered(lambda form: form.suffix != self.form.suffix and (still or form.animated))
+
+    def _replaced_beside(self, path: Path) -> tuple[Path, ...]:
+        materials = FORMATS[path.suffix.lower()].materials and self.context.settings.materials
+        return foreign_library(path) if materials else ()
 
     def export(self, path: Path) -> None:
-        """Write the face, or begin to film it, as the form says."""
+        """Write the face to the file or folder ``path``, or begin to film it, as the form says.
+
+        The suffix of a file decides its format.
+        """
         context, form = self.context, self.form
+        if not self.writes_folder and path.suffix.lower() in FORMATS:
+            form.suffix = path.suffix.lower()
         written = FORMATS[form.suffix]
-        path = path if path.suffix.lower() == form.suffix else path.with_name(path.name + form.suffix)
         try:
             context.session.wait()
             motion, model = self._motion(), context.session.model
@@ -153,14 +191,14 @@ class ExportFeature(Feature):
                 orbit=context.viewport.view,
                 expression_lines=context.settings.expression_lines,
                 contact=context.session.document.contact,
+                transparent=form.transparent and written.transparent,
+                materials=context.settings.materials,
             )
+            output = Output(path, model, motion, options, context.gl)
+            self.target = path
             if written.sequence is not None and not still:
-                output = Output(path.with_suffix(""), model, motion, options, context.gl)
-                self.target = output.path
-                self.job = StepJob(write_sequence_steps(output, form.suffix), output.path)
+                self.job = StepJob(write_sequence_steps(output, form.suffix), path)
             else:
-                output = Output(path, model, motion, options, context.gl)
-                self.target = path
                 self.job = StepJob(write_steps(output), path)
                 if not written.drawn:
                     # Soon done: no progress appears.

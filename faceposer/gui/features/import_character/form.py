@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from faceposer.errors import FacePoserError
+from faceposer.files.names import save_path
 
 if TYPE_CHECKING:
     from faceposer.training.kinds import Kind
@@ -95,12 +96,9 @@ class ImportForm:
         if not self.output.strip():
             raise FacePoserError("Say where to save the character.")
         path = _path(self.output)
-        if not path.suffix:
-            path = path.with_name(f"{path.name}.npz")
-        if path.suffix.lower() != ".npz":
-            raise FacePoserError(f"A character is saved as .npz, and '{path.name}' ends in '{path.suffix}'.")
         if path.is_dir():
             raise FacePoserError(f"'{path}' is a folder; give the name of a file.")
+        path = save_path(path, ".npz")
         if not path.parent.is_dir():
             raise FacePoserError(f"There is no folder '{path.parent}'; make it first.")
         if path.exists() and path.samefile(_path(self.source)):

@@ -1,0 +1,44 @@
+"""Finds the program that writes MP4."""
+
+import functools
+import shutil
+
+from faceposer.errors import FacePoserError
+
+_MISSING = (
+    "MP4 needs ffmpeg, which is not found: install it, or its Python package with pip install 'faceposer[films]', or "
+    "write a .gif instead."
+)
+
+
+def missing_ffmpeg() -> str:
+    """Return why MP4 cannot be written here and how to change that, or "" if it can."""
+    return "" if _ffmpeg() else _MISSING
+
+
+def find_ffmpeg() -> str:
+    """Return the program that writes MP4: the system's ffmpeg, or else that of the package imageio-ffmpeg.
+
+    Raises:
+        FacePoserError: If neither is installed.
+    """
+    program = _ffmpeg()
+    if program is None:
+        raise FacePoserError(_MISSING)
+    return program
+
+
+def _ffmpeg() -> str | None:
+    return shutil.which("ffmpeg") or bundled_ffmpeg()
+
+
+@functools.cache
+def bundled_ffmpeg() -> str | None:
+    """Return the ffmpeg that comes with the optional package imageio-ffmpeg, or None."""
+    try:
+        import imageio_ffmpeg
+
+        program: str = imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError, OSError):
+        return None
+    return program
