@@ -116,7 +116,7 @@ def test_a_pose_comes_from_a_file(low: FaceModel, take: Path, tmp_path: Path, ca
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("low", "-o", "{out}/a.fbx"), "must end in one of .obj, .ply, .glb"),
+        (("low", "-o", "{out}/a.fbx"), "must end in one of .glb, .obj, .ply"),
         (("low", "-o", "{out}/none/a.glb"), "does not exist"),
         (("low", "-o", "{out}/a.obj", "--frame", "2"), "give that, too"),
         (("low", "-o", "{out}/a", "--sequence", "obj"), "'low' has none; give one with --animation"),
