@@ -1,4 +1,4 @@
-"""An export format that is registered is offered in the window, on the command line and in Python, with no other change."""
+"""A registered export format is offered in the window, on the command line and in Python, with no other change."""
 
 from collections.abc import Iterator
 from pathlib import Path
