@@ -8,21 +8,15 @@ import pytest
 from PIL import Image
 
 import faceposer
-from faceposer.cli import main
 from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.interchange.meshes import write_sequence
 from faceposer.model.performance import Performance
 from faceposer.session.document import Document, read_document, write_document
 from faceposer.session.opening import load_model, open_session
+from tests.command_line import run
 
 CLOSED = {"eyeBlinkLeft": 1.7, "eyeBlinkRight": 1.7}
-
-
-def run(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as end:
-        main([str(argument) for argument in arguments])
-    return int(end.value.code or 0)
 
 
 @pytest.fixture

@@ -8,28 +8,16 @@ import pytest
 from PIL import Image
 
 from faceposer.animation.keyframes import Key, Keyframes
-from faceposer.cli import main
 from faceposer.geometry.gltf_io import read_gltf
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.interchange.formats import write
-from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
-from faceposer.model.subject_file import load_subject
 from faceposer.session.document import Document, write_document
 from faceposer.training.capture import read_capture
+from tests.command_line import run
 
 Capture = pytest.CaptureFixture[str]
-
-
-def run(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as end:
-        main([str(argument) for argument in arguments])
-    return int(end.value.code or 0)
-
-
-@pytest.fixture(scope="module")
-def low() -> FaceModel:
-    return build_face_model(load_subject("low"))
 
 
 @pytest.fixture(scope="module")

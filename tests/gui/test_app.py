@@ -1,6 +1,5 @@
 """The window, driven by pointer and key events alone: a hidden one, on GLFW's null platform."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +11,14 @@ from faceposer.gui.events import CloseRequest, Drop, FocusLost
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.session.document import Document, write_document
+from tests.windows import OpenWindow
 
 LEFT_CORNER, RIGHT_CORNER = "8.3", "8.4"
 
 
 @pytest.fixture
-def robot(tmp_path: Path) -> Iterator[Robot]:
-    app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(900, 680), folder=str(tmp_path)))
-    yield Robot(app)
-    app.close()
+def robot(open_window: OpenWindow) -> Robot:
+    return open_window("man")
 
 
 def count(robot: Robot) -> int:

@@ -5,7 +5,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +16,11 @@ from faceposer.geometry.mesh_io import read_mesh
 from faceposer.gui.app import App
 from faceposer.gui.events import CloseRequest, Drop
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature, ImportForm
-from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.file_dialogs import FileRequest, PathBrowser
 from faceposer.model.subject_file import load_subject
 from faceposer.session.opening import open_session
+from tests.windows import OpenWindow
 
 SHAPES = (
     "jawOpen",
@@ -40,12 +39,8 @@ def importer(app: App) -> ImportCharacterFeature:
 
 
 @pytest.fixture
-def robot(tmp_path: Path) -> Iterator[Robot]:
-    settings = Settings(window_size=(900, 680), folder=str(tmp_path))
-    app = App("man", hidden=True, threaded=False, settings=settings)
-    yield Robot(app)
-    if app._window is not None:
-        app.close()
+def robot(open_window: OpenWindow) -> Robot:
+    return open_window("man")
 
 
 @pytest.fixture(scope="session")

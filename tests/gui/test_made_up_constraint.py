@@ -8,28 +8,26 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from faceposer.gui.app import App
 from faceposer.gui.overlays.painter import Painter
 from faceposer.gui.panels.tool_bar import TOOL_ICONS
-from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.session.document import Document, read_document, write_document
 from tests.made_up import MidpointConstraint, registered_constraint
+from tests.windows import OpenWindow
 
 pytestmark = pytest.mark.gl
 LIPS = ("2.2", "2.3")
 
 
 @pytest.fixture
-def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
+def made_up() -> Iterator[None]:
     with registered_constraint():
-        app = App("low", hidden=True, threaded=False, settings=Settings(window_size=(1000, 900), folder=str(tmp_path)))
-        # The picture does not matter here, and it is most of the time of a frame without a GPU.
-        monkeypatch.setattr(
-            app, "picture", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
-        )
-        yield Robot(app)
-        app.close()
+        yield
+
+
+@pytest.fixture
+def robot(made_up: None, open_window: OpenWindow) -> Robot:
+    return open_window("low", (1000, 900), pictures=False)
 
 
 @pytest.fixture

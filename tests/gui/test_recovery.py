@@ -5,7 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from faceposer.gui.window import CloseRequest, Drop
 from faceposer.session.autosave import Journal
 from faceposer.session.document import Document, write_document
 from faceposer.session.opening import open_session
+from tests.windows import OpenWindow
 
 LEFT_CORNER, RIGHT_CORNER, LEFT_BROW = "8.3", "8.4", "4.1"
 
@@ -77,19 +78,13 @@ Start = Callable[..., Robot]
 
 
 @pytest.fixture
-def start(state: Path, tmp_path: Path) -> Iterator[Start]:
+def start(state: Path, open_window: OpenWindow) -> Start:
     """Starts the program with a journal; what still runs in the end is closed."""
-    running: list[App] = []
 
     def call(what: str = "man", **choices: object) -> Robot:
-        settings = Settings(window_size=(700, 540), folder=str(tmp_path), **choices)
-        running.append(App(what, hidden=True, threaded=False, settings=settings, journal=True))
-        return Robot(running[-1])
+        return open_window(what, (700, 540), journal=True, **choices)
 
-    yield call
-    for app in running:
-        if app._window is not None:
-            app.close()
+    return call
 
 
 def crash(robot: Robot) -> None:

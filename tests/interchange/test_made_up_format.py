@@ -7,16 +7,15 @@ import numpy as np
 import pytest
 
 import faceposer
-from faceposer.cli import main
 from faceposer.errors import FacePoserError
-from faceposer.gui.app import App
 from faceposer.gui.features.export.feature import ExportFeature
-from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.interchange.formats import FORMATS, register, write
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
+from tests.command_line import run
 from tests.made_up import CLOUD, registered_formats
+from tests.windows import OpenWindow
 
 Capture = pytest.CaptureFixture[str]
 
@@ -28,16 +27,8 @@ def made_up() -> Iterator[None]:
 
 
 @pytest.fixture
-def robot(made_up: None, tmp_path: Path) -> Iterator[Robot]:
-    app = App("low", hidden=True, threaded=False, settings=Settings(window_size=(900, 680), folder=str(tmp_path)))
-    yield Robot(app)
-    app.close()
-
-
-def run(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as end:
-        main([str(argument) for argument in arguments])
-    return int(end.value.code or 0)
+def robot(made_up: None, open_window: OpenWindow) -> Robot:
+    return open_window()
 
 
 def choose(robot: Robot, name: str) -> None:

@@ -11,7 +11,7 @@ from PIL import Image
 
 from faceposer.errors import FacePoserError
 from faceposer.interchange.formats import Output, write, write_steps
-from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.model.subject_file import load_subject
 from faceposer.progress import Progress
@@ -19,11 +19,6 @@ from faceposer.render.options import OutputOptions
 from faceposer.render.turntable import framed_all_round, turned
 
 SMALL = (96, 72)
-
-
-@pytest.fixture(scope="module")
-def low() -> FaceModel:
-    return build_face_model(load_subject("low"))
 
 
 @pytest.fixture(scope="module")

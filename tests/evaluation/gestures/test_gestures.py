@@ -28,11 +28,6 @@ ROOT = Path(__file__).resolve().parents[3]
 NOTHING = Gesture("nothing", "Nothing", (), ("mouth",))
 
 
-@pytest.fixture(scope="module")
-def low() -> FaceModel:
-    return load_character("low")
-
-
 def posed(model: FaceModel, weights: dict[str, float]) -> FaceChange:
     """Return the change to a pose with these weights, as if a gesture had left it."""
     return FaceChange(Performed(NOTHING, model, model.coefficients_of(weights), (), (), (), "regions"))
