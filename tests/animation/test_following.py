@@ -148,7 +148,7 @@ def test_all_poses_together_are_at_a_minimum(model: FaceModel) -> None:
     ]
     metric = smoothness_metric(model, 1.0, 30.0)
     before = poses[:2]
-    found = smooth_poses(problems, metric, np.zeros_like(poses), before)
+    found = smooth_poses(problems, metric, np.zeros_like(poses), before, Progress())
 
     def energy(x: Array) -> float:
         changes = np.diff(np.concatenate([before, x]), 2, axis=0)
