@@ -75,6 +75,18 @@ def open_window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> "Iterator[Op
             app.close()
 
 
+#: Fixtures that open a window or make a context of OpenGL: tests with one of them are marked ``gl`` by themselves.
+DRAWING = frozenset({"open_window", "robot", "renderer", "ctx"})
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests that draw by their fixtures."""
+    for item in items:
+        if DRAWING & set(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.gl)
+
+
 class _MarkGuard:
     """Fails tests that draw and are not marked ``gl``, so that ``scripts/test --fast`` needs no OpenGL."""
 

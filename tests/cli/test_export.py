@@ -37,6 +37,7 @@ def session(low: FaceModel, tmp_path: Path) -> Path:
     return tmp_path / "jaw.json"
 
 
+@pytest.mark.gl
 def test_a_session_goes_out_in_every_format(low: FaceModel, session: Path, tmp_path: Path, capsys: Capture) -> None:
     out = tmp_path / "out"
     out.mkdir()
@@ -54,6 +55,7 @@ def test_a_session_goes_out_in_every_format(low: FaceModel, session: Path, tmp_p
     assert len([*out.iterdir()]) == 6
 
 
+@pytest.mark.gl
 def test_an_animation_goes_out_at_another_rate(low: FaceModel, take: Path, tmp_path: Path, capsys: Capture) -> None:
     assert run("export", "low", "--animation", take, "--fps", 10, "-o", tmp_path / "a.json") == 0
     assert "16 frames at 30 a second." in capsys.readouterr().out

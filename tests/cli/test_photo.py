@@ -29,6 +29,7 @@ def files(model: FaceModel, tmp_path: Path) -> tuple[Path, Path]:
     return tmp_path / "face.png", tmp_path / "pins.json"
 
 
+@pytest.mark.gl
 def test_photo_writes_a_session_and_a_picture(files: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
     photo, pins = files
     out, picture = tmp_path / "out.json", tmp_path / "out.png"

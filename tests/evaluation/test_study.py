@@ -369,6 +369,7 @@ def test_tuning_writes_what_it_found(
     assert tuned["score"] == min(entry["score"] for entry in tuned["tried"])
 
 
+@pytest.mark.gl
 def test_faces_are_drawn_side_by_side(
     takes: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

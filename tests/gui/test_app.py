@@ -381,6 +381,7 @@ def test_points_panel_switches_and_removes(robot: Robot) -> None:
     assert count(robot) == 0
 
 
+@pytest.mark.gl
 def test_a_session_opens_from_the_command_line(tmp_path: Path) -> None:
     path = tmp_path / "one.json"
     write_document(path, Document("woman", prior_weight=2.0))
@@ -393,6 +394,7 @@ def test_a_session_opens_from_the_command_line(tmp_path: Path) -> None:
         app.close()
 
 
+@pytest.mark.gl
 def test_solving_beside_the_frames(tmp_path: Path) -> None:
     app = App("man", hidden=True, threaded=True, settings=Settings(window_size=(700, 560)))
     try:

@@ -22,6 +22,8 @@ from faceposer.render.offscreen import render_subject
 from faceposer.render.options import OutputOptions
 from tests.windows import OpenWindow
 
+pytestmark = pytest.mark.gl
+
 SIZE = (400, 400)
 BROWS = {"browInnerUp": 1.0, "browOuterUpLeft": 1.0, "browOuterUpRight": 1.0}
 SMILE = {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8, "cheekSquintLeft": 0.6, "cheekSquintRight": 0.6}

@@ -16,6 +16,8 @@ from faceposer.render.framebuffers import ColourTarget, IdTarget
 from faceposer.render.offscreen import offscreen_context, plain_subject, render_mesh, render_subject
 from faceposer.render.renderer import Renderer
 
+pytestmark = pytest.mark.gl
+
 VIEWS = [("front", (320, 240)), ("three-quarter", (240, 320)), ("left", (200, 200)), ("bottom", (200, 200))]
 
 

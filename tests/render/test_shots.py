@@ -48,6 +48,7 @@ def test_a_turn_begins_in_front_and_passes_the_left_side(low: FaceModel) -> None
     assert back[2] < -10
 
 
+@pytest.mark.gl
 def test_png_shows_the_pose(low: FaceModel, tmp_path: Path) -> None:
     look = OutputOptions(SMALL)
     write(tmp_path / "a.png", low, low.neutral(), look)
@@ -70,6 +71,7 @@ def frames_of(path: Path) -> tuple[list[np.ndarray], list[int]]:
     return frames, lengths
 
 
+@pytest.mark.gl
 def test_gif_turns_the_pose_round_in_time(low: FaceModel, tmp_path: Path) -> None:
     shares: list[float] = []
     write(
@@ -90,6 +92,7 @@ def test_gif_turns_the_pose_round_in_time(low: FaceModel, tmp_path: Path) -> Non
     assert [*tmp_path.iterdir()] == [tmp_path / "a.gif"]
 
 
+@pytest.mark.gl
 def test_gif_plays_a_performance_from_one_place(low: FaceModel, yawn: Performance, tmp_path: Path) -> None:
     write(tmp_path / "a.gif", low, yawn, OutputOptions(SMALL))
     frames, lengths = frames_of(tmp_path / "a.gif")
@@ -108,6 +111,7 @@ def fake_ffmpeg(folder: Path, script: str) -> None:
 KEEPS = "open(sys.argv[-1], 'wb').write(' '.join(sys.argv[1:-1]).encode() + b'|' + sys.stdin.buffer.read())"
 
 
+@pytest.mark.gl
 @pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
 def test_mp4_hands_every_frame_to_ffmpeg(
     low: FaceModel, yawn: Performance, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -127,6 +131,7 @@ def test_mp4_hands_every_frame_to_ffmpeg(
     assert {path.name for path in tmp_path.iterdir()} == {"bin", "a.mp4", "a.png"}
 
 
+@pytest.mark.gl
 @pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
 @pytest.mark.parametrize(
     ("script", "said"),
@@ -154,6 +159,7 @@ def test_without_ffmpeg_a_sentence_says_so(low: FaceModel, tmp_path: Path, monke
     assert not [*tmp_path.iterdir()]
 
 
+@pytest.mark.gl
 @pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
 @pytest.mark.parametrize("suffix", [".gif", ".mp4"])
 def test_a_film_that_is_stopped_leaves_nothing(
@@ -168,6 +174,7 @@ def test_a_film_that_is_stopped_leaves_nothing(
     assert [path.name for path in tmp_path.iterdir()] == ["bin"]
 
 
+@pytest.mark.gl
 def test_what_cannot_be_written_gets_a_sentence(low: FaceModel, yawn: Performance, tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match="shows one pose and not 6"):
         write(tmp_path / "a.png", low, yawn, OutputOptions(SMALL))

@@ -272,6 +272,7 @@ def test_an_imported_rig() -> None:
 # What is written
 
 
+@pytest.mark.gl
 def test_what_a_study_writes(tmp_path: Path) -> None:
     gestures = [BY_NAME["corners_up"], BY_NAME["pucker_stroke"], *EXPRESSIONS]
     told: list[str] = []
@@ -303,6 +304,7 @@ def test_the_page_has_the_marks() -> None:
     assert page.count(BEGIN) == page.count(END) == 1
 
 
+@pytest.mark.gl
 def test_pictures_show_the_pulls(low: FaceModel) -> None:
     gesture = BY_NAME["jaw_down"]
     performed = perform(low, gesture)

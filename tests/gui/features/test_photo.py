@@ -309,6 +309,7 @@ def test_what_is_no_photo_or_gone_is_said(quick: Robot, photo: Path, tmp_path: P
     assert app.dialogs.open, "another picture has its name"
 
 
+@pytest.mark.gl
 def test_the_picture_of_the_renderer_has_the_photo_where_its_camera_says(model: FaceModel) -> None:
     pixels = np.zeros((300, 400, 3), dtype=np.uint8)
     pixels[100:150, 300:350] = 255

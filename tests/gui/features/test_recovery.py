@@ -415,6 +415,7 @@ def test_recent_files_follow_opening_and_saving(start: Start, tmp_path: Path) ->
     assert app.settings.recent == []
 
 
+@pytest.mark.gl
 def test_recent_files_are_remembered_at_once(state: Path, tmp_path: Path) -> None:
     path = tmp_path / "smile.json"
     write_document(path, Document("man"))

@@ -11,6 +11,8 @@ from faceposer.geometry.mesh_io import read_mesh
 from faceposer.gui.testing.demo import DemoFiles, run
 from faceposer.session.opening import open_session
 
+pytestmark = pytest.mark.gl
+
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> DemoFiles:
