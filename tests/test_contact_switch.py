@@ -53,6 +53,7 @@ def test_contact_is_true_or_false(session: Path) -> None:
         face.contact = "no"  # type: ignore[assignment]
 
 
+@pytest.mark.gl
 def test_vertices_meshes_and_pictures_agree(tmp_path: Path) -> None:
     face = faceposer.load("low")
     face.set_weights(CLOSED)
@@ -70,6 +71,7 @@ def test_vertices_meshes_and_pictures_agree(tmp_path: Path) -> None:
     assert (tmp_path / "True.png").read_bytes() != (tmp_path / "False.png").read_bytes()
 
 
+@pytest.mark.gl
 def test_commands_leave_contact_out(session: Path, tmp_path: Path) -> None:
     model = load_model("low")
     p = model.coefficients_of(CLOSED)

@@ -30,6 +30,7 @@ def imported_by(code: str) -> set[str]:
     return set(result.stdout.split())
 
 
+@pytest.mark.gl
 def test_window_shows_its_first_frame_without_slow_libraries() -> None:
     loaded = imported_by(FIRST_FRAME)
     assert {"numpy", "imgui_bundle", "faceposer.gui.app"} <= loaded
