@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 # Each of these takes a good part of a second to import. The first three are for training and for foreign meshes; the
 # others are for solves, for which the window gets ready once its first frame is there.
 SLOW = ("scipy.stats", "sklearn", "trimesh", "scipy.optimize", "scipy.spatial", "scipy.ndimage")
