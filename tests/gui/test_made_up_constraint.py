@@ -81,8 +81,8 @@ def test_it_is_listed_with_its_icon_its_place_and_its_noun(robot: Robot, texts: 
     robot.frames(80)
     assert TOOL_ICONS[MidpointConstraint.icon] in texts
     assert robot.app.point_name(0) == "middle of mouth height"
-    assert "middle of mouth height" in texts
-    assert "Midpoint: middle of mouth height" in texts
+    written = " ".join(texts)
+    assert written.count("middle of mouth height") > written.count("Midpoint: middle of mouth height") > 0
 
 
 def test_it_appears_in_the_view_as_dots_at_its_points(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
