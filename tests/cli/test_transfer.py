@@ -130,7 +130,7 @@ def test_the_pairs_of_a_file_are_those_that_count(tmp_path: Path, smile: Path) -
         (("smile.json", "low", "-o", "o.json", "--from", "man"), "is a session"),
         (("smile.json", "low", "-o", "o.json", "--pairs", "none.json"), "cannot be read"),
         (("smile.json", "low", "-o", "o.json", "--pairs", "paper", "--method", "weights"), "leave out --pairs"),
-        (("smile.json", "low", "-o", "o.fbx"), "must end in '.glb', "),
+        (("smile.json", "low", "-o", "o.fbx"), "must end in '.glb', '.obj', "),
         (("smile.json", "nobody", "-o", "o.json"), "no subject 'nobody'"),
         (("smile.png", "low", "-o", "o.json"), "neither a session"),
         (("none.json", "low", "-o", "o.json"), "cannot be read"),

@@ -126,7 +126,9 @@ def test_what_did_not_change_is_not_written_again(
 ) -> None:
     writes = []
     original = autosave.write_text
-    monkeypatch.setattr(autosave, "write_text", lambda *words: (writes.append(words[0]), original(*words))[1])
+    monkeypatch.setattr(
+        autosave, "write_text", lambda *words, **more: (writes.append(words[0]), original(*words, **more))[1]
+    )
     pin(session)
     for _ in range(20):
         wait(journal, session, clock)
