@@ -71,6 +71,7 @@ def test_subjects_are_listed(capsys: Capture) -> None:
     assert "man " in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_render_draws_subjects_sessions_and_meshes(smile: Path, tmp_path: Path) -> None:
     assert run("solve", smile, "-o", tmp_path / "smile.obj") == 0

@@ -161,6 +161,7 @@ def test_a_study_that_is_stopped_keeps_what_is_done(
     assert {row["count"] for row in results(tmp_path)["rows"]} == {2, 8}
 
 
+@pytest.mark.slow
 def test_two_processes_find_what_one_finds(
     takes: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -369,6 +370,7 @@ def test_tuning_writes_what_it_found(
     assert tuned["score"] == min(entry["score"] for entry in tuned["tried"])
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_faces_are_drawn_side_by_side(
     takes: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -104,6 +104,7 @@ def test_nothing_jumps(robot: Robot) -> None:
     assert not app.dialogs.open
 
 
+@pytest.mark.slow
 def test_undo_redo_escape_and_removal(robot: Robot) -> None:
     app = robot.app
     smile(robot)

@@ -143,6 +143,7 @@ class Monkey:
             self.step()
 
 
+@pytest.mark.slow
 def test_random_events_leave_everything_sound(app: App, capsys: pytest.CaptureFixture[str]) -> None:
     monkey = Monkey(app, seed=2)
     for _ in range(4):

@@ -92,6 +92,7 @@ def _depths_along_rays(corners: Array, axis: tuple[float, float], points: Array)
     return depth
 
 
+@pytest.mark.slow
 def test_a_goblin_without_arkit_shapes_is_kept_apart(creature: FaceModel) -> None:
     rng = np.random.default_rng(2)
     deepest = 0.0

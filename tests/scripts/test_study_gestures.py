@@ -30,6 +30,7 @@ def test_rows_and_summary(tmp_path: Path) -> None:
     assert not (tmp_path / "pictures").exists()
 
 
+@pytest.mark.slow
 def test_what_it_refuses() -> None:
     nowhere = study("--characters", "facecap", "--gestures", "ear_out")
     assert nowhere.returncode == 1

@@ -188,6 +188,7 @@ def test_the_other_side(model: FaceModel) -> None:
 # Rows
 
 
+@pytest.mark.slow
 def test_a_row_of_the_man(model: FaceModel) -> None:
     ((performed, row),) = study("man", model, [BY_NAME["corners_up_out"]], PriorSettings())
     assert row["character"] == "man"
@@ -272,6 +273,7 @@ def test_an_imported_rig() -> None:
 # What is written
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_what_a_study_writes(tmp_path: Path) -> None:
     gestures = [BY_NAME["corners_up"], BY_NAME["pucker_stroke"], *EXPRESSIONS]

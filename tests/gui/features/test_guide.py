@@ -117,6 +117,7 @@ def orbit(robot: Robot) -> None:
     robot.drag(begin, (begin[0] - 90.0, begin[1]))
 
 
+@pytest.mark.slow
 def test_a_user_goes_through_all_steps(robot: Robot, tmp_path: Path) -> None:
     app = robot.app
     assert app.features[GuideFeature].shown

@@ -218,6 +218,7 @@ def test_other_drops_are_opened_as_ever(robot: Robot, tmp_path: Path) -> None:
     assert "none.npz" in app.dialogs.waiting[0].text
 
 
+@pytest.mark.slow
 def test_progress_is_shown_and_the_window_stays_alive(
     robot: Robot, glb: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -277,6 +278,7 @@ def test_closing_the_window_stops_it(robot: Robot, glb: Path, tmp_path: Path, mo
     assert left_over(tmp_path) == []
 
 
+@pytest.mark.slow
 def test_errors_are_one_sentence_and_can_be_mended(robot: Robot, glb: Path, tmp_path: Path) -> None:
     app = robot.app
     broken = tmp_path / "broken.glb"
@@ -317,6 +319,7 @@ def test_what_goes_wrong_inside_is_told(
     assert importer(app).page == "form"
 
 
+@pytest.mark.slow
 def test_a_file_that_is_there_is_replaced_only_if_wanted(robot: Robot, glb: Path, tmp_path: Path) -> None:
     app = robot.app
     there = tmp_path / "my-head.npz"
@@ -346,6 +349,7 @@ def test_a_file_that_is_there_is_replaced_only_if_wanted(robot: Robot, glb: Path
     assert app.session.model.subject.title == "Anew", "not the file from before"
 
 
+@pytest.mark.slow
 def test_unsaved_work_is_asked_about_before_the_new_face_opens(robot: Robot, glb: Path) -> None:
     app = robot.app
     x, y = robot.at("8.3")
@@ -400,6 +404,7 @@ def test_browsing_for_a_folder(meshes: Path) -> None:
     assert "nothing" in browser.message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("regions", [0, 2])
 def test_a_character_from_examples_is_posed(robot: Robot, meshes: Path, tmp_path: Path, regions: int) -> None:
     app = robot.app

@@ -118,6 +118,7 @@ def same_work(robot: Robot, document: Document) -> None:
     np.testing.assert_allclose(session.coefficients, document.coefficients, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize(
     ("ending", "number"), [(KILLED, "SIGKILL"), (ASKED_TO_END, "SIGTERM"), (ASKED_TO_END, "SIGINT")]
@@ -153,6 +154,7 @@ def test_finished_gestures_outlive_the_program(start: Start, state: Path, ending
     assert len(journals(state)) == 1, "it is in the new program's journal alone"
 
 
+@pytest.mark.slow
 def test_recovered_work_is_saved_where_it_was(start: Start, state: Path, tmp_path: Path) -> None:
     path = tmp_path / "smile.json"
     write_document(path, Document("woman"))
@@ -183,6 +185,7 @@ def test_recovered_work_is_saved_where_it_was(start: Start, state: Path, tmp_pat
     assert list(state.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_discard_deletes_and_later_keeps(start: Start, state: Path) -> None:
     robot = start()
     smile(robot)
@@ -224,6 +227,7 @@ def test_several_are_offered_one_after_another(start: Start, state: Path, tmp_pa
     crash(robot)
 
 
+@pytest.mark.slow
 def test_a_gesture_under_way_does_not_hold_up_the_journal(start: Start, state: Path) -> None:
     robot = start()
     smile(robot)
@@ -354,6 +358,7 @@ def test_work_is_kept_when_the_window_cannot_be_drawn(
     assert len(journals(state)) == 1
 
 
+@pytest.mark.slow
 def test_without_a_journal_nothing_is_written_or_offered(start: Start, state: Path) -> None:
     robot = start()
     smile(robot)

@@ -41,6 +41,7 @@ def begin(robot: Robot, to: str) -> TransferFeature:
     return state_of(robot)
 
 
+@pytest.mark.slow
 def test_a_smile_goes_to_another_face_as_a_new_pose(robot: Robot) -> None:
     app = robot.app
     state = begin(robot, "woman")
@@ -109,6 +110,7 @@ def test_lists_are_read_and_written(robot: Robot, tmp_path: Path) -> None:
     assert "transfer:open" in robot.app.widget_rects
 
 
+@pytest.mark.slow
 def test_a_file_is_chosen_over_the_dialog_which_comes_back(robot: Robot) -> None:
     state = begin(robot, "woman")
     robot.click_widget("transfer:to:file")

@@ -19,6 +19,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> DemoFiles:
     return run(tmp_path_factory.mktemp("demo") / "new" / "folder", progress=lambda text: None)
 
 
+@pytest.mark.slow
 def test_pictures_show_the_face_change(demo: DemoFiles) -> None:
     assert len(demo.frames) > 50
     first, last = (np.asarray(Image.open(demo.frames[i])).astype(int) for i in (0, -1))
