@@ -1,18 +1,23 @@
-"""Fixtures that all tests share."""
+"""Fixtures that all tests share, and the check that tests which draw with OpenGL are marked."""
 
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+import moderngl
 import pytest
 
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.subject_file import load_subject
 from faceposer.render.ffmpeg import bundled_ffmpeg
 
+if TYPE_CHECKING:
+    from tests.windows import OpenWindow
+
 
 @pytest.fixture(scope="session")
-def model() -> FaceModel:
+def man() -> FaceModel:
     """The shipped man with the shipped prior."""
     return build_face_model(load_subject("man"))
 
@@ -27,3 +32,94 @@ def no_ffmpeg(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPath
     bundled_ffmpeg.cache_clear()
     yield folder
     bundled_ffmpeg.cache_clear()
+
+
+@pytest.fixture(scope="session")
+def model(man: FaceModel) -> FaceModel:
+    """The face of tests that need one, whichever it is: the man."""
+    return man
+
+
+@pytest.fixture(scope="session")
+def woman() -> FaceModel:
+    """The shipped woman."""
+    return build_face_model(load_subject("woman"))
+
+
+@pytest.fixture(scope="session")
+def low() -> FaceModel:
+    """The head of few triangles, which is quick to draw and to write."""
+    return build_face_model(load_subject("low"))
+
+
+@pytest.fixture(scope="session")
+def creature() -> FaceModel:
+    """The goblin, learned from examples alone."""
+    return build_face_model(load_subject("creature"))
+
+
+@pytest.fixture
+def open_window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> "Iterator[OpenWindow]":
+    """Opens hidden windows, see ``tests.windows.OpenWindow``."""
+    from faceposer.gui.app import App
+    from faceposer.gui.settings import Settings
+    from faceposer.gui.testing.scripted_user import Robot
+
+    running: list[App] = []
+
+    def call(
+        what: str = "low",
+        size: tuple[int, int] = (900, 680),
+        pictures: bool = True,
+        journal: bool = False,
+        **settings: Any,
+    ) -> Robot:
+        chosen = Settings(window_size=size, folder=str(tmp_path), **settings)
+        app = App(what, hidden=True, threaded=False, settings=chosen, journal=journal)
+        running.append(app)
+        if not pictures:
+            monkeypatch.setattr(
+                app, "picture", lambda _: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
+            )
+        return Robot(app)
+
+    yield call
+    for app in running:
+        if app._window is not None:
+            app.close()
+
+
+#: Fixtures that open a window or make a context of OpenGL: tests with one of them are marked ``gl`` by themselves.
+DRAWING = frozenset({"open_window", "robot", "renderer", "ctx"})
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests that draw by their fixtures."""
+    for item in items:
+        if DRAWING & set(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.gl)
+
+
+class _MarkGuard:
+    """Fails tests that draw and are not marked ``gl``, so that ``scripts/test --fast`` needs no OpenGL."""
+
+    def __init__(self) -> None:
+        self._create = moderngl.create_context
+        self._test = ""
+        moderngl.create_context = self._guarded
+
+    def _guarded(self, *arguments: Any, **options: Any) -> moderngl.Context:
+        if self._test:
+            pytest.fail(f"{self._test} draws with OpenGL: mark it with pytest.mark.gl")
+        return self._create(*arguments, **options)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        self._test = "" if item.get_closest_marker("gl") else item.nodeid
+        return (yield)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Watch all tests."""
+    config.pluginmanager.register(_MarkGuard())

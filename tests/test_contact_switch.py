@@ -10,7 +10,6 @@ from faceposer.viewer.panels import export_dialog
 from PIL import Image
 
 import faceposer
-from faceposer.cli import main
 from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.interchange.glb import CONTACT_NOTE, write_glb
@@ -18,14 +17,9 @@ from faceposer.interchange.meshes import write_sequence
 from faceposer.model.performance import Performance
 from faceposer.session.document import Document, read_document, write_document
 from faceposer.session.opening import load_model, open_session
+from tests.command_line import run
 
 CLOSED = {"eyeBlinkLeft": 1.7, "eyeBlinkRight": 1.7}
-
-
-def run(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as end:
-        main([str(argument) for argument in arguments])
-    return int(end.value.code or 0)
 
 
 @pytest.fixture
@@ -62,6 +56,7 @@ def test_contact_is_true_or_false(session: Path) -> None:
         face.contact = "no"  # type: ignore[assignment]
 
 
+@pytest.mark.gl
 def test_vertices_meshes_and_pictures_agree(tmp_path: Path) -> None:
     face = faceposer.load("low")
     face.set_weights(CLOSED)
@@ -79,6 +74,7 @@ def test_vertices_meshes_and_pictures_agree(tmp_path: Path) -> None:
     assert (tmp_path / "True.png").read_bytes() != (tmp_path / "False.png").read_bytes()
 
 
+@pytest.mark.gl
 def test_commands_leave_contact_out(session: Path, tmp_path: Path) -> None:
     model = load_model("low")
     p = model.coefficients_of(CLOSED)

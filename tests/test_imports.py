@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 # Each of these takes a good part of a second to import. The first three are for training and for foreign meshes; the
 # others are for solves, for which the window gets ready once its first frame is there.
 SLOW = ("scipy.stats", "sklearn", "trimesh", "scipy.optimize", "scipy.spatial", "scipy.ndimage")
@@ -30,6 +32,7 @@ def imported_by(code: str) -> set[str]:
     return set(result.stdout.split())
 
 
+@pytest.mark.gl
 def test_window_shows_its_first_frame_without_slow_libraries() -> None:
     loaded = imported_by(FIRST_FRAME)
     assert {"numpy", "imgui_bundle", "faceposer.gui.app"} <= loaded

@@ -83,6 +83,8 @@ def save(person: Person, key: str, path: Path) -> None:
     raise AssertionError(f"{path.name} was not saved")
 
 
+@pytest.mark.slow
+@pytest.mark.gl
 def test_pose_and_save_by_pointer_and_keys(display: str, tmp_path: Path) -> None:
     app = App("man", hidden=True, threaded=False, settings=Settings())
     places = {name: Robot(app).at(name) for name in ("8.3", "4.1")}

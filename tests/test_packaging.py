@@ -111,6 +111,7 @@ def test_installed_program_lists_its_subjects(run_installed: Run) -> None:
     assert {line.split()[0] for line in run_installed("faceposer", "subjects").splitlines()} >= {"man", "woman"}
 
 
+@pytest.mark.gl
 def test_shaders_compile_and_assets_load_outside_the_checkout(run_installed: Run) -> None:
     lines = [line.split(" ", 1) for line in run_installed("python", "-c", USE_EVERYTHING).splitlines()]
     assert {name for kind, name in lines if kind == "shader"} == {

@@ -122,19 +122,22 @@ class InMotion:
         .glb and the weights of .csv and .json cannot contain it: lids, lips and teeth may lie in each other there.
 
         Args:
-            path: Ends in .obj, .ply, .glb, .csv, .json (weights, no session), .png, .gif or .mp4, which needs ffmpeg.
-            motion: What to write in place of the pose, such as ``performance``; for .glb, .csv, .json, .gif and .mp4.
+            path: Ends in the suffix of a format, such as .obj, .ply, .glb, .csv, .json (weights, no session), .png,
+                .gif or .mp4; ``faceposer.interchange.formats`` has them all.
+            motion: Written in place of the pose, such as ``performance``, by formats that hold one.
             turn: Seconds in which the camera of a film goes round the head once, 0 for one that stands.
             expression_lines: Draw the lines that a pose makes in the skin, in pictures and films.
             transparent: Leave the background of a .png out.
             materials: Write materials and textures beside an .obj.
         """
-        from faceposer.interchange.formats import write
+        from faceposer.interchange.formats import FORMATS, suffixes, write
         from faceposer.render.options import OutputOptions
 
         checks.number(turn, 0.0, _LONGEST_TURN, "The seconds of a turn")
-        if turn and Path(path).suffix.lower() not in (".gif", ".mp4"):
-            raise FacePoserError(f"The camera turns in films; let '{path}' end in .gif or .mp4, or leave 'turn' out.")
+        form = FORMATS.get(Path(path).suffix.lower())
+        if turn and form is not None and form.holds != "film":
+            films = " or ".join(suffixes(lambda form: form.holds == "film"))
+            raise FacePoserError(f"The camera turns in films; let '{path}' end in {films}, or leave 'turn' out.")
         model = self.session.model
         moving = self.session.coefficients if motion is None else checks.performance_of(motion, model)
         options = OutputOptions(

@@ -29,20 +29,10 @@ _GIF_SIZE = (480, 480)
 _DESCRIPTION = """\
 Write a face as other programs read it. The suffix of OUT says how:
 
-  .obj   the posed mesh with UVs, normals and groups, in the character's own unit, axes and order,
-         and its materials and textures beside it: OUT.mtl, OUT_skin.jpg and so on
-  .ply   the same mesh, binary, with normals
-  .glb   parts, textures and all shapes as morph targets with their names, in metres;
-         the pose as default weights, an animation as keys of the weights; targets cannot hold
-         the contact step, so that lids, lips and teeth may lie in each other there
-  .csv   weights of ARKit's 52 shapes, from 0 to 1, as Live Link Face writes them
-  .json  weights of the face's own shapes (docs/interchange.md)
-  .png   a picture of the pose
-  .gif   the animation, or the pose turning round
-  .mp4   the same; needs ffmpeg, or the Python package: pip install 'faceposer[films]'
+{formats}
 
 What is written is the session's: its animation, if its timeline has keys and the format holds one, otherwise its pose;
-the neutral face of a subject; or what --pose or --animation says."""
+the neutral face of a subject; or what --pose or --animation says. docs/interchange.md says what each format holds."""
 
 _EXAMPLES = """\
 examples:
@@ -61,11 +51,12 @@ def add_parser(commands: Any) -> None:
     """Add the parser of the command."""
     parser = commands.add_parser(
         NAME,
-        help="write a face as OBJ, PLY, GLB, CSV, JSON, PNG, GIF or MP4",
-        description=_DESCRIPTION,
+        help="write a face for other programs: meshes, weights, pictures and films",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    # The table of formats is heavy to import; only the help of this command needs it here.
+    parser.format_help = lambda: _described(parser)
     parser.add_argument("what", metavar="SUBJECT|SESSION", help="name or path of a subject, or a session file")
     parser.add_argument("-o", "--output", type=Path, metavar="OUT", required=True, help="file or folder to write")
     motion = parser.add_mutually_exclusive_group()
@@ -99,7 +90,7 @@ def add_parser(commands: Any) -> None:
         "--turntable",
         type=_seconds,
         metavar="SECONDS",
-        help="let the camera go round the head in this time, for .gif and .mp4 (a pose alone: default 4)",
+        help="let the camera go round the head in this time, for films (a pose alone: default 4)",
     )
     parser.add_argument(
         "--view", choices=_VIEWS, default="front", help="where pictures look from, or begin (default: front)"
@@ -121,6 +112,15 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="draw pictures without the lines that a pose makes in the skin",
     )
+
+
+def _described(parser: argparse.ArgumentParser) -> str:
+    """Return the help of ``parser`` with the formats that there are."""
+    from faceposer.interchange.formats import FORMATS
+
+    lines = "\n".join(f"  {suffix:6} {form.purpose}" for suffix, form in FORMATS.items())
+    parser.description = _DESCRIPTION.format(formats=lines)
+    return type(parser).format_help(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -218,16 +218,16 @@ def _check_options(options: argparse.Namespace) -> None:
             raise FacePoserError(f"The folder '{path.absolute().parent}' of the output does not exist; make it first.")
         return
     check_writable(path)
-    if options.animation is not None and suffix in (".obj", ".ply"):
-        raise FacePoserError(
-            f"'{path}' holds one pose: write the animation into a folder with --sequence {suffix[1:]}, or one frame of "
-            "it with --pose and --frame."
-        )
-    if options.animation is not None and suffix == ".png":
+    form = FORMATS[suffix]
+    if options.animation is not None and form.holds == "pose" and form.drawn:
         raise FacePoserError(f"'{path}' shows one pose: write a .gif, or one frame with --pose and --frame.")
-    if options.turntable is not None and suffix not in (".gif", ".mp4"):
-        raise FacePoserError("--turntable is for films; let the output end in .gif or .mp4.")
-    if options.transparent and not FORMATS[suffix].transparent:
+    if options.animation is not None and form.holds == "pose":
+        folder = f"write the animation into a folder with --sequence {suffix[1:]}, or " if form.sequence else "write "
+        raise FacePoserError(f"'{path}' holds one pose: {folder}one frame of it with --pose and --frame.")
+    if options.turntable is not None and form.holds != "film":
+        films = " or ".join(suffixes(lambda form: form.holds == "film"))
+        raise FacePoserError(f"--turntable is for films; let the output end in {films}.")
+    if options.transparent and not form.transparent:
         raise FacePoserError("--transparent is for pictures; let the output end in .png.")
     check_apart(path, options.what, options.pose, options.animation)
 

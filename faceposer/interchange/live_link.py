@@ -13,7 +13,6 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.model.shape_names import weight_map
 from faceposer.model.subject import ARKIT_SHAPES
-from faceposer.solve.weight_fit import fit_weights_of_frames
 
 Array = NDArray[np.float64]
 
@@ -54,6 +53,9 @@ def arkit_weights(model: FaceModel, coefficients: Array) -> Array:
     Raises:
         FacePoserError: If the subject has none of ARKit's shapes.
     """
+    # SciPy's optimisers are slow to import, and the window reads the table of formats at its start.
+    from faceposer.solve.weight_fit import fit_weights_of_frames
+
     lift = weight_map(ARKIT_SHAPES, model.subject.shape_names)
     if not lift.any():
         raise FacePoserError(

@@ -13,7 +13,6 @@ from faceposer.files.json_documents import JsonError, check_header, convert, rea
 from faceposer.interchange.named_weights import NamedWeights
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
-from faceposer.solve.weight_fit import fit_weights_of_frames
 
 FORMAT = "faceposer.weights"
 VERSION = 1
@@ -48,6 +47,9 @@ def write_weights(path: Path, model: FaceModel, motion: NDArray[np.float64] | Pe
     Raises:
         FacePoserError: If the file cannot be written.
     """
+    # SciPy's optimisers are slow to import, and the window reads the table of formats at its start.
+    from faceposer.solve.weight_fit import fit_weights_of_frames
+
     coefficients = motion.coefficients if isinstance(motion, Performance) else motion[None]
     frames = np.round(fit_weights_of_frames(model, coefficients), _DIGITS) + 0.0
     data: dict[str, Any] = {"format": FORMAT, "version": VERSION, "subject": model.subject.name}

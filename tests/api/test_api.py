@@ -79,6 +79,7 @@ def test_the_example_on_the_page_is_ten_lines_and_runs(
     assert np.abs(mesh.vertices - faceposer.load("man").vertices).max() > 0.3
 
 
+@pytest.mark.gl
 def test_the_other_example_on_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert len(EXAMPLES) == 3
@@ -226,6 +227,7 @@ def test_a_session_goes_to_the_window_and_back(face: Face, tmp_path: Path) -> No
     assert open_session(str(path)).residuals_px == pytest.approx(face.residuals)
 
 
+@pytest.mark.gl
 def test_a_picture_comes_as_an_array_and_as_a_file(face: Face, tmp_path: Path) -> None:
     picture = face.render(tmp_path / "a.png", "left", (120, 160), "clay")
     assert picture.shape == (160, 120, 3)

@@ -8,18 +8,12 @@ import numpy as np
 import pytest
 
 from faceposer.animation import following
-from faceposer.cli import main
 from faceposer.geometry.camera import OrbitView
 from faceposer.model.face_model import FaceModel
+from tests.command_line import run
 
 Capture = pytest.CaptureFixture[str]
 NAMES = ("8.3", "8.4", "8.1", "8.2", "2.10")
-
-
-def run(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main([str(argument) for argument in arguments])
-    return int(ended.value.code or 0)
 
 
 @pytest.fixture

@@ -8,28 +8,16 @@ import pytest
 from PIL import Image
 
 from faceposer.animation.keyframes import Key, Keyframes
-from faceposer.cli import main
 from faceposer.geometry.gltf_io import read_gltf
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.interchange.formats import write
-from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
-from faceposer.model.subject_file import load_subject
 from faceposer.session.document import Document, write_document
 from faceposer.training.capture import read_capture
+from tests.command_line import run
 
 Capture = pytest.CaptureFixture[str]
-
-
-def run(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as end:
-        main([str(argument) for argument in arguments])
-    return int(end.value.code or 0)
-
-
-@pytest.fixture(scope="module")
-def low() -> FaceModel:
-    return build_face_model(load_subject("low"))
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +37,7 @@ def session(low: FaceModel, tmp_path: Path) -> Path:
     return tmp_path / "jaw.json"
 
 
+@pytest.mark.gl
 def test_a_session_goes_out_in_every_format(low: FaceModel, session: Path, tmp_path: Path, capsys: Capture) -> None:
     out = tmp_path / "out"
     out.mkdir()
@@ -66,6 +55,7 @@ def test_a_session_goes_out_in_every_format(low: FaceModel, session: Path, tmp_p
     assert len([*out.iterdir()]) == 6
 
 
+@pytest.mark.gl
 def test_an_animation_goes_out_at_another_rate(low: FaceModel, take: Path, tmp_path: Path, capsys: Capture) -> None:
     assert run("export", "low", "--animation", take, "--fps", 10, "-o", tmp_path / "a.json") == 0
     assert "16 frames at 30 a second." in capsys.readouterr().out

@@ -7,20 +7,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from faceposer.cli import main
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.places import GUIDED
 from faceposer.session.document import read_document
+from tests.command_line import run
 
 CAMERA = Camera(np.diag([1.0, -1.0, -1.0]), np.array([3.0, -2.0, 120.0]), 900.0, (400, 300))
 Capture = pytest.CaptureFixture[str]
-
-
-def run(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main([str(argument) for argument in arguments])
-    return int(ended.value.code or 0)
 
 
 @pytest.fixture
@@ -35,6 +29,7 @@ def files(model: FaceModel, tmp_path: Path) -> tuple[Path, Path]:
     return tmp_path / "face.png", tmp_path / "pins.json"
 
 
+@pytest.mark.gl
 def test_photo_writes_a_session_and_a_picture(files: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
     photo, pins = files
     out, picture = tmp_path / "out.json", tmp_path / "out.png"

@@ -7,21 +7,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from faceposer.cli import main
 from faceposer.geometry.camera import OrbitView
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.picking import SurfacePoint, surface_positions
 from faceposer.model.face_model import FaceModel
 from faceposer.session.document import Document, write_document
 from faceposer.solve.constraints.point import PointConstraint
+from tests.command_line import run
 
 Capture = pytest.CaptureFixture[str]
-
-
-def run(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main([str(argument) for argument in arguments])
-    return int(ended.value.code or 0)
 
 
 @pytest.fixture
@@ -77,6 +71,8 @@ def test_subjects_are_listed(capsys: Capture) -> None:
     assert "man " in capsys.readouterr().out
 
 
+@pytest.mark.slow
+@pytest.mark.gl
 def test_render_draws_subjects_sessions_and_meshes(smile: Path, tmp_path: Path) -> None:
     assert run("solve", smile, "-o", tmp_path / "smile.obj") == 0
     pictures = []

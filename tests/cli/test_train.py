@@ -6,20 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from faceposer.cli import main
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.obj_io import write_obj
 from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject
 from faceposer.training import expressions, mode_statistics
+from tests.command_line import run_captured
 from tests.training.faces import base, morph_mesh, write_examples
-
-
-def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as ended:
-        main([str(word) for word in words])
-    out, err = capsys.readouterr()
-    return int(ended.value.code or 0), out, err
 
 
 @pytest.fixture
@@ -46,7 +39,7 @@ def test_a_rig_is_trained_described_posed_and_renamed(
     rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     output, summary = tmp_path / "my-face.npz", tmp_path / "summary"
-    status, out, err = run(
+    status, out, err = run_captured(
         capsys, "train", "--rig", rig, "-o", output, "--title", "My face", "--credits", "Mine", "--summary", summary
     )
     assert (status, err) == (0, "")
@@ -56,12 +49,12 @@ def test_a_rig_is_trained_described_posed_and_renamed(
     assert (summary / "summary.png").read_bytes().startswith(b"\x89PNG")
     assert sorted(path.name for path in summary.iterdir()) == ["summary.json", "summary.png"]
 
-    status, out, _ = run(capsys, "subject", "info", output, "--json")
+    status, out, _ = run_captured(capsys, "subject", "info", output, "--json")
     about = json.loads(out)
     assert status == 0
     assert about["name"] == "my-face"
     assert about["statistics"] == "shipped"
-    status, out, _ = run(capsys, "subject", "check", output)
+    status, out, _ = run_captured(capsys, "subject", "check", output)
     assert status == 0
     assert "can be posed" in out
 
@@ -69,13 +62,13 @@ def test_a_rig_is_trained_described_posed_and_renamed(
     session.write_text(
         json.dumps({"format": "faceposer.session", "version": 1, "subject": "my-face.npz", "constraints": []})
     )
-    status, _, err = run(capsys, "solve", session, "-o", tmp_path / "smile.obj")
+    status, _, err = run_captured(capsys, "solve", session, "-o", tmp_path / "smile.obj")
     assert (status, err) == (0, "")
     mesh = read_mesh(tmp_path / "smile.obj")
     np.testing.assert_array_equal(mesh.polygons, base().polygons)
     np.testing.assert_allclose(mesh.vertices, base().vertices, atol=1e-6)
 
-    status, _, _ = run(capsys, "subject", "rename", output, "--name", "hero", "--shape", "jawOpen=JAW")
+    status, _, _ = run_captured(capsys, "subject", "rename", output, "--name", "hero", "--shape", "jawOpen=JAW")
     assert status == 0
     renamed = load_subject(output)
     assert renamed.name == "hero"
@@ -88,18 +81,18 @@ def test_examples_are_trained(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     folder.mkdir()
     write_examples(folder, 14)
     output = tmp_path / "me.npz"
-    status, out, err = run(capsys, "train", "--examples", folder, "-o", output, "--dimensions", "8")
+    status, out, err = run_captured(capsys, "train", "--examples", folder, "-o", output, "--dimensions", "8")
     assert (status, err) == (0, "")
     assert "15 examples, 8 modes" in out
     assert "not converged" not in out
     subject = load_subject(output)
     assert subject.statistics is not None
     old = subject.shape_names[0]
-    assert run(capsys, "subject", "rename", output, "--shape", f"{old}=first")[0] == 0
+    assert run_captured(capsys, "subject", "rename", output, "--shape", f"{old}=first")[0] == 0
     renamed = load_subject(output)
     assert renamed.statistics is not None
     assert renamed.statistics.shape_names[0] == "first"
-    assert run(capsys, "subject", "check", output)[0] == 0
+    assert run_captured(capsys, "subject", "check", output)[0] == 0
 
 
 def test_a_prior_that_did_not_converge_is_reported(
@@ -112,7 +105,9 @@ def test_a_prior_that_did_not_converge_is_reported(
     write_examples(folder, 6)
     take = write_capture(tmp_path / "take.csv", 120)
     for source in (("--examples", folder), ("--rig", rig, "--capture", take, "--components", 2, "--factors", 2)):
-        status, out, err = run(capsys, "train", *source, "-o", tmp_path / "me.npz", "--summary", tmp_path / "about")
+        status, out, err = run_captured(
+            capsys, "train", *source, "-o", tmp_path / "me.npz", "--summary", tmp_path / "about"
+        )
         assert (status, err) == (0, "")
         (line,) = (line for line in out.splitlines() if "not converged" in line)
         assert line.startswith("Note: The mixture of the prior had not converged when its learning ended")
@@ -145,7 +140,7 @@ def test_what_cannot_be_is_said_in_one_sentence(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "take.csv").write_text("frame,a.x,a.y,a.z\n0,1,2,3\n")
-    status, out, err = run(capsys, *words)
+    status, out, err = run_captured(capsys, *words)
     assert status == 2
     assert out == ""
     assert said in err
@@ -155,12 +150,12 @@ def test_what_cannot_be_is_said_in_one_sentence(
 
 def test_shapes_are_not_renamed_into_each_other(rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     output = tmp_path / "me.npz"
-    assert run(capsys, "train", "--rig", rig, "-o", output)[0] == 0
+    assert run_captured(capsys, "train", "--rig", rig, "-o", output)[0] == 0
     before = output.read_bytes()
-    status, _, err = run(capsys, "subject", "rename", output, "--shape", "jawOpen=jawLeft")
+    status, _, err = run_captured(capsys, "subject", "rename", output, "--shape", "jawOpen=jawLeft")
     assert status == 2
     assert "Two shapes would be called 'jawLeft'" in err
-    status, _, err = run(capsys, "subject", "rename", output, "--shape", "smirk=jawOpen")
+    status, _, err = run_captured(capsys, "subject", "rename", output, "--shape", "smirk=jawOpen")
     assert "has no shape 'smirk'" in err
     assert output.read_bytes() == before
 
@@ -171,17 +166,17 @@ def test_wishes_and_data_that_are_too_little_are_refused(
     folder, output = tmp_path / "meshes", tmp_path / "me.npz"
     folder.mkdir()
     paths = write_examples(folder, 5)
-    status, _, err = run(capsys, "train", "--examples", folder, "-o", output, "--components", "40")
+    status, _, err = run_captured(capsys, "train", "--examples", folder, "-o", output, "--components", "40")
     assert status == 2
     assert "40 factor analyzers are too many" in err
     capture = tmp_path / "take.csv"
     capture.write_text("Timecode,BlendShapeCount,JawOpen,EyeBlinkLeft\n" + "0,61,0.1,0.2\n" * 3)
-    status, _, err = run(capsys, "train", "--rig", rig, "--capture", capture, "-o", output)
+    status, _, err = run_captured(capsys, "train", "--rig", rig, "--capture", capture, "-o", output)
     assert status == 2
     assert f"The capture '{capture}' has 3 frames with a face, too few to learn from" in err
     lines = paths[2].read_text().replace("v ", "v 1e300 ", 1)
     paths[2].write_text(lines)
-    status, _, err = run(capsys, "train", "--examples", folder, "-o", output)
+    status, _, err = run_captured(capsys, "train", "--examples", folder, "-o", output)
     assert status == 2
     assert "frame2.obj' has a vertex that is too far away, number 1" in err
     assert err.count("\n") == 1
@@ -190,7 +185,7 @@ def test_wishes_and_data_that_are_too_little_are_refused(
 
 def test_two_examples_are_the_fewest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_examples(tmp_path, 1)
-    status, out, err = run(capsys, "train", "--examples", tmp_path, "-o", tmp_path / "me.npz")
+    status, out, err = run_captured(capsys, "train", "--examples", tmp_path, "-o", tmp_path / "me.npz")
     assert (status, err) == (0, "")
     assert "2 examples are too few to judge the model" in out
-    assert run(capsys, "subject", "check", tmp_path / "me.npz")[0] == 0
+    assert run_captured(capsys, "subject", "check", tmp_path / "me.npz")[0] == 0

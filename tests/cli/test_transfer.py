@@ -7,20 +7,14 @@ import numpy as np
 import pytest
 
 from faceposer.animation.keyframes import Key, Keyframes
-from faceposer.cli import main
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.model.face_model import FaceModel
 from faceposer.session.document import Document, write_document
 from faceposer.session.opening import open_session
 from faceposer.transfer.pairs import PAPER_PAIRS, pairs_to_json
+from tests.command_line import run
 
 SMILE = {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8}
-
-
-def run(*words: object) -> int:
-    with pytest.raises(SystemExit) as caught:
-        main([str(word) for word in words])
-    return int(caught.value.code or 0)
 
 
 @pytest.fixture

@@ -118,6 +118,7 @@ def test_strokes_alone_on_a_face_without_lines_are_refused(tmp_path: Path, capsy
         assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not RIGS, reason="FACEPOSER_RIGS names no folder of rigs")
 @pytest.mark.parametrize("name", ["facecap", "facecap_multi"])
 def test_an_imported_rig_is_studied(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

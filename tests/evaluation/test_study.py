@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from faceposer.cli import main
 from faceposer.evaluation.measures import Score
 from faceposer.evaluation.methods.bounded_weights import BoundedWeights
 from faceposer.evaluation.methods.gaussian import Ppca
@@ -21,6 +20,7 @@ from faceposer.evaluation.takes import Source, frames_a_second, steady
 from faceposer.evaluation.trials import Cell
 from faceposer.evaluation.tuning import end_warning, search
 from faceposer.training.expressions import Recipe
+from tests.command_line import run_captured
 from tests.evaluation.performances import weights, write_take
 
 QUICK = ("--methods", "ppca,bounded-weights", "--jobs", "1", "--examples", "300", "--subject", "low")
@@ -57,10 +57,7 @@ def takes(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as ended:
-        main(["evaluate", *map(str, words)])
-    out, err = capsys.readouterr()
-    return int(ended.value.code or 0), out, err
+    return run_captured(capsys, "evaluate", *words)
 
 
 def given(takes: tuple[Path, Path], folder: Path) -> tuple[object, ...]:
@@ -164,6 +161,7 @@ def test_a_study_that_is_stopped_keeps_what_is_done(
     assert {row["count"] for row in results(tmp_path)["rows"]} == {2, 8}
 
 
+@pytest.mark.slow
 def test_two_processes_find_what_one_finds(
     takes: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -372,6 +370,8 @@ def test_tuning_writes_what_it_found(
     assert tuned["score"] == min(entry["score"] for entry in tuned["tried"])
 
 
+@pytest.mark.slow
+@pytest.mark.gl
 def test_faces_are_drawn_side_by_side(
     takes: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

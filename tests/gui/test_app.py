@@ -1,6 +1,5 @@
 """The window, driven by pointer and key events alone: a hidden one, on GLFW's null platform."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +11,14 @@ from faceposer.gui.events import CloseRequest, Drop, FocusLost
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.session.document import Document, write_document
+from tests.windows import OpenWindow
 
 LEFT_CORNER, RIGHT_CORNER = "8.3", "8.4"
 
 
 @pytest.fixture
-def robot(tmp_path: Path) -> Iterator[Robot]:
-    app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(900, 680), folder=str(tmp_path)))
-    yield Robot(app)
-    app.close()
+def robot(open_window: OpenWindow) -> Robot:
+    return open_window("man")
 
 
 def count(robot: Robot) -> int:
@@ -106,6 +104,7 @@ def test_nothing_jumps(robot: Robot) -> None:
     assert not app.dialogs.open
 
 
+@pytest.mark.slow
 def test_undo_redo_escape_and_removal(robot: Robot) -> None:
     app = robot.app
     smile(robot)
@@ -385,6 +384,7 @@ def test_points_panel_switches_and_removes(robot: Robot) -> None:
     assert count(robot) == 0
 
 
+@pytest.mark.gl
 def test_a_session_opens_from_the_command_line(tmp_path: Path) -> None:
     path = tmp_path / "one.json"
     write_document(path, Document("woman", prior_weight=2.0))
@@ -397,6 +397,7 @@ def test_a_session_opens_from_the_command_line(tmp_path: Path) -> None:
         app.close()
 
 
+@pytest.mark.gl
 def test_solving_beside_the_frames(tmp_path: Path) -> None:
     app = App("man", hidden=True, threaded=True, settings=Settings(window_size=(700, 560)))
     try:

@@ -1,32 +1,24 @@
 """The tools of the window, and the panels of what they make, driven by pointer and keys alone."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from faceposer.gui.app import App
 from faceposer.gui.events import Drop, FocusLost
 from faceposer.gui.panels.tool_bar import TOOL_ICONS
-from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Position, Robot
 from faceposer.solve.constraints.gaze import gaze_direction
+from tests.windows import OpenWindow
 
 LEFT, RIGHT, NOSE = "8.3", "8.4", "9.3"
 KEYS = {"point": "Q", "distance": "D", "stroke": "S", "curve": "K", "fix": "H", "gaze": "G", "trajectory": "J"}
 
 
 @pytest.fixture
-def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
-    app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(1000, 940), folder=str(tmp_path)))
-    # The picture itself does not matter here, and it is most of the time of a frame without a GPU.
-    monkeypatch.setattr(
-        app, "picture", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
-    )
-    yield Robot(app)
-    app.close()
+def robot(open_window: OpenWindow) -> Robot:
+    return open_window("man", (1000, 940), pictures=False)
 
 
 def constraints(robot: Robot) -> tuple[Any, ...]:

@@ -1,23 +1,19 @@
 """Contact in the window: what is shown is what is exported, and the View panel and its menu turn it off."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from faceposer.geometry.mesh_io import read_mesh
-from faceposer.gui.app import App
-from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.interchange.meshes import write_posed_obj
+from tests.windows import OpenWindow
 
 
 @pytest.fixture
-def robot(tmp_path: Path) -> Iterator[Robot]:
-    app = App("low", hidden=True, threaded=False, settings=Settings(window_size=(900, 680), folder=str(tmp_path)))
-    yield Robot(app)
-    app.close()
+def robot(open_window: OpenWindow) -> Robot:
+    return open_window()
 
 
 def test_the_window_shows_contact_and_turns_it_off(robot: Robot, tmp_path: Path) -> None:

@@ -1,21 +1,20 @@
 """Real rigs of other people, imported and posed like the faces that come with the program."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from faceposer.geometry.mesh_io import read_mesh
-from faceposer.gui.app import App
 from faceposer.gui.features.guide.feature import GuideFeature
-from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.model.expression_lines import expression_lines
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import save_subject
 from faceposer.session.opening import open_session
+from tests.windows import OpenWindow
 
 RIGS = os.environ.get("FACEPOSER_RIGS")
 pytestmark = pytest.mark.skipif(not RIGS, reason="FACEPOSER_RIGS names no folder of rigs")
@@ -32,19 +31,13 @@ Start = Callable[[str], Robot]
 
 
 @pytest.fixture
-def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
+def start(tmp_path: Path, open_window: OpenWindow, monkeypatch: pytest.MonkeyPatch) -> Start:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    running: list[App] = []
 
     def call(what: str) -> Robot:
-        settings = Settings(window_size=(900, 680), folder=str(tmp_path), welcome_done=False)
-        running.append(App(what, hidden=True, threaded=False, settings=settings, journal=True))
-        return Robot(running[-1])
+        return open_window(what, journal=True, welcome_done=False)
 
-    yield call
-    for app in running:
-        if app._window is not None:
-            app.close()
+    return call
 
 
 @pytest.fixture

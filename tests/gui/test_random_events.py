@@ -1,18 +1,16 @@
 """Whatever a user does in whatever order, the window goes on, and its document and history stay sound."""
 
 import json
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from faceposer.gui.actions import parsed_key
 from faceposer.gui.app import App
-from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Position
 from faceposer.session.document import Document
 from faceposer.tools.tool import Button
+from tests.windows import OpenWindow
 
 EVENTS = 2500
 # Widgets that edit the session or its tools; others open files, menus or dialogs.
@@ -31,14 +29,8 @@ _BUTTONS: tuple[Button, ...] = ("left", "left", "left", "left", "left", "middle"
 
 
 @pytest.fixture
-def app(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[App]:
-    app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(700, 520), folder=str(tmp_path)))
-    # The picture itself does not matter here, and it is most of the time of a frame without a GPU.
-    monkeypatch.setattr(
-        app, "picture", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
-    )
-    yield app
-    app.close()
+def app(open_window: OpenWindow) -> App:
+    return open_window("man", (700, 520), pictures=False).app
 
 
 class Monkey:
@@ -151,6 +143,7 @@ class Monkey:
             self.step()
 
 
+@pytest.mark.slow
 def test_random_events_leave_everything_sound(app: App, capsys: pytest.CaptureFixture[str]) -> None:
     monkey = Monkey(app, seed=2)
     for _ in range(4):

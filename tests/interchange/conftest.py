@@ -3,15 +3,8 @@
 import numpy as np
 import pytest
 
-from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
-from faceposer.model.subject_file import load_subject
-
-
-@pytest.fixture(scope="session")
-def low() -> FaceModel:
-    """The head of few triangles, which is quick to write."""
-    return build_face_model(load_subject("low"))
 
 
 @pytest.fixture(scope="session")

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint
-from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.subject_file import load_subject
+from faceposer.model.face_model import FaceModel
 from faceposer.photo.aligning import aligned, first_camera, residuals_px
 from faceposer.photo.photo import Photo, Pin
 from faceposer.photo.places import ALIGNING, GUIDED, guided, rigidity
@@ -21,11 +20,6 @@ from faceposer.solve.problem import PoseProblem
 
 SIZE = (1000, 800)
 SMILE = {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8, "jawOpen": 0.25}
-
-
-@pytest.fixture(scope="module")
-def woman() -> FaceModel:
-    return build_face_model(load_subject("woman"))
 
 
 def taken(yaw: float = 0.35, roll: float = 0.2, mm: float = LIKELY_FOCAL_MM) -> Camera:

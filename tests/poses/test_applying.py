@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from faceposer.errors import FacePoserError
-from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.subject_file import load_subject
+from faceposer.model.face_model import FaceModel
 from faceposer.poses.applying import (
     REGIONS,
     Array,
@@ -28,8 +27,8 @@ SUBJECTS = ("man", "woman", "low", "creature")
 
 
 @pytest.fixture(scope="module")
-def models(model: FaceModel) -> dict[str, FaceModel]:
-    return {"man": model} | {name: build_face_model(load_subject(name)) for name in SUBJECTS[1:]}
+def models(man: FaceModel, woman: FaceModel, low: FaceModel, creature: FaceModel) -> dict[str, FaceModel]:
+    return dict(zip(SUBJECTS, (man, woman, low, creature), strict=True))
 
 
 def starter(model: FaceModel, name: str) -> Pose:

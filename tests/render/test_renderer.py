@@ -16,6 +16,8 @@ from faceposer.render.framebuffers import ColourTarget, IdTarget
 from faceposer.render.offscreen import offscreen_context, plain_subject, render_mesh, render_subject
 from faceposer.render.renderer import Renderer
 
+pytestmark = pytest.mark.gl
+
 VIEWS = [("front", (320, 240)), ("three-quarter", (240, 320)), ("left", (200, 200)), ("bottom", (200, 200))]
 
 
@@ -47,6 +49,7 @@ def test_vertices_appear_where_the_camera_projects_them() -> None:
         np.testing.assert_allclose(seen, camera.project(corners).mean(axis=0), atol=0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("view", "size"), VIEWS)
 def test_picking_by_picture_agrees_with_picking_by_ray(
     ctx: moderngl.Context, model: FaceModel, view: str, size: tuple[int, int]
@@ -127,6 +130,7 @@ def test_the_head_fills_the_picture_and_fades_at_the_neck(model: FaceModel) -> N
     assert warmth[rows.max() + 4 :].max() < 15, "no hard edge where the neck ends"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angles", [(0, 0), (180, 0), (90, 0), (0, -35), (150, -25)])
 def test_the_cut_of_the_neck_is_an_edge_from_no_side(model: FaceModel, angles: tuple[int, int]) -> None:
     vertices = model.subject.vertices

@@ -14,7 +14,7 @@ from scipy.ndimage import binary_erosion
 
 from faceposer.errors import FacePoserError
 from faceposer.interchange.formats import Output, check_writable, offered, write, write_sequence_steps, write_steps
-from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.model.subject_file import load_subject
 from faceposer.progress import Progress
@@ -24,11 +24,6 @@ from faceposer.render.options import OutputOptions
 from faceposer.render.turntable import framed_all_round, turned
 
 SMALL = (96, 72)
-
-
-@pytest.fixture(scope="module")
-def low() -> FaceModel:
-    return build_face_model(load_subject("low"))
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +53,7 @@ def test_a_turn_begins_in_front_and_passes_the_left_side(low: FaceModel) -> None
     assert back[2] < -10
 
 
+@pytest.mark.gl
 def test_png_shows_the_pose(low: FaceModel, tmp_path: Path) -> None:
     look = OutputOptions(SMALL)
     write(tmp_path / "a.png", low, low.neutral(), look)
@@ -80,6 +76,7 @@ def frames_of(path: Path) -> tuple[list[np.ndarray], list[int]]:
     return frames, lengths
 
 
+@pytest.mark.gl
 def test_gif_turns_the_pose_round_in_time(low: FaceModel, tmp_path: Path) -> None:
     shares: list[float] = []
     write(
@@ -100,6 +97,7 @@ def test_gif_turns_the_pose_round_in_time(low: FaceModel, tmp_path: Path) -> Non
     assert [*tmp_path.iterdir()] == [tmp_path / "a.gif"]
 
 
+@pytest.mark.gl
 def test_gif_plays_a_performance_from_one_place(low: FaceModel, yawn: Performance, tmp_path: Path) -> None:
     write(tmp_path / "a.gif", low, yawn, OutputOptions(SMALL))
     frames, lengths = frames_of(tmp_path / "a.gif")
@@ -118,6 +116,7 @@ def fake_ffmpeg(folder: Path, script: str) -> None:
 KEEPS = "open(sys.argv[-1], 'wb').write(' '.join(sys.argv[1:-1]).encode() + b'|' + sys.stdin.buffer.read())"
 
 
+@pytest.mark.gl
 @pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
 def test_mp4_hands_every_frame_to_ffmpeg(low: FaceModel, yawn: Performance, tmp_path: Path, no_ffmpeg: Path) -> None:
     fake_ffmpeg(no_ffmpeg, KEEPS)
@@ -133,6 +132,7 @@ def test_mp4_hands_every_frame_to_ffmpeg(low: FaceModel, yawn: Performance, tmp_
     assert {path.name for path in tmp_path.iterdir()} == {"a.mp4", "a.png"}
 
 
+@pytest.mark.gl
 @pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
 @pytest.mark.parametrize(
     ("script", "said"),
@@ -263,6 +263,7 @@ def test_a_film_that_is_stopped_leaves_nothing(suffix: str, low: FaceModel, tmp_
     assert not [*tmp_path.iterdir()]
 
 
+@pytest.mark.gl
 def test_what_cannot_be_written_gets_a_sentence(low: FaceModel, yawn: Performance, tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match="shows one pose and not 6"):
         write(tmp_path / "a.png", low, yawn, OutputOptions(SMALL))

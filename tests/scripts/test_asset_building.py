@@ -86,6 +86,7 @@ def man() -> Subject:
     return load_subject("man")
 
 
+@pytest.mark.slow
 def test_the_check_sees_every_kind_of_difference(man: Subject) -> None:
     assert differences(man, man) == []
     moved = man.vertices.copy()

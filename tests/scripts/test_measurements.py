@@ -23,6 +23,7 @@ def run(script: str, *arguments: str, captures: bool = False) -> subprocess.Comp
     return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=ROOT)
 
 
+@pytest.mark.slow
 def test_the_benchmark_has_all_its_rows(tmp_path: Path) -> None:
     path = tmp_path / "benchmark.json"
     result = run("benchmark.py", "--moves", "3", "--no-start", "--json", str(path))
@@ -51,6 +52,7 @@ def test_ratios_of_times_are_held_against_what_is_asked_for() -> None:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.skipif("FACEPOSER_CAPTURES" not in os.environ, reason="needs the capture files")
 def test_strokes_are_compared(tmp_path: Path) -> None:
     path = tmp_path / "strokes.json"
@@ -62,6 +64,7 @@ def test_strokes_are_compared(tmp_path: Path) -> None:
     assert {row["poses"] for row in rows} == {1}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif("FACEPOSER_CAPTURES" not in os.environ, reason="needs the capture files")
 def test_priors_are_compared(tmp_path: Path) -> None:
     cells = ("--kinds", "point", "--counts", "point=4", "--region-counts", "point=1", "--noise", "0", "--trials", "1")

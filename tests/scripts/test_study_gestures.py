@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -30,6 +32,7 @@ def test_rows_and_summary(tmp_path: Path) -> None:
     assert not (tmp_path / "pictures").exists()
 
 
+@pytest.mark.slow
 def test_what_it_refuses() -> None:
     nowhere = study("--characters", "facecap", "--gestures", "ear_out")
     assert nowhere.returncode == 1

@@ -38,6 +38,7 @@ def run(captures: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=ROOT)
 
 
+@pytest.mark.slow
 def test_variants_of_a_file_are_compared_and_what_is_learned_is_kept(folder: Path, tmp_path: Path) -> None:
     variants = tmp_path / "variants.py"
     variants.write_text(VARIANTS)
@@ -65,6 +66,7 @@ def test_variants_of_a_file_are_compared_and_what_is_learned_is_kept(folder: Pat
     assert json.loads((tmp_path / "kept" / "performers.json").read_text())["rows"][0]["error_3d"] == rows[0]["error_3d"]
 
 
+@pytest.mark.slow
 def test_take_4_is_looked_at_when_asked_for(folder: Path, tmp_path: Path) -> None:
     words = ("-o", tmp_path, "--only", "bounded-weights", "--data", "take4")
     assert "there is no data set 'take4'" in run(folder, *words).stderr

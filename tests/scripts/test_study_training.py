@@ -14,6 +14,7 @@ from scripts.studying.memory import PeakMemory
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif("FACEPOSER_CAPTURES" not in os.environ, reason="needs the capture files")
 def test_study_in_small(tmp_path: Path) -> None:
     path = tmp_path / "training.json"

@@ -11,6 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scripts" / "train_prior.py"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif("FACEPOSER_CAPTURES" not in os.environ, reason="needs the capture files")
 def test_learning_again_gives_the_committed_statistics() -> None:
     result = subprocess.run([sys.executable, SCRIPT, "--check"], capture_output=True, text=True, check=False)

@@ -336,6 +336,7 @@ def act_at_random(context: HeadlessContext, action: int, rng: np.random.Generato
         session.accept_pose()
 
 
+@pytest.mark.slow
 def test_thousands_of_random_events_leave_a_sound_document(context: HeadlessContext) -> None:
     rng = np.random.default_rng(0)
     session, toolbox = context.session, context.toolbox

@@ -8,7 +8,6 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
-from faceposer.model.subject_file import load_subject
 from faceposer.progress import CancelledError, Progress
 from faceposer.solve.constraints.gaze import gaze_direction
 from faceposer.solve.problem import PoseProblem
@@ -24,16 +23,6 @@ SMILE = {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8, "cheekSquintLeft": 0.5, 
 SURPRISE = {"jawOpen": 0.5, "browInnerUp": 0.9, "browOuterUpLeft": 0.9, "browOuterUpRight": 0.9, "eyeWideLeft": 0.7}
 WINK = {"eyeBlinkLeft": 1.0, "mouthSmileLeft": 0.6, "cheekSquintLeft": 0.5}
 EXPRESSIONS = (SMILE, SURPRISE, WINK)
-
-
-@pytest.fixture(scope="module")
-def low() -> FaceModel:
-    return build_face_model(load_subject("low"))
-
-
-@pytest.fixture(scope="module")
-def creature() -> FaceModel:
-    return build_face_model(load_subject("creature"))
 
 
 def error(model: FaceModel, pose: np.ndarray, truth: np.ndarray) -> float:

@@ -88,6 +88,6 @@ class DrawnConstraints:
                     texts[conflict.index] = "Not reached: beyond this face's natural range."
                 else:
                     opponent = document.constraints[conflict.opponent]
-                    texts[conflict.index] = f"Fights with {self.names.of(opponent)} ({opponent.kind})."
+                    texts[conflict.index] = f"Fights with {self.names.of(opponent)} ({opponent.noun})."
             self._conflicts = (session.revision, texts)
         return self._conflicts[1]

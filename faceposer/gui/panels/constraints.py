@@ -71,8 +71,8 @@ class ConstraintsPanel:
         if pressed and free:
             context.toolbox.select(index, extend=imgui.get_io().key_shift)
         conflict = context.drawn_constraints.conflicts.get(index)
-        name = context.point_name(index)
-        tooltip(f"{name[:1].upper()}{name[1:]}" if conflict is None else f"{name[:1].upper()}{name[1:]}. {conflict}")
+        name = f"{constraint.noun.capitalize()}: {context.point_name(index)}"
+        tooltip(name if conflict is None else f"{name}. {conflict}")
         self._draw_text(context, index, constraint, residual, (corner.x, corner.y, width, height))
 
         self._switch(context, index, constraint, begin, height, free)

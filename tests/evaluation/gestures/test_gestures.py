@@ -28,11 +28,6 @@ ROOT = Path(__file__).resolve().parents[3]
 NOTHING = Gesture("nothing", "Nothing", (), ("mouth",))
 
 
-@pytest.fixture(scope="module")
-def low() -> FaceModel:
-    return load_character("low")
-
-
 def posed(model: FaceModel, weights: dict[str, float]) -> FaceChange:
     """Return the change to a pose with these weights, as if a gesture had left it."""
     return FaceChange(Performed(NOTHING, model, model.coefficients_of(weights), (), (), (), "regions"))
@@ -193,6 +188,7 @@ def test_the_other_side(model: FaceModel) -> None:
 # Rows
 
 
+@pytest.mark.slow
 def test_a_row_of_the_man(model: FaceModel) -> None:
     ((performed, row),) = study("man", model, [BY_NAME["corners_up_out"]], PriorSettings())
     assert row["character"] == "man"
@@ -277,6 +273,8 @@ def test_an_imported_rig() -> None:
 # What is written
 
 
+@pytest.mark.slow
+@pytest.mark.gl
 def test_what_a_study_writes(tmp_path: Path) -> None:
     gestures = [BY_NAME["corners_up"], BY_NAME["pucker_stroke"], *EXPRESSIONS]
     told: list[str] = []
@@ -308,6 +306,7 @@ def test_the_page_has_the_marks() -> None:
     assert page.count(BEGIN) == page.count(END) == 1
 
 
+@pytest.mark.gl
 def test_pictures_show_the_pulls(low: FaceModel) -> None:
     gesture = BY_NAME["jaw_down"]
     performed = perform(low, gesture)

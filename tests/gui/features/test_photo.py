@@ -1,6 +1,5 @@
 """Photos at the window, by pointer and keys: dropped, pinned, posed after, saved and opened again."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +8,13 @@ from PIL import Image
 
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picture_view import PictureView
-from faceposer.gui.app import App
 from faceposer.gui.events import Drop
-from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.photo import Pin
 from faceposer.photo.places import GUIDED
 from faceposer.render.offscreen import render_subject
+from tests.windows import OpenWindow
 
 SIZE = (400, 300)
 TAKEN = Camera(np.diag([1.0, -1.0, -1.0]), np.array([4.0, -3.0, 100.0]), 800.0, SIZE)
@@ -24,10 +22,8 @@ SMILE = {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8}
 
 
 @pytest.fixture
-def robot(tmp_path: Path) -> Iterator[Robot]:
-    app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(680, 540), folder=str(tmp_path)))
-    yield Robot(app)
-    app.close()
+def robot(open_window: OpenWindow) -> Robot:
+    return open_window("man", (680, 540))
 
 
 @pytest.fixture
@@ -313,6 +309,7 @@ def test_what_is_no_photo_or_gone_is_said(quick: Robot, photo: Path, tmp_path: P
     assert app.dialogs.open, "another picture has its name"
 
 
+@pytest.mark.gl
 def test_the_picture_of_the_renderer_has_the_photo_where_its_camera_says(model: FaceModel) -> None:
     pixels = np.zeros((300, 400, 3), dtype=np.uint8)
     pixels[100:150, 300:350] = 255

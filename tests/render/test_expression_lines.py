@@ -1,6 +1,5 @@
 """Expression lines in pictures: none at rest, where they belong in a pose, and off where nobody wants them."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +20,9 @@ from faceposer.model.subject_file import load_subject
 from faceposer.poses.portrait import portrait_view
 from faceposer.render.offscreen import render_subject
 from faceposer.render.options import OutputOptions
+from tests.windows import OpenWindow
+
+pytestmark = pytest.mark.gl
 
 SIZE = (400, 400)
 BROWS = {"browInnerUp": 1.0, "browOuterUpLeft": 1.0, "browOuterUpRight": 1.0}
@@ -143,10 +145,8 @@ def test_commands(command: str, tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def robot(tmp_path: Path) -> Iterator[Robot]:
-    app = App("low", hidden=True, threaded=False, settings=Settings(window_size=(900, 680), folder=str(tmp_path)))
-    yield Robot(app)
-    app.close()
+def robot(open_window: OpenWindow) -> Robot:
+    return open_window()
 
 
 def test_the_window_switches_them(robot: Robot) -> None:

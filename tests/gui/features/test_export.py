@@ -1,6 +1,5 @@
 """Files of other programs in the window: the export dialog, films with progress, and poses that are opened."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,20 +11,18 @@ from faceposer.gui.app import App
 from faceposer.gui.events import Drop
 from faceposer.gui.features.export.feature import ExportFeature
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
-from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.file_dialogs import FileDialogs, FileRequest
 from faceposer.interchange.formats import write
 from faceposer.model.performance import Performance
 from faceposer.render.options import OutputOptions
 from faceposer.training.capture import read_capture
+from tests.windows import OpenWindow
 
 
 @pytest.fixture
-def robot(tmp_path: Path) -> Iterator[Robot]:
-    app = App("low", hidden=True, threaded=False, settings=Settings(window_size=(900, 680), folder=str(tmp_path)))
-    yield Robot(app)
-    app.close()
+def robot(open_window: OpenWindow) -> Robot:
+    return open_window()
 
 
 def exchange_of(app: App) -> ExportFeature:

@@ -165,6 +165,7 @@ def test_the_opening_follows_the_lids(name: str) -> None:
     assert closed < 0.15 * rest < half < 0.75 * rest < rest < wide
 
 
+@pytest.mark.gl
 def test_a_ball_without_lids_is_not_shaded() -> None:
     man = load_subject("man")
     part = man.part("eye_left")

@@ -1,8 +1,5 @@
 """The command palette: what it finds, and that it does it from the keyboard and by the mouse."""
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 from imgui_bundle import imgui
 
@@ -11,10 +8,9 @@ from imgui_bundle import imgui
 import glfw
 
 from faceposer.gui.actions import Action, Actions
-from faceposer.gui.app import App
 from faceposer.gui.panels.action_search import ranked
-from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
+from tests.windows import OpenWindow
 
 ARROWS = {
     "Up": glfw.KEY_UP,
@@ -84,10 +80,8 @@ def test_letters_that_were_typed_are_known() -> None:
 
 
 @pytest.fixture
-def robot(tmp_path: Path) -> Iterator[Robot]:
-    app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(900, 680), folder=str(tmp_path)))
-    yield Robot(app)
-    app.close()
+def robot(open_window: OpenWindow) -> Robot:
+    return open_window("man")
 
 
 def tap(robot: Robot, name: str) -> None:

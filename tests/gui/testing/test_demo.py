@@ -11,12 +11,15 @@ from faceposer.geometry.mesh_io import read_mesh
 from faceposer.gui.testing.demo import DemoFiles, run
 from faceposer.session.opening import open_session
 
+pytestmark = pytest.mark.gl
+
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> DemoFiles:
     return run(tmp_path_factory.mktemp("demo") / "new" / "folder", progress=lambda text: None)
 
 
+@pytest.mark.slow
 def test_pictures_show_the_face_change(demo: DemoFiles) -> None:
     assert len(demo.frames) > 50
     first, last = (np.asarray(Image.open(demo.frames[i])).astype(int) for i in (0, -1))

@@ -1,7 +1,6 @@
 """The pose carried to another character, in the window."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -9,19 +8,19 @@ import pytest
 
 from faceposer.gui.app import App
 from faceposer.gui.features.transfer.feature import TransferFeature
-from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.transfer.pairs import DEFAULT_PAIRS, PAPER_PAIRS, pairs_to_json
+from tests.windows import OpenWindow
 
 
 @pytest.fixture
-def robot(tmp_path: Path) -> Iterator[Robot]:
-    settings = Settings(window_size=(800, 600), folder=str(tmp_path))
-    app = App("low", hidden=True, threaded=False, settings=settings)
-    with app.session.edit("Smile"):
-        app.session.set_start(app.session.model.coefficients_of({"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8}))
-    yield Robot(app)
-    app.close()
+def robot(open_window: OpenWindow) -> Robot:
+    robot = open_window("low", (800, 600))
+    session = robot.app.session
+    with session.edit("Smile"):
+        session.set_start(session.model.coefficients_of({"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8}))
+    robot.frames(2)
+    return robot
 
 
 def state_of(robot: Robot) -> TransferFeature:
@@ -42,6 +41,7 @@ def begin(robot: Robot, to: str) -> TransferFeature:
     return state_of(robot)
 
 
+@pytest.mark.slow
 def test_a_smile_goes_to_another_face_as_a_new_pose(robot: Robot) -> None:
     app = robot.app
     state = begin(robot, "woman")
@@ -110,6 +110,7 @@ def test_lists_are_read_and_written(robot: Robot, tmp_path: Path) -> None:
     assert "transfer:open" in robot.app.widget_rects
 
 
+@pytest.mark.slow
 def test_a_file_is_chosen_over_the_dialog_which_comes_back(robot: Robot) -> None:
     state = begin(robot, "woman")
     robot.click_widget("transfer:to:file")

@@ -2,7 +2,6 @@
 
 import json
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,30 +9,23 @@ import numpy as np
 import pytest
 
 from faceposer.animation.keyframes import Keyframes
-from faceposer.gui.app import App
 from faceposer.gui.features.animation_files.feature import AnimationFilesFeature
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
-from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Position, Robot
 from faceposer.interchange.weights_json import write_weights
 from faceposer.model.face_model import FaceModel
 from faceposer.progress import Progress
 from faceposer.session.document import read_document
+from tests.windows import OpenWindow
 
 CORNER, BROW = "8.3", "4.1"
 CTRL, SHIFT = frozenset({"ctrl"}), frozenset({"shift"})
 
 
 @pytest.fixture
-def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
-    app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(1000, 560), folder=str(tmp_path)))
-    # The picture itself does not matter here, and it is most of the time of a frame without a GPU.
-    monkeypatch.setattr(
-        app, "picture", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
-    )
-    yield Robot(app)
-    app.close()
+def robot(open_window: OpenWindow) -> Robot:
+    return open_window("man", (1000, 560), pictures=False)
 
 
 def timeline(robot: Robot) -> TimelineFeature:

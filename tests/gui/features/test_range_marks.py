@@ -1,27 +1,23 @@
 """How far a point can go, and how far the face spreads a pull: seen, heard of and set at the window."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from faceposer.gui.app import App
 from faceposer.gui.features.range_marks.feature import BEYOND_TEXT, HARDLY_MOVES_TEXT, RangeMarksFeature
-from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.session.document import read_document
 from faceposer.solve.problem import SPREAD
+from tests.windows import OpenWindow
 
 CORNER, HAIRLINE, BRIDGE = "8.3", "11.1", "9.12"
 
 
 @pytest.fixture
-def robot(tmp_path: Path) -> Iterator[Robot]:
-    app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(900, 680), folder=str(tmp_path)))
-    yield Robot(app)
-    app.close()
+def robot(open_window: OpenWindow) -> Robot:
+    return open_window("man")
 
 
 def marks(robot: Robot) -> RangeMarksFeature:

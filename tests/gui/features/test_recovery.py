@@ -5,7 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from faceposer.gui.window import CloseRequest, Drop
 from faceposer.session.autosave import Journal
 from faceposer.session.document import Document, write_document
 from faceposer.session.opening import open_session
+from tests.windows import OpenWindow
 
 LEFT_CORNER, RIGHT_CORNER, LEFT_BROW = "8.3", "8.4", "4.1"
 
@@ -77,19 +78,13 @@ Start = Callable[..., Robot]
 
 
 @pytest.fixture
-def start(state: Path, tmp_path: Path) -> Iterator[Start]:
+def start(state: Path, open_window: OpenWindow) -> Start:
     """Starts the program with a journal; what still runs in the end is closed."""
-    running: list[App] = []
 
     def call(what: str = "man", **choices: object) -> Robot:
-        settings = Settings(window_size=(700, 540), folder=str(tmp_path), **choices)
-        running.append(App(what, hidden=True, threaded=False, settings=settings, journal=True))
-        return Robot(running[-1])
+        return open_window(what, (700, 540), journal=True, **choices)
 
-    yield call
-    for app in running:
-        if app._window is not None:
-            app.close()
+    return call
 
 
 def crash(robot: Robot) -> None:
@@ -123,6 +118,7 @@ def same_work(robot: Robot, document: Document) -> None:
     np.testing.assert_allclose(session.coefficients, document.coefficients, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize(
     ("ending", "number"), [(KILLED, "SIGKILL"), (ASKED_TO_END, "SIGTERM"), (ASKED_TO_END, "SIGINT")]
@@ -158,6 +154,7 @@ def test_finished_gestures_outlive_the_program(start: Start, state: Path, ending
     assert len(journals(state)) == 1, "it is in the new program's journal alone"
 
 
+@pytest.mark.slow
 def test_recovered_work_is_saved_where_it_was(start: Start, state: Path, tmp_path: Path) -> None:
     path = tmp_path / "smile.json"
     write_document(path, Document("woman"))
@@ -188,6 +185,7 @@ def test_recovered_work_is_saved_where_it_was(start: Start, state: Path, tmp_pat
     assert list(state.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_discard_deletes_and_later_keeps(start: Start, state: Path) -> None:
     robot = start()
     smile(robot)
@@ -229,6 +227,7 @@ def test_several_are_offered_one_after_another(start: Start, state: Path, tmp_pa
     crash(robot)
 
 
+@pytest.mark.slow
 def test_a_gesture_under_way_does_not_hold_up_the_journal(start: Start, state: Path) -> None:
     robot = start()
     smile(robot)
@@ -359,6 +358,7 @@ def test_work_is_kept_when_the_window_cannot_be_drawn(
     assert len(journals(state)) == 1
 
 
+@pytest.mark.slow
 def test_without_a_journal_nothing_is_written_or_offered(start: Start, state: Path) -> None:
     robot = start()
     smile(robot)
@@ -420,6 +420,7 @@ def test_recent_files_follow_opening_and_saving(start: Start, tmp_path: Path) ->
     assert app.settings.recent == []
 
 
+@pytest.mark.gl
 def test_recent_files_are_remembered_at_once(state: Path, tmp_path: Path) -> None:
     path = tmp_path / "smile.json"
     write_document(path, Document("man"))

@@ -117,6 +117,7 @@ def orbit(robot: Robot) -> None:
     robot.drag(begin, (begin[0] - 90.0, begin[1]))
 
 
+@pytest.mark.slow
 def test_a_user_goes_through_all_steps(robot: Robot, tmp_path: Path) -> None:
     app = robot.app
     assert app.features[GuideFeature].shown
@@ -211,6 +212,7 @@ def test_the_ring_goes_while_the_user_presses(robot: Robot, monkeypatch: pytest.
     assert rings
 
 
+@pytest.mark.gl
 @pytest.mark.parametrize("size", [(480, 360), (640, 480)])
 def test_a_small_window_shows_the_step_as_a_line(tmp_path: Path, size: tuple[int, int]) -> None:
     robot = opened(tmp_path, size=size)
@@ -227,6 +229,7 @@ def test_a_small_window_shows_the_step_as_a_line(tmp_path: Path, size: tuple[int
         app.close()
 
 
+@pytest.mark.gl
 def test_only_the_first_start_shows_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     monkeypatch.setattr("faceposer.gui.settings.state_folder", lambda: tmp_path / "faceposer")
@@ -244,6 +247,7 @@ def test_only_the_first_start_shows_it(tmp_path: Path, monkeypatch: pytest.Monke
     assert load_settings().welcome_done
 
 
+@pytest.mark.gl
 def test_who_has_seen_it_is_left_alone(tmp_path: Path) -> None:
     robot = opened(tmp_path, done=True)
     try:

@@ -1,6 +1,5 @@
 """The tab of poses, driven by pointer and keys alone."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,28 +9,21 @@ from PIL import Image
 from faceposer.gui.app import App
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.poses.feature import PosesFeature
-from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.poses.applying import Array
 from faceposer.poses.pose_file import Pose, pose_text, read_pose
+from tests.windows import OpenWindow
 
 LEFT_CORNER, RIGHT_CORNER = "8.3", "8.4"
 
 
 @pytest.fixture
-def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
-    settings = Settings(window_size=(1000, 900), folder=str(tmp_path), poses_folder=str(tmp_path / "poses"))
-    app = App("man", hidden=True, threaded=False, settings=settings)
-    # The picture itself does not matter here, and it is most of the time of a frame without a GPU.
-    monkeypatch.setattr(
-        app, "picture", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
-    )
-    # Nor do those of the poses, but to the tests that take this back.
-    vars(app.scene)["portrait"] = lambda _, camera, __: np.zeros((*camera.size, 3), dtype=np.uint8)
-    robot = Robot(app)
+def robot(open_window: OpenWindow, tmp_path: Path) -> Robot:
+    robot = open_window("man", (1000, 900), pictures=False, poses_folder=str(tmp_path / "poses"))
+    # The pictures of poses do not matter, either, but to the tests that take this back.
+    vars(robot.app.scene)["portrait"] = lambda _, camera, __: np.zeros((*camera.size, 3), dtype=np.uint8)
     robot.click_widget("tab:Poses")
-    yield robot
-    app.close()
+    return robot
 
 
 def feature(robot: Robot) -> PosesFeature:

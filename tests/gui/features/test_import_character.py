@@ -5,7 +5,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +16,11 @@ from faceposer.geometry.mesh_io import read_mesh
 from faceposer.gui.app import App
 from faceposer.gui.events import CloseRequest, Drop
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature, ImportForm
-from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.file_dialogs import FileRequest, PathBrowser
 from faceposer.model.subject_file import load_subject
 from faceposer.session.opening import open_session
+from tests.windows import OpenWindow
 
 SHAPES = (
     "jawOpen",
@@ -40,12 +39,8 @@ def importer(app: App) -> ImportCharacterFeature:
 
 
 @pytest.fixture
-def robot(tmp_path: Path) -> Iterator[Robot]:
-    settings = Settings(window_size=(900, 680), folder=str(tmp_path))
-    app = App("man", hidden=True, threaded=False, settings=settings)
-    yield Robot(app)
-    if app._window is not None:
-        app.close()
+def robot(open_window: OpenWindow) -> Robot:
+    return open_window("man")
 
 
 @pytest.fixture(scope="session")
@@ -223,6 +218,7 @@ def test_other_drops_are_opened_as_ever(robot: Robot, tmp_path: Path) -> None:
     assert "none.npz" in app.dialogs.waiting[0].text
 
 
+@pytest.mark.slow
 def test_progress_is_shown_and_the_window_stays_alive(
     robot: Robot, glb: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -282,6 +278,7 @@ def test_closing_the_window_stops_it(robot: Robot, glb: Path, tmp_path: Path, mo
     assert left_over(tmp_path) == []
 
 
+@pytest.mark.slow
 def test_errors_are_one_sentence_and_can_be_mended(robot: Robot, glb: Path, tmp_path: Path) -> None:
     app = robot.app
     broken = tmp_path / "broken.glb"
@@ -322,6 +319,7 @@ def test_what_goes_wrong_inside_is_told(
     assert importer(app).page == "form"
 
 
+@pytest.mark.slow
 def test_a_file_that_is_there_is_replaced_only_if_wanted(robot: Robot, glb: Path, tmp_path: Path) -> None:
     app = robot.app
     there = tmp_path / "my-head.npz"
@@ -351,6 +349,7 @@ def test_a_file_that_is_there_is_replaced_only_if_wanted(robot: Robot, glb: Path
     assert app.session.model.subject.title == "Anew", "not the file from before"
 
 
+@pytest.mark.slow
 def test_unsaved_work_is_asked_about_before_the_new_face_opens(robot: Robot, glb: Path) -> None:
     app = robot.app
     x, y = robot.at("8.3")
@@ -405,6 +404,7 @@ def test_browsing_for_a_folder(meshes: Path) -> None:
     assert "nothing" in browser.message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("regions", [0, 2])
 def test_a_character_from_examples_is_posed(robot: Robot, meshes: Path, tmp_path: Path, regions: int) -> None:
     app = robot.app
