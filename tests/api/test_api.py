@@ -323,6 +323,7 @@ def test_errors_are_one_sentence_and_nothing_is_left(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.gl
 def test_pictures_without_background_and_sequences(tmp_path: Path) -> None:
     face = faceposer.load("low")
     picture = face.render(tmp_path / "a.png", size=(48, 64), transparent=True)

@@ -174,6 +174,7 @@ def test_materials_go_out_unless_they_are_left_out(session: Path, tmp_path: Path
     assert {path.name for path in (tmp_path / "without" / "d").iterdir()} == meshes
 
 
+@pytest.mark.gl
 def test_pictures_without_background(session: Path, take: Path, tmp_path: Path, capsys: Capture) -> None:
     assert run("export", session, "-o", tmp_path / "a.png", "--size", "64x64", "--transparent") == 0
     assert run("render", session, "-o", tmp_path / "b.png", "--size", "64x64", "--transparent") == 0

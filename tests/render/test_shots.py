@@ -185,6 +185,7 @@ def test_a_package_without_its_program_is_none(no_ffmpeg: Path, monkeypatch: pyt
     assert not [*no_ffmpeg.iterdir()]
 
 
+@pytest.mark.gl
 def test_the_package_writes_a_film(
     low: FaceModel, yawn: Performance, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -206,6 +207,7 @@ def over(picture: np.ndarray, grey: float) -> np.ndarray:
     return shown
 
 
+@pytest.mark.gl
 @pytest.mark.parametrize("name", ["man", "low"])
 @pytest.mark.parametrize("view", ["front", "left"])
 def test_without_background_no_edge_shows_one(name: str, view: str) -> None:
@@ -232,6 +234,7 @@ def test_without_background_no_edge_shows_one(name: str, view: str) -> None:
     assert (clear[alpha == 0] == 0).all()
 
 
+@pytest.mark.gl
 def test_png_without_background(low: FaceModel, yawn: Performance, tmp_path: Path) -> None:
     look = OutputOptions(SMALL, transparent=True)
     write(tmp_path / "a.png", low, low.neutral(), look)
@@ -253,6 +256,7 @@ def test_png_without_background(low: FaceModel, yawn: Performance, tmp_path: Pat
         next(write_sequence_steps(Output(tmp_path / "b", low, yawn, look), ".obj"))
 
 
+@pytest.mark.gl
 @pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
 @pytest.mark.parametrize("suffix", [".gif", ".mp4"])
 def test_a_film_that_is_stopped_leaves_nothing(suffix: str, low: FaceModel, tmp_path: Path, no_ffmpeg: Path) -> None:
