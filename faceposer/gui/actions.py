@@ -46,9 +46,10 @@ class Action:
 
     @property
     def tooltip(self) -> str:
-        """What it does and its key."""
-        text = self.help or self.label
-        return f"{text}  ({self.shortcut})" if self.keys else text
+        """Its name and its key, and below them what it does."""
+        name = self.label.rstrip(".")
+        first = f"{name}  ({self.shortcut})" if self.keys else name
+        return f"{first}\n{self.help}" if self.help else first
 
 
 @dataclass(frozen=True)

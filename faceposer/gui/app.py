@@ -98,7 +98,9 @@ class App:
         self.remembers = settings is None
         self.settings = load_settings() if settings is None else settings
         session = open_session(what, self.new_worker())
-        self.window = self._window = Window(self.settings.window_size, hidden)
+        chosen = self.settings
+        self.window = self._window = Window(chosen.window_size, hidden, chosen.window_position, chosen.window_maximized)
+        self.window.zoom = chosen.ui_scale
         self.gui = Gui(self.window)
         self.scene = Scene(self.window.ctx)
         self.scene.expression_lines = self.settings.expression_lines
@@ -441,10 +443,9 @@ class App:
         """Remember the settings and free everything; unless the user asked for the end, what is not saved is kept."""
         self.recovery.keeps = not self.closing
         if self.remembers:
-            scale = max(self.window.ui_scale, 0.1)
-            width, height = self.window.size
-            if min(width, height) > 0:
-                self.settings.window_size = (round(width / scale), round(height / scale))
+            self.settings.window_size = self.window.normal_size
+            self.settings.window_position = self.window.normal_position
+            self.settings.window_maximized = self.window.maximized
             save_settings(self.settings)
         self._window = None
         self.features.close()

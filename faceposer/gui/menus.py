@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from importlib import metadata
 
 import numpy as np
 
@@ -30,7 +31,7 @@ _TOOLS = (
     ("curve", "Curve", "K", "Click a curve on the face and drag its points"),
     ("fix", "Fix", "H", "Hold vertices where they are"),
     ("gaze", "Gaze", "G", "Let both eyes follow a handle"),
-    ("trajectory", "Trajectories", "J", "Draw the ways of points over time, which the face then follows"),
+    ("trajectory", "Trajectories", "J", "Draw the paths of points over time, which the face then follows"),
 )
 
 
@@ -158,8 +159,19 @@ class Commands:
     def about(self) -> None:
         """Show who made what."""
         subject = self._context.session.model.subject
-        text = f"Pose 3D faces by dragging: the whole face follows as a real face would.\n\n{subject.credits}"
-        self._context.dialogs.ask(Question("Face Poser", text))
+        self._context.dialogs.ask(Question("Face Poser", about_text(subject.title, subject.credits)))
+
+
+def about_text(character: str, credits: str) -> str:
+    """Return what "About" says: version, licence, and where the ``character`` comes from."""
+    try:
+        version = f"Version {metadata.version('faceposer')}"
+    except metadata.PackageNotFoundError:
+        version = "Version unknown: the package is not installed"
+    return (
+        "Pose 3D faces by dragging: the whole face follows as a real face would.\n\n"
+        f"{version}. Licence: MIT; its text is in the file LICENSE.\n\n{character}: {credits}"
+    )
 
 
 def _tool_actions(context: Shell, do: Commands, free: Callable[[], bool]) -> list[Action]:
@@ -242,7 +254,7 @@ def build_actions(context: Shell) -> Actions:
     return Actions(
         [
             Action(
-                "open", "Open...", "File", context.files.open_dialog, ("Ctrl+O",), help="Open a session or a subject"
+                "open", "Open...", "File", context.files.open_dialog, ("Ctrl+O",), help="Open a session or a character"
             ),
             Submenu(
                 "open-recent",
@@ -294,7 +306,7 @@ def build_actions(context: Shell) -> Actions:
                 do.clear_points,
                 (),
                 lambda: free() and any(not c.locked for c in context.session.document.constraints),
-                help="Remove all constraints that are not locked; the face goes back to where they pulled it from",
+                help="Remove all constraints that are not locked; the face returns to where it was without them",
             ),
             Action(
                 "reset",

@@ -59,8 +59,8 @@ class SessionFiles:
         self._context.ask_for_file(
             FileRequest(
                 "open",
-                "Open a session or a subject",
-                "Sessions and subjects",
+                "Open a session or a character",
+                "Sessions and characters",
                 SUFFIXES,
                 last_folder(self._context.settings),
                 lambda path: self.open(str(path)),

@@ -14,13 +14,22 @@ from faceposer.model.subject import Subject
 from faceposer.render.eye_painter import EyePainter
 from faceposer.render.mesh_buffers import MeshBuffers
 from faceposer.render.neck_fade import NO_FADE, neck_fade
-from faceposer.render.options import Shading
+from faceposer.render.options import Backdrop, Look, Shading
 from faceposer.resources import shader_text
 
 #: One program, or several that get the same uniforms.
 Programs = moderngl.Program | Sequence[moderngl.Program]
 _BASE = {"clay": (0.42, 0.42, 0.43), **BASE_COLOURS}
 _MATERIALS = ("clay", "skin", "eye", "teeth", "gums", "tongue", "lashes")
+
+
+# Linear colours of the backdrop, at the rim and in the middle.
+_BACKDROPS: dict[Backdrop, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
+    "studio": ((0.016, 0.018, 0.022), (0.085, 0.092, 0.104)),
+    "dark": ((0.003, 0.003, 0.004), (0.012, 0.013, 0.015)),
+    "light": ((0.340, 0.345, 0.355), (0.660, 0.665, 0.675)),
+}
+_USUAL = Look()
 
 
 @dataclass(frozen=True)
@@ -144,6 +153,7 @@ class Renderer:
         wireframe: bool = False,
         photo: PhotoLayer | None = None,
         expression_lines: bool = True,
+        look: Look = _USUAL,
     ) -> None:
         """Draw the backdrop and the subject into all of ``target``, whose size must be the camera's.
 
@@ -157,6 +167,11 @@ class Renderer:
         size = (float(camera.size[0]), float(camera.size[1]))
         ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
         set_uniform(self._background, "viewport", size)
+        for backed in (self._background, self._surface):
+            set_uniform(backed, "backdrop_rim", _BACKDROPS[look.backdrop][0])
+            set_uniform(backed, "backdrop_middle", _BACKDROPS[look.backdrop][1])
+        for lit in (self._surface, self._eyes.programs):
+            set_uniform(lit, "strength", (look.key, look.ambient))
         self._backdrop.render(moderngl.TRIANGLES, vertices=3)
         # What lies below shows through: the picture itself stays opaque.
         ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ONE, moderngl.ONE  # type: ignore[assignment]

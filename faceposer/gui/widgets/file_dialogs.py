@@ -11,7 +11,8 @@ from typing import Any, Literal
 from imgui_bundle import imgui
 from imgui_bundle import portable_file_dialogs as native
 
-from faceposer.gui.widgets.basic import WidgetRects
+from faceposer.gui.widgets.basic import WidgetRects, tooltip
+from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import ACCENT_DARK, FAINT, WARNING, Fonts, Icon, em
 
 Purpose = Literal["open", "save", "folder"]
@@ -222,15 +223,20 @@ class PathBrowser:
     def _draw_places(self, rects: WidgetRects) -> None:
         if imgui.button(f"{Icon.UP}##up"):
             self._enter(self.folder.parent)
-        imgui.set_item_tooltip("One folder up")
         rects.record("files:up")
+        tooltip("One folder up")
         imgui.same_line()
         if imgui.button(f"{Icon.HOME}##home"):
             self._enter(Path.home())
-        imgui.set_item_tooltip("Home folder")
+        rects.record("files:home")
+        tooltip("Home folder")
         imgui.same_line()
         imgui.align_text_to_frame_padding()
-        imgui.text_unformatted(str(self.folder))
+        folder = str(self.folder)
+        shown = shortened(folder, imgui.get_content_region_avail().x)
+        imgui.text_unformatted(shown)
+        if shown != folder:
+            tooltip(folder)
 
     def _draw_list(self, rects: WidgetRects) -> Path | None:
         """Draw folders and files; return the one that was clicked twice."""
@@ -246,8 +252,12 @@ class PathBrowser:
             imgui.same_line(em(2.4))
             # Files only show what is in the folder where one of those is wanted.
             imgui.begin_disabled(folders_only and not is_folder)
-            imgui.selectable(f"{name}##entry", name == self.name, imgui.SelectableFlags_.allow_double_click.value)
+            label = shortened(name, imgui.get_content_region_avail().x)
+            flags = imgui.SelectableFlags_.allow_double_click.value
+            imgui.selectable(f"{label}##{name}", name == self.name, flags)
             imgui.end_disabled()
+            if label != name:
+                tooltip(name)
             rects.record(f"files:{name}")
             if imgui.is_item_hovered() and imgui.is_mouse_clicked(0):
                 twice = imgui.is_mouse_double_clicked(0)
@@ -279,7 +289,11 @@ class PathBrowser:
         advice = f"A name, or a whole path ({', '.join(self.request.suffixes)})"
         if self.request.purpose == "folder":
             advice = "A folder in the list, a whole path, or nothing for the folder that is shown"
-        imgui.text_colored(WARNING if self.message else FAINT, self.message or advice)
+        text = self.message or advice
+        shown = shortened(text, imgui.get_content_region_avail().x)
+        imgui.text_colored(WARNING if self.message else FAINT, shown)
+        if shown != text:
+            tooltip(text)
         verb = {"open": "Open", "folder": "Choose", "save": "Replace" if self._replacing else "Save"}[
             self.request.purpose
         ]

@@ -44,6 +44,8 @@ class Icon:
     CHECK = "\uf00c"
     EYE = "\uf06e"
     EYE_OFF = "\uf070"
+    POWER = "\uf011"
+    RENAME = "\uf303"
     FOLDER = "\uf07b"
     FILE = "\uf15b"
     UP = "\uf062"

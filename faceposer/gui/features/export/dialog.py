@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.basic import tooltip
+from faceposer.gui.widgets.basic import caption, tooltip
 from faceposer.gui.widgets.modal import draw_job, modal, modal_buttons, modal_title
-from faceposer.gui.widgets.theme import FAINT, em
+from faceposer.gui.widgets.theme import em
 from faceposer.interchange.formats import FORMATS
 from faceposer.session.jobs import Job
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from faceposer.gui.features.export.feature import ExportFeature
 
 _WIDTH, _LABEL = 36.0, 7.0
+# Rows of options that a format has at most: what, size, turn, rate.
+_MOST_OPTIONS = 4
 _SMALLEST, _LARGEST = 16, 4096
 _FASTEST, _LONGEST = 50, 60.0
 
@@ -49,11 +51,14 @@ def _draw_form(context: EditorContext, exchange: "ExportFeature") -> str:
         rects.record(f"export:{suffix[1:]}")
         imgui.same_line(left + em(_LABEL))
         imgui.align_text_to_frame_padding()
-        imgui.text_colored(FAINT, missing or offered.purpose)
+        caption(missing or offered.purpose)
     imgui.dummy((0.0, em(0.1)))
     imgui.separator()
     imgui.dummy((0.0, em(0.1)))
+    # As high as the most options of any format, so that choosing another one does not move the dialog.
+    top, most = imgui.get_cursor_pos_y(), _MOST_OPTIONS * imgui.get_frame_height_with_spacing()
     _draw_options(context, exchange)
+    imgui.dummy((0.0, max(top + most - imgui.get_cursor_pos_y(), 0.0)))
     pressed = modal_buttons(rects, "export", (("accept", "Export..."), ("cancel", "Cancel")))
     if not fresh and not imgui.get_io().want_text_input:
         if imgui.is_key_pressed(imgui.Key.escape, False):

@@ -83,9 +83,9 @@ class TransferDialog:
         imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
         if imgui.button(f"{Icon.FILE}##to", (-1.0, 0.0)):
             folder = last_folder(context.settings)
-            context.ask_for_file(FileRequest("open", "A character", "Subjects", (".npz",), folder, state.choose_file))
+            context.ask_for_file(FileRequest("open", "A character", "Characters", (".npz",), folder, state.choose_file))
         marks.record("transfer:to:file")
-        tooltip("Choose a subject file")
+        tooltip("Choose the file of a character")
         _label("Method")
         chosen = choice(marks, "transfer:method", _METHOD_LABELS, _METHODS.index(state.method), _METHOD_TIPS)
         state.method = "distances" if chosen == 0 else "weights"
