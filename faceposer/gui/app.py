@@ -41,6 +41,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.render.images import drawn_pixels
 from faceposer.render.options import Shading
 from faceposer.render.scene import Scene
+from faceposer.session.character_library import CharacterLibrary
 from faceposer.session.opening import open_session
 from faceposer.session.session import Mode, Session
 from faceposer.session.solver_worker import InlineWorker, SolverWorker, Worker
@@ -104,6 +105,7 @@ class App:
         self.gui = Gui(self.window)
         self.scene = Scene(self.window.ctx)
         self.scene.expression_lines = self.settings.expression_lines
+        self.characters = CharacterLibrary()
         self.widget_rects = WidgetRects()
         self.session = session
         self.scene.set_model(session.model)

@@ -10,6 +10,7 @@ from faceposer.gui.overlays.marks import Mark, painted_order
 from faceposer.gui.overlays.painter import Painter
 from faceposer.gui.overlays.pins import draw_badge, draw_label, draw_overlay
 from faceposer.gui.overlays.tool_previews import draw_tool_preview
+from faceposer.gui.panels.characters import draw_characters
 from faceposer.gui.panels.menu_bar import draw_menu_bar
 from faceposer.gui.panels.status_bar import draw_status_bar, status_height
 from faceposer.gui.panels.tool_bar import STRIP_WIDTH, draw_tool_options, draw_tool_strip
@@ -86,7 +87,7 @@ def _draw_panel(context: Shell, position: tuple[float, float], size: tuple[float
     _place(position, size)
     imgui.push_style_color(imgui.Col_.window_bg, GROUND)
     imgui.begin("##panel", None, _BARE)
-    context.pose_panel.draw_subjects(context)
+    draw_characters(context)
     imgui.spacing()
     footer = 1.6 * imgui.get_frame_height_with_spacing()
     with _narrow():

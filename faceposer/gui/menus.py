@@ -254,6 +254,16 @@ def build_actions(context: Shell) -> Actions:
     return Actions(
         [
             Action(
+                "new",
+                "New",
+                "File",
+                context.files.new,
+                ("Ctrl+N",),
+                free,
+                help="Begin a new session with this character; changes that are not saved are asked about",
+            ),
+            Submenu("new-with", "New with", "File", context.files.new_with, free),
+            Action(
                 "open", "Open...", "File", context.files.open_dialog, ("Ctrl+O",), help="Open a session or a character"
             ),
             Submenu(

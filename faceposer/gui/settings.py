@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
-from faceposer.files.user_folders import state_folder
+from faceposer.files.user_folders import documents_folder, state_folder
 from faceposer.render.options import Backdrop
 from faceposer.tools.tool import Navigation
 
@@ -94,8 +94,8 @@ def save_settings(settings: Settings) -> None:
 
 
 def last_folder(settings: Settings) -> Path:
-    """Return the folder in which a file dialog opens."""
-    folder = Path(settings.folder) if settings.folder else Path.cwd()
+    """Return the folder in which a file dialog opens: the last one, or the user's documents."""
+    folder = Path(settings.folder) if settings.folder else documents_folder()
     return folder if folder.is_dir() else Path.home()
 
 

@@ -239,7 +239,7 @@ class ImportDialog:
     def _summary(self, importing: "ImportCharacterFeature", alone: bool) -> None:
         assert importing.about is not None
         _begin_body()
-        draw_summary(importing.context.fonts, importing.about)
+        draw_summary(importing.context.fonts, importing.context.widget_rects, importing.about)
         imgui.end_child()
         pressed = modal_buttons(importing.context.widget_rects, "import", (("open", "Open"), ("close", "Close")))
         if alone and _enter():

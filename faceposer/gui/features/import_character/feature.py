@@ -12,7 +12,6 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.import_character.dialog import ImportDialog
 from faceposer.gui.features.import_character.form import ImportForm
-from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.progress import Progress
 from faceposer.session.jobs import ThreadJob
@@ -75,7 +74,7 @@ class ImportCharacterFeature(Feature):
         if not self.running:
             return None
         text = "A character is being learned. What has been learned of it so far would be lost."
-        return Question("Stop learning and quit?", text, (Choice("Stop and quit"), Choice("Go on learning")))
+        return Question("Stop learning and quit?", text, (Choice("Stop and quit"), Choice("Continue learning")))
 
     def actions(self) -> Sequence[Action | Submenu]:
         """Return the entry of the File menu."""
@@ -113,7 +112,7 @@ class ImportCharacterFeature(Feature):
         if source == self.form.source:
             return
         self.form.source, self.error = source, ""
-        self.form.follow_source(last_folder(self.context.settings))
+        self.form.follow_source(self.context.characters)
 
     def takes(self, path: str) -> bool:
         """Whether a file or folder that was dropped is something for this dialog."""
