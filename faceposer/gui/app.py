@@ -39,7 +39,7 @@ from faceposer.gui.widgets.theme import Fonts
 from faceposer.gui.window import Window
 from faceposer.model.face_model import FaceModel
 from faceposer.render.images import drawn_pixels
-from faceposer.render.options import Shading
+from faceposer.render.options import Look, Shading
 from faceposer.render.scene import Scene
 from faceposer.session.character_library import CharacterLibrary
 from faceposer.session.opening import open_session
@@ -105,6 +105,7 @@ class App:
         self.gui = Gui(self.window)
         self.scene = Scene(self.window.ctx)
         self.scene.expression_lines = self.settings.expression_lines
+        self.scene.look = Look(chosen.backdrop, chosen.key_light, chosen.ambient_light)
         self.characters = CharacterLibrary()
         self.widget_rects = WidgetRects()
         self.session = session
@@ -121,16 +122,15 @@ class App:
             self, self.new_worker, self.set_session, lambda: self.features.quit_question, self.close_soon
         )
         self.actions = build_actions(self)
+        self.actions.set_keys(self.settings.keys)
         self.router = Router(self)
         self.pose_panel, self.constraints_panel, self.shapes_panel = PosePanel(), ConstraintsPanel(), ShapesPanel()
         self.slider_edit = SliderEdit()
-        self.comparing = self.wireframe = False
-        self.points_shown = self.panel_shown = True
+        self.comparing, self.wireframe, self.points_shown, self.panel_shown = False, False, True, True
         self.shading: Shading = "full"
         self.highlighted: int | None = None
         self.debug = bool(os.environ.get("FACEPOSER_DEBUG"))
-        self.frame_seconds = 0.0
-        self.frames_drawn = 0
+        self.frame_seconds, self.frames_drawn = 0.0, 0
         self.closing = False
         self.interrupted = 0
         self.notice = ""
@@ -399,6 +399,11 @@ class App:
     def clock(self) -> float:
         """Return the time in seconds, by the clock of the window's events."""
         return self.window.clock()
+
+    def set_ui_scale(self, scale: float) -> None:
+        """Make text and panels ``scale`` times as large as usual."""
+        self.settings.ui_scale = self.window.zoom = scale
+        self.redraw()
 
     def dismiss_guide(self) -> None:
         """Close the guided pose, if it is open."""

@@ -159,6 +159,9 @@ class EditorContext(Protocol):
     def set_mode(self, mode: Mode) -> None:
         """Let the face follow at once, or when the user applies."""
 
+    def set_ui_scale(self, scale: float) -> None:
+        """Make text and panels ``scale`` times as large as usual."""
+
     def dismiss_guide(self) -> None:
         """Close the guided pose, if it is open."""
 

@@ -52,6 +52,11 @@ class Commands:
         if not self._context.toolbox.step_back():
             self._context.session.undo()
 
+    def redo(self) -> None:
+        """Do the last undone step again."""
+        if not self._context.toolbox.step_forward():
+            self._context.session.redo()
+
     def choose_tool(self, name: str) -> None:
         """Take up the tool ``name``."""
         self._context.toolbox.choose(name)
@@ -242,10 +247,13 @@ def build_actions(context: Shell) -> Actions:
     def undoes() -> bool:
         toolbox = context.toolbox
         begun = toolbox.curve_tool.points or toolbox.stroke_tool.draws_target or toolbox.distance_tool.first
-        return free() and (bool(begun) or _draws_trajectories(context) or context.session.can_undo)
+        drawn = toolbox.chosen is toolbox.trajectory_tool and toolbox.trajectory_tool.can_step_back
+        return free() and (bool(begun) or drawn or context.session.can_undo)
 
-    def redo() -> None:
-        context.session.redo()
+    def redoes() -> bool:
+        toolbox = context.toolbox
+        drawn = toolbox.chosen is toolbox.trajectory_tool and toolbox.trajectory_tool.can_step_forward
+        return free() and (drawn or context.session.can_redo)
 
     of_features = context.features.actions()
     # These two stand among the program's own entries.
@@ -285,9 +293,9 @@ def build_actions(context: Shell) -> Actions:
                 "redo",
                 "Redo",
                 "Edit",
-                redo,
+                do.redo,
                 ("Ctrl+Shift+Z", "Ctrl+Y"),
-                lambda: free() and context.session.can_redo,
+                redoes,
                 repeats=True,
             ),
             Action(

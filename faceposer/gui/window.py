@@ -35,6 +35,8 @@ from faceposer.tools.tool import Button
 Size = tuple[int, int]
 Place = tuple[int, int]
 SMALLEST: Size = (480, 360)
+# Notches of the wheel that move nothing.
+_NO_TURN = 1e-12
 
 _BUTTONS: dict[int, Button] = {
     glfw.MOUSE_BUTTON_LEFT: "left",
@@ -277,6 +279,10 @@ class Window:
 
     def _on_button(self, button: int, action: int, modifiers: int) -> None:
         self._set_modifiers(modifiers)
+        if action == glfw.RELEASE and any(isinstance(e, Pointer) and e.kind == "move" for e in self._events):
+            # Dear ImGui lets a slider go where it was in the frame before if the last move and the release come in one
+            # frame. After any turn of the wheel, however small, it leaves the release to the next frame.
+            imgui.get_io().add_mouse_wheel_event(0.0, _NO_TURN)
         if button in _BUTTONS:
             self._pointer("press" if action == glfw.PRESS else "release", _BUTTONS[button])
 

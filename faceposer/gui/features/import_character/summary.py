@@ -6,7 +6,7 @@ import numpy as np
 from imgui_bundle import imgui, implot
 
 from faceposer.gui.recent_files import shown_path
-from faceposer.gui.widgets.basic import WidgetRects
+from faceposer.gui.widgets.basic import WidgetRects, tooltip
 from faceposer.gui.widgets.theme import ACCENT, FAINT, TARGET, WARNING, Fonts, Icon, em
 from faceposer.training.summary import arkit_shapes_of
 
@@ -70,7 +70,7 @@ def sentence_of(about: dict[str, Any]) -> str:
     text = f"It can make {_percent(summary['kept_energy'])} of the motion of {source}"
     curves = summary.get("curves", {})
     if curves.get("generalization_cm"):
-        text += f", and meets expressions that it has not seen to {10.0 * curves['generalization_cm'][-1]:.1f} mm"
+        text += f", and meets expressions that it has not seen to {10.0 * curves['generalization_cm'][-1]:.2f} mm"
     return f"{text}."
 
 
@@ -176,6 +176,4 @@ def _draw_curves(curves: dict[str, Any]) -> None:
             implot.plot_line(f"##{key}line", components[: len(values)], values, spec=spec)
             implot.end_plot()
         imgui.end_group()
-        if imgui.is_item_hovered() and imgui.begin_tooltip():
-            imgui.text_unformatted(tip)
-            imgui.end_tooltip()
+        tooltip(tip)
