@@ -30,7 +30,7 @@ _TOOLS = (
     ("stroke", "Stroke", "S", "Draw on the face what should move, then where it should be"),
     ("curve", "Curve", "K", "Click a curve on the face and drag its points"),
     ("fix", "Fix", "H", "Hold vertices where they are"),
-    ("gaze", "Gaze", "G", "Let both eyes follow a handle"),
+    ("gaze", "Gaze", "G", "Let both eyes follow a ring, by dragging anywhere in the view"),
     ("trajectory", "Trajectories", "J", "Draw the paths of points over time, which the face then follows"),
 )
 

@@ -59,7 +59,7 @@ class Icon:
     STROKE = "\uf1fc"
     CURVE = "\uf55b"
     FIX = "\uf08d"
-    GAZE = "\uf06e"
+    GAZE = "\uf05b"
     SYMMETRY = "\uf07e"
     PHOTO = "\uf03e"
     FIGHT = "\uf0e7"
