@@ -192,7 +192,7 @@ class PointNames:
             side = 1.0 if eye[0] > 0.0 else -1.0
             beside = side * position[0] > side * eye[0] + 0.01 * height
             between = eye[1] - 0.03 * height < position[1] < end[1] + 0.06 * height
-            if beside and between and eye[2] - position[2] < 0.3 * height:
+            if beside and between and eye[2] - position[2] < 0.35 * height:
                 return title
         return None
 
