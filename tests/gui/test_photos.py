@@ -97,6 +97,31 @@ def pin_at_once(robot: Robot, count: int) -> None:
     robot.frames(2)
 
 
+def test_the_view_is_zoomed_by_the_user_alone(quick: Robot, photo: Path) -> None:
+    robot = quick
+    app = robot.app
+    open_photo(robot, photo)
+    view = app.viewport.view
+    assert isinstance(view, PictureView)
+    scale, middle = view.scale(app.viewport.size), view.middle
+    for count in (3, 4, 5, 15):
+        pin_at_once(robot, count)
+        robot.frames(2)
+        seen = app.viewport.view
+        assert isinstance(seen, PictureView)
+        assert (seen.scale(app.viewport.size), seen.middle) == (scale, middle)
+    app.actions["photo-pose"].run()
+    robot.click_widget("tab:Photo")
+    robot.click_widget("photo:0")
+    seen = app.viewport.view
+    assert isinstance(seen, PictureView)
+    assert (seen.scale(app.viewport.size), seen.middle) == (scale, middle)
+    robot.key("F")
+    seen = app.viewport.view
+    assert isinstance(seen, PictureView)
+    assert seen.scale(app.viewport.size) != scale
+
+
 def colour(robot: Robot, place: tuple[float, float]) -> np.ndarray:
     picture = robot.app.screenshot()
     scale = picture.shape[1] / robot.app.window.size[0]

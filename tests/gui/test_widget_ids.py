@@ -6,6 +6,7 @@ every line of the package that draws a widget: a new panel that it does not know
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.dialogs import Question
 from faceposer.interchange.formats import FORMATS
+from faceposer.model.subject_file import load_subject, save_subject
 from faceposer.poses.pose_file import Pose, pose_text
 from tests.gui.test_constraint_tools import make_all
 from tests.gui.widget_ids import WidgetIds, hovered_conflicts, widget_lines
@@ -291,8 +293,43 @@ def visit_import(robot: Robot, folder: Path) -> None:
         "summary": summary,
     }
     importing.open = True
+    robot.frames(6)
+    robot.click_widget("import:details")
     robot.frames(4)
     importing.close_dialog()
+    robot.frames(3)
+
+
+def visit_preferences(robot: Robot) -> None:
+    robot.app.actions["preferences"].run()
+    robot.frames(6)
+    robot.click_widget("preferences:keymap")
+    robot.frames(4)
+    robot.key("Esc")
+    robot.frames(3)
+
+
+def visit_characters(robot: Robot, folder: Path) -> None:
+    """Open the list with two characters of the same name in the library and one elsewhere, and the rename dialog."""
+    app = robot.app
+    app.characters.make_folder()
+    subject = replace(load_subject("low"), title="Head")
+    paths = [app.characters.folder / "one.npz", app.characters.folder / "two.npz", folder / "three.npz"]
+    for path in paths:
+        save_subject(path, subject)
+    app.settings.characters = [str(paths[2])]
+    robot.click_widget("subject")
+    robot.frames(3)
+    robot.click_widget(f"subject:{paths[0]}:rename")
+    robot.frames(3)
+    assert app.dialogs.open
+    robot.key("Esc")
+    robot.frames(3)
+    robot.click_widget("menu:File")
+    robot.move(app.widget_rects.center("menu:new-with"))
+    robot.frames(30)
+    robot.key("Esc")
+    robot.key("Esc")
     robot.frames(3)
 
 
@@ -311,10 +348,8 @@ def test_every_widget_of_every_state_has_an_id_of_its_own(robot: Robot, ids: Wid
     visit_dialogs(robot)
     visit_transfer(robot)
     visit_import(robot, tmp_path)
-    robot.click_widget("subject")
-    robot.frames(2)
-    robot.key("Esc")
-    robot.frames(2)
+    visit_preferences(robot)
+    visit_characters(robot, tmp_path)
     assert not app.dialogs.open
     assert not ids.conflicts
     unvisited = [

@@ -4,7 +4,7 @@ from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.basic import tooltip
-from faceposer.gui.widgets.text import shortened
+from faceposer.gui.widgets.text import begun
 from faceposer.gui.widgets.theme import FAINT, em
 
 
@@ -22,7 +22,7 @@ def draw_status_bar(context: EditorContext) -> None:
     left = imgui.get_cursor_screen_pos()
     end = imgui.get_window_pos().x + edge - width - em(1.5)
     hint = context.hint()
-    shown = shortened(hint, max(end - left.x, em(2.0)))
+    shown = begun(hint, max(end - left.x, em(2.0)))
     imgui.text_unformatted(shown)
     if shown != hint:
         tooltip(hint)

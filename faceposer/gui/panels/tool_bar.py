@@ -46,10 +46,16 @@ _TITLES = {
 
 def draw_tool_strip(context: EditorContext) -> None:
     """Draw the buttons of the tools, one below the other, and that of symmetry."""
-    side = em(2.3)
-    for name in context.toolbox.tools:
-        if name == "gaze" and eyes_of(context.session.model.subject) is None:
-            continue
+    usable = [
+        name
+        for name in context.toolbox.tools
+        if name != "gaze" or eyes_of(context.session.model.subject) is not None
+    ]
+    # Smaller where the window is too low for all of them.
+    spacing = imgui.get_style().item_spacing.y
+    room = imgui.get_content_region_avail().y - em(0.4) - (len(usable) + 2) * spacing
+    side = max(min(em(2.3), room / (len(usable) + 1)), em(1.0))
+    for name in usable:
         _strip_button(context, f"tool-{name}", TOOL_ICONS[name], side, context.toolbox.chosen.name == name)
     imgui.dummy((0.0, em(0.4)))
     _strip_button(context, "symmetry", Icon.SYMMETRY, side, context.toolbox.tool_settings.symmetry.on)

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.gui.actions import Action
-from faceposer.gui.widgets.text import shortened
+from faceposer.gui.widgets.text import shortened, text_width
 from faceposer.gui.widgets.theme import ACCENT_DARK, ACCENT_MID, FAINT, Fonts, em
 
 Rectangle = tuple[float, float, float, float]
@@ -146,7 +146,14 @@ def action_button(rects: WidgetRects, action: Action, width: float, label: str =
     if on or strong:
         _push_lit(ACCENT_DARK if on else ACCENT_MID)
     imgui.begin_disabled(not action.enabled())
-    if imgui.button(f"{label or action.label}##{action.name}", (width, 0.0)):
+    full = label or action.label
+    room = width if width > 0.0 else imgui.get_content_region_avail().x
+    padding = imgui.get_style().frame_padding
+    margin = max(min(0.5 * (room - text_width(full)), padding.x), em(0.15))
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(margin, padding.y))
+    pressed = imgui.button(f"{shortened(full, room - 2.0 * margin)}##{action.name}", (width, 0.0))
+    imgui.pop_style_var()
+    if pressed:
         action.run()
     imgui.end_disabled()
     rects.record(action.name)
@@ -176,19 +183,21 @@ def choice(
     room = imgui.get_content_region_avail().x - gap * (len(labels) - 1)
     texts = [imgui.calc_text_size(label).x if by_text else 0.0 for label in labels]
     spare = (room - sum(texts)) / len(labels)
-    if by_text:
-        padding = ImVec2(max(min(0.5 * spare, em(0.6)), 0.0), imgui.get_style().frame_padding.y)
-        imgui.push_style_var(imgui.StyleVar_.frame_padding, padding)
+    style = imgui.get_style()
+    # Narrower margins where labels would be cut off.
+    left = min((texts[i] + spare - text_width(label) for i, label in enumerate(labels)), default=0.0)
+    margin = min(0.5 * left, em(0.6) if by_text else style.frame_padding.x)
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(max(margin, 0.0), style.frame_padding.y))
     for i, label in enumerate(labels):
         if i:
             imgui.same_line(0.0, gap)
-        pressed = lit_button(f"{label}##{name}", i == chosen, ACCENT_DARK, texts[i] + spare)
+        shown = shortened(label, max(texts[i] + spare, 1.0))
+        pressed = lit_button(f"{shown}##{name}{i}", i == chosen, ACCENT_DARK, texts[i] + spare)
         rects.record(f"{name}:{i}")
-        tooltip(tips[i])
+        tooltip(tips[i] if shown == label else f"{label}\n{tips[i]}")
         if pressed:
             chosen = i
-    if by_text:
-        imgui.pop_style_var()
+    imgui.pop_style_var()
     return chosen
 
 

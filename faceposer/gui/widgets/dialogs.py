@@ -199,7 +199,10 @@ class Dialogs:
                 return
             fresh = imgui.is_window_appearing()
             modal_title(self.fonts, "Keys and mouse")
-            if imgui.begin_table("##columns", 3, imgui.TableFlags_.sizing_stretch_same.value, (min(em(66), room), 0.0)):
+            width = min(em(66), room)
+            # As many columns as have room for a key and what it does.
+            count = min(max(int(width // em(18)), 1), 3)
+            if imgui.begin_table("##columns", count, imgui.TableFlags_.sizing_stretch_same.value, (width, 0.0)):
                 menus = actions.menus
                 imgui.table_next_column()
                 _section(self.fonts, "Mouse", (*_MOUSE, *_NAVIGATION[navigation]))

@@ -35,6 +35,15 @@ def shortened(text: str, width: float, measure: Measure = text_width) -> str:
     return _cut(text, low)
 
 
+def begun(text: str, width: float, measure: Measure = text_width) -> str:
+    """Return ``text``, a sentence, with an ellipsis at its end if it is wider than ``width``."""
+    if measure(text) <= width:
+        return text
+    while text and measure(f"{text.rstrip()}{_ELLIPSIS}") > width:
+        text = text[:-1]
+    return f"{text.rstrip()}{_ELLIPSIS}"
+
+
 def _cut(text: str, count: int) -> str:
     """Return ``count`` letters of ``text``, from both of its ends, with an ellipsis between them."""
     head = (count + 1) // 2

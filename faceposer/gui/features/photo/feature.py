@@ -280,7 +280,7 @@ class PhotoFeature(Feature):
             self._look(self.photo)
 
     def _look(self, photo: Photo, afresh: bool = False) -> None:
-        """Look through the camera of ``photo``, near to the head if that is known, unless one does already."""
+        """Show all of ``photo`` through its camera, or keep the zoom where the view looks through it already."""
         viewport, session = self.context.viewport, self.context.session
         if not afresh and isinstance(viewport.view, PictureView) and viewport.view.photo == photo.camera:
             viewport.view = viewport.view.back()
@@ -291,8 +291,6 @@ class PhotoFeature(Feature):
         locked = before.locked if ours and not afresh and isinstance(before, PictureView) else True
         view = PictureView.whole(photo.camera or first_camera(photo, session.model), (x, y, z))
         viewport.view = replace(view, locked=locked)
-        if len(photo.pins) >= LEAST_POINTS:
-            viewport.frame_face()
         self.context.redraw()
 
     def pin(self) -> None:

@@ -48,7 +48,7 @@ class PreferencesDialog:
                 return
             alone = not (context.dialogs.open or context.file_dialogs.open or imgui.is_window_appearing())
             modal_title(context.fonts, "Preferences")
-            room = imgui.get_main_viewport().size.y - em(10)
+            room = imgui.get_main_viewport().size.y - em(12)
             height = max(min(em(_HEIGHT), room), em(6))
             if imgui.begin_tab_bar("##pages"):
                 for title, draw in (("General", self._draw_general), ("Keymap", self._draw_keymap)):
@@ -61,7 +61,9 @@ class PreferencesDialog:
                         imgui.end_tab_item()
                 imgui.end_tab_bar()
             pressed = modal_buttons(context.widget_rects, "preferences", (("close", "Close"),))
-            escaped = alone and not preferences.capturing and imgui.is_key_pressed(imgui.Key.escape, False)
+            captures = bool(preferences.capturing) or preferences.ended_capture
+            escaped = alone and not captures and imgui.is_key_pressed(imgui.Key.escape, False)
+            preferences.ended_capture &= imgui.is_key_down(imgui.Key.escape)
             if pressed or (escaped and not imgui.get_io().want_text_input):
                 preferences.hide()
                 imgui.close_current_popup()

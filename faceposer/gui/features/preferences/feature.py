@@ -25,6 +25,7 @@ class PreferencesFeature(Feature):
         open: Whether the dialog is shown.
         capturing: Name of the action that waits for its new key, or "".
         problem: Why a key was not taken, one sentence, or "".
+        ended_capture: Whether a key that is still down ended a capture: it means nothing else.
     """
 
     def __init__(self, context: EditorContext) -> None:
@@ -32,6 +33,7 @@ class PreferencesFeature(Feature):
         self.open = False
         self.capturing = ""
         self.problem = ""
+        self.ended_capture = False
         self._dialog = PreferencesDialog(self)
 
     @property
@@ -118,7 +120,7 @@ class PreferencesFeature(Feature):
         """Give ``key`` to the action that waits for one."""
         if not self.open or not self.capturing:
             return False
-        name, self.capturing = self.capturing, ""
+        name, self.capturing, self.ended_capture = self.capturing, "", True
         if key != _ENDS_CAPTURE:
             self.change_keys(name, (key,))
         self.context.redraw()

@@ -50,10 +50,15 @@ class TransferDialog:
                 return
             fresh = imgui.is_window_appearing()
             modal_title(context.fonts, "Transfer expression")
-            imgui.begin_child("##form", (em(_FORM), 0.0), imgui.ChildFlags_.auto_resize_y.value)
+            # Pictures beside the form, or below it where the window is too narrow.
+            room = imgui.get_content_region_avail().x
+            beside = room >= em(_FORM + _PICTURE + 1.0)
+            width = em(_FORM) if beside else room
+            imgui.begin_child("##form", (width, 0.0), imgui.ChildFlags_.auto_resize_y.value)
             self._draw_form()
             imgui.end_child()
-            imgui.same_line(0.0, em(1.0))
+            if beside:
+                imgui.same_line(0.0, em(1.0))
             imgui.begin_child("##pictures", (em(_PICTURE), 0.0), imgui.ChildFlags_.auto_resize_y.value)
             self._draw_pictures()
             imgui.end_child()
