@@ -82,12 +82,7 @@ class CharacterLibrary:
         return self._titles[path][1]
 
     def new_path(self, stem: str) -> Path:
-        """Return the file in the library for a new character, which none has yet; its folder is made.
-
-        Raises:
-            FacePoserError: If the folder cannot be made.
-        """
-        self.make_folder()
+        """Return the file in the library for a new character, which none has yet; the folder need not exist."""
         path, number = self.folder / f"{stem}{SUFFIX}", 2
         while path.exists():
             path, number = self.folder / f"{stem}-{number}{SUFFIX}", number + 1

@@ -86,4 +86,4 @@ def test_new_files_take_no_others_place(library: CharacterLibrary) -> None:
     assert library.new_path("else") == library.folder / "else.npz"
     stuck = CharacterLibrary(library.folder / "own.npz" / "inside")
     with pytest.raises(FacePoserError, match="cannot be made"):
-        stuck.new_path("own")
+        stuck.make_folder()

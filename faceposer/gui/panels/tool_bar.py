@@ -47,9 +47,7 @@ _TITLES = {
 def draw_tool_strip(context: EditorContext) -> None:
     """Draw the buttons of the tools, one below the other, and that of symmetry."""
     usable = [
-        name
-        for name in context.toolbox.tools
-        if name != "gaze" or eyes_of(context.session.model.subject) is not None
+        name for name in context.toolbox.tools if name != "gaze" or eyes_of(context.session.model.subject) is not None
     ]
     # Smaller where the window is too low for all of them.
     spacing = imgui.get_style().item_spacing.y

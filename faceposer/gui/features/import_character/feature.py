@@ -145,6 +145,8 @@ class ImportCharacterFeature(Feature):
         """Learn what the form asks for, after asking whether a file that is there may be replaced."""
         self.error = ""
         try:
+            if self.context.characters.holds(self.form.output.strip()):
+                self.context.characters.make_folder()
             output = self.form.checked_output()
         except FacePoserError as error:
             self.error = str(error)

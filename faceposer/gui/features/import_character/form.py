@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from faceposer.errors import FacePoserError
-from faceposer.files.user_folders import documents_folder
 from faceposer.session.character_library import CharacterLibrary
 
 if TYPE_CHECKING:
@@ -73,10 +72,7 @@ class ImportForm:
             # Whatever it is, learning says what is wrong with it.
             return
         name = plain_name(path)
-        try:
-            output = library.new_path(name)
-        except FacePoserError:
-            output = documents_folder() / f"{name}.npz"
+        output = library.new_path(name)
         before, self.proposed = self.proposed, (name.replace("-", " ").capitalize(), str(output))
         if self.title in ("", before[0]):
             self.title = self.proposed[0]
