@@ -514,9 +514,9 @@ def test_processes_can_be_started_from_the_program(tmp_path: Path) -> None:
     code = "import multiprocessing as m\nwith m.get_context('spawn').Pool(1) as p: print(p.map(abs, [-3]))\n"
     hook = tmp_path / "sitecustomize.py"
     hook.write_text(
-        "import faceposer.cli as cli\n"
+        "from faceposer.cli import subjects as command\n"
         "def subjects(_options):\n" + "".join(f"    {line}\n" for line in code.splitlines()) + "    return 0\n"
-        "cli._subjects = subjects\n"
+        "command.run = subjects\n"
     )
     script = tmp_path / "faceposer-script"
     script.write_text("import sys\nfrom faceposer.cli import main\nif __name__ == '__main__':\n    sys.exit(main())\n")
