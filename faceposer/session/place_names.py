@@ -89,7 +89,9 @@ class PointNames:
         """Return what people call the area that ``points`` cover: the regions with most of them."""
         counts: dict[str, int] = {}
         for corner in points.corners(self._subject.triangles)[:, 0].tolist():
-            region = self._region_of.get(corner) or self._region(self._subject.vertices[corner])
+            region = self._region_of.get(corner)
+            if region is None:
+                region = self._region_of[corner] = self._region(self._subject.vertices[corner])
             counts[region] = counts.get(region, 0) + 1
         names = sorted(counts, key=lambda name: -counts[name])
         plain = list(dict.fromkeys(_without_side(name) for name in names if counts[name] * 5 >= len(points)))
