@@ -1,10 +1,10 @@
 """Names for places on the face, so that a list of points reads "left mouth corner" and not "triangle 10085"."""
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints, surface_positions
 from faceposer.model.subject import Subject
@@ -62,7 +62,7 @@ class PointNames:
             self._region_of.update(dict.fromkeys(sound.tolist(), region))
         self._known: dict[SurfacePoint | int, str] = {}
         self._labelled = np.array(sorted(self._region_of), dtype=np.int64)
-        self._tree: cKDTree | None = None
+        self._tree: Any = None
 
     def _plausible(self, region: str, vertices: NDArray[np.integer]) -> NDArray[np.bool_]:
         """Return which of ``vertices`` can be of ``region``, shape (n,): the mouth is nowhere but at the lips."""
@@ -149,6 +149,9 @@ class PointNames:
         if not len(self._labelled):
             return "face"
         if self._tree is None:
+            # Here and not above: the window's first frame needs none, and loading it takes time.
+            from scipy.spatial import cKDTree
+
             self._tree = cKDTree(self._subject.vertices[self._labelled])
         count = min(_VOTERS, len(self._labelled))
         distances, indices = self._tree.query(position, k=np.arange(1, count + 1))
