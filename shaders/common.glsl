@@ -1,13 +1,15 @@
 // What several shaders share; put after their #version line.
 
 uniform vec2 viewport;
+// Linear colours of the backdrop at its rim and in its middle.
+uniform vec3 backdrop_rim, backdrop_middle;
 
 // Calm studio backdrop, linear colour; pixel in window coordinates.
 vec3 backdrop(vec2 pixel) {
     vec2 q = pixel / viewport - vec2(0.5, 0.56);
     q.x *= viewport.x / viewport.y;
     float glow = exp(-2.2 * dot(q, q));
-    return mix(vec3(0.016, 0.018, 0.022), vec3(0.085, 0.092, 0.104), glow);
+    return mix(backdrop_rim, backdrop_middle, glow);
 }
 
 // Filmic curve after Hejl and Burgess-Dawson's fit is too contrasty for skin; this is a soft shoulder over sRGB.

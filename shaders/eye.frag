@@ -81,14 +81,14 @@ void main() {
     vec3 shade = pow(vec3(open), vec3(0.86, 1.06, 1.08));
 
     vec3 wrap = vec3(0.35);
-    vec3 lit = ambient(n) + wrapped(dot(n, KEY.direction), wrap) * KEY.colour * 0.42;
+    vec3 lit = ambient(n) + wrapped(dot(n, KEY.direction), wrap) * key_colour() * 0.42;
     lit += wrapped(dot(n, FILL.direction), wrap) * FILL.colour * 0.42;
     // The cornea gathers light on the side of the iris that lies away from it.
     vec3 from_light = transpose(mat3(view)) * KEY.direction;
     lit *= 1.0 + iris * (0.10 - 0.55 * dot(aside, from_light) / sin(IRIS) * 0.5);
 
     float shine = glossy(wet, v, KEY.direction, 0.22, 0.025) * 0.30 * open * open;
-    vec3 linear = albedo * lit * shade + KEY.colour * shine;
+    vec3 linear = albedo * lit * shade + key_colour() * shine;
     // Tears along the lower lid.
     float tears = smoothstep(0.0, 0.025, gap.y) * smoothstep(0.065, 0.030, gap.y) * smoothstep(0.0, 0.15, gap.z);
     linear += tears * 0.08 * vec3(0.95, 0.97, 1.0) * lit * open;

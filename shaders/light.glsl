@@ -6,9 +6,16 @@ const Light KEY = Light(vec3(-0.46, -0.60, -0.66), vec3(1.00, 0.95, 0.88) * 2.35
 const Light FILL = Light(vec3(0.78, -0.12, -0.61), vec3(0.80, 0.90, 1.00) * 0.62);
 const Light RIM = Light(vec3(0.55, -0.45, 0.70), vec3(0.85, 0.92, 1.00) * 0.95);
 
+// Factors on the key light and on the light from all sides.
+uniform vec2 strength;
+
+vec3 key_colour() {
+    return KEY.colour * strength.x;
+}
+
 vec3 ambient(vec3 n) {
     float up = 0.5 - 0.5 * n.y;
-    return mix(vec3(0.150, 0.120, 0.105), vec3(0.300, 0.320, 0.360), up);
+    return mix(vec3(0.150, 0.120, 0.105), vec3(0.300, 0.320, 0.360), up) * strength.y;
 }
 
 // Light that has gone through flesh turns the edge of the shadow red: each channel wraps round by another amount.

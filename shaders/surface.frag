@@ -37,7 +37,7 @@ void main() {
 
     vec3 wrap = material == 1 ? vec3(0.42, 0.20, 0.14) : vec3(0.12);
     vec3 lit = ambient(n);
-    lit += wrapped(dot(n, KEY.direction), wrap) * KEY.colour * 0.42;
+    lit += wrapped(dot(n, KEY.direction), wrap) * key_colour() * 0.42;
     lit += wrapped(dot(n, FILL.direction), wrap) * FILL.colour * 0.42;
 
     float roughness = 0.56, f0 = 0.028, gloss = 1.0, inside = 1.0;
@@ -55,7 +55,7 @@ void main() {
     }
 
     vec3 shine = vec3(0.0);
-    shine += glossy(n, v, KEY.direction, roughness, f0) * KEY.colour;
+    shine += glossy(n, v, KEY.direction, roughness, f0) * key_colour();
     shine += glossy(n, v, FILL.direction, roughness, f0) * FILL.colour;
     vec3 edge = material <= 1 ? rim_light(n, v) : vec3(0.0);
 

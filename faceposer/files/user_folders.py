@@ -21,3 +21,9 @@ def data_folder() -> Path:
 def state_folder() -> Path:
     """Return the folder for what the program remembers between runs; it need not exist."""
     return platformdirs.user_state_path(_NAME, appauthor=False)
+
+
+def documents_folder() -> Path:
+    """Return the folder where the user keeps documents: the home folder where the system has no other."""
+    folder = platformdirs.user_documents_path()
+    return folder if folder.is_dir() else Path.home()

@@ -39,8 +39,9 @@ from faceposer.gui.widgets.theme import Fonts
 from faceposer.gui.window import Window
 from faceposer.model.face_model import FaceModel
 from faceposer.render.images import drawn_pixels
-from faceposer.render.options import Shading
+from faceposer.render.options import Look, Shading
 from faceposer.render.scene import Scene
+from faceposer.session.character_library import CharacterLibrary
 from faceposer.session.opening import open_session
 from faceposer.session.session import Mode, Session
 from faceposer.session.solver_worker import InlineWorker, SolverWorker, Worker
@@ -98,10 +99,14 @@ class App:
         self.remembers = settings is None
         self.settings = load_settings() if settings is None else settings
         session = open_session(what, self.new_worker())
-        self.window = self._window = Window(self.settings.window_size, hidden)
+        chosen = self.settings
+        self.window = self._window = Window(chosen.window_size, hidden, chosen.window_position, chosen.window_maximized)
+        self.window.zoom = chosen.ui_scale
         self.gui = Gui(self.window)
         self.scene = Scene(self.window.ctx)
         self.scene.expression_lines = self.settings.expression_lines
+        self.scene.look = Look(chosen.backdrop, chosen.key_light, chosen.ambient_light)
+        self.characters = CharacterLibrary()
         self.widget_rects = WidgetRects()
         self.session = session
         self.scene.set_model(session.model)
@@ -119,16 +124,15 @@ class App:
             self, self.new_worker, self.set_session, lambda: self.features.quit_question, self.close_soon
         )
         self.actions = build_actions(self)
+        self.actions.set_keys(self.settings.keys)
         self.router = Router(self)
         self.pose_panel, self.constraints_panel, self.shapes_panel = PosePanel(), ConstraintsPanel(), ShapesPanel()
         self.slider_edit = SliderEdit()
-        self.comparing = self.wireframe = False
-        self.points_shown = self.panel_shown = True
+        self.comparing, self.wireframe, self.points_shown, self.panel_shown = False, False, True, True
         self.shading: Shading = "full"
         self.highlighted: int | None = None
         self.debug = bool(os.environ.get("FACEPOSER_DEBUG"))
-        self.frame_seconds = 0.0
-        self.frames_drawn = 0
+        self.frame_seconds, self.frames_drawn = 0.0, 0
         self.closing = False
         self.interrupted = 0
         self.notice = ""
@@ -400,6 +404,11 @@ class App:
         """Return the time in seconds, by the clock of the window's events."""
         return self.window.clock()
 
+    def set_ui_scale(self, scale: float) -> None:
+        """Make text and panels ``scale`` times as large as usual."""
+        self.settings.ui_scale = self.window.zoom = scale
+        self.redraw()
+
     def dismiss_guide(self) -> None:
         """Close the guided pose, if it is open."""
         self.features[GuideFeature].dismiss()
@@ -445,10 +454,9 @@ class App:
         """Remember the settings and free everything; unless the user asked for the end, what is not saved is kept."""
         self.recovery.keeps = not self.closing
         if self.remembers:
-            scale = max(self.window.ui_scale, 0.1)
-            width, height = self.window.size
-            if min(width, height) > 0:
-                self.settings.window_size = (round(width / scale), round(height / scale))
+            self.settings.window_size = self.window.normal_size
+            self.settings.window_position = self.window.normal_position
+            self.settings.window_maximized = self.window.maximized
             save_settings(self.settings)
         self._window = None
         self.features.close()

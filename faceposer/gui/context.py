@@ -18,6 +18,7 @@ from faceposer.gui.widgets.slider_edit import SliderEdit
 from faceposer.gui.widgets.theme import Fonts
 from faceposer.render.options import Shading
 from faceposer.render.scene import Scene
+from faceposer.session.character_library import CharacterLibrary
 from faceposer.session.session import Mode, Session
 from faceposer.session.solver_worker import Worker
 from faceposer.tools.toolbox import Toolbox
@@ -36,6 +37,7 @@ class EditorContext(Protocol):
         drawn_constraints: How the session's constraints appear.
         actions: Everything a menu or a key does.
         settings: What is remembered between runs.
+        characters: The characters that can be chosen.
         dialogs: Messages and questions.
         file_dialogs: Questions for files.
         widget_rects: Where the widgets of the last frame are.
@@ -61,6 +63,7 @@ class EditorContext(Protocol):
     drawn_constraints: DrawnConstraints
     actions: Actions
     settings: Settings
+    characters: CharacterLibrary
     dialogs: Dialogs
     file_dialogs: FileDialogs
     widget_rects: WidgetRects
@@ -155,6 +158,9 @@ class EditorContext(Protocol):
 
     def set_mode(self, mode: Mode) -> None:
         """Let the face follow at once, or when the user applies."""
+
+    def set_ui_scale(self, scale: float) -> None:
+        """Make text and panels ``scale`` times as large as usual."""
 
     def dismiss_guide(self) -> None:
         """Close the guided pose, if it is open."""

@@ -92,6 +92,10 @@ class Feature:
     def late_update(self) -> None:
         """Likewise, once session and face are up to date."""
 
+    def take_key(self, key: str) -> bool:
+        """Take a key that was pressed, such as "Ctrl+Z", before everybody else; return whether it did."""
+        return False
+
     def accept_files(self, paths: tuple[str, ...]) -> bool:
         """Take the files ``paths`` that were dropped onto the window; return whether they are for this feature."""
         return False
@@ -182,6 +186,10 @@ class Features:
     def busy(self) -> bool:
         """Whether any holds the document or the face."""
         return any(feature.busy for feature in self._features)
+
+    def take_key(self, key: str) -> bool:
+        """Offer a key to each in turn, and return whether one took it."""
+        return any(feature.take_key(key) for feature in self._features)
 
     @property
     def with_tab(self) -> list[Feature]:

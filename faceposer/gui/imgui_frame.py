@@ -23,6 +23,10 @@ class Gui:
         self.io = imgui.get_io()
         self.io.set_ini_filename(None)
         self.io.config_windows_move_from_title_bar_only = True
+        # Boxes over the window that speak to programmers; the tests look for what they report.
+        self.io.config_debug_highlight_id_conflicts = False
+        self.io.config_debug_highlight_id_conflicts_show_item_picker = False
+        self.io.config_error_recovery_enable_tooltip = False
         imgui.backends.glfw_init_for_opengl(window.address, True)
         imgui.backends.opengl3_init("#version 330")
         self.cursors = Cursors(window)

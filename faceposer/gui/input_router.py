@@ -6,6 +6,7 @@ dialog is open; whoever has the press has the pointer until the last button is u
 
 from typing import Literal
 
+from faceposer.gui.actions import written_key
 from faceposer.gui.events import CloseRequest, Drop, Event, FocusLost, Key, Pointer
 from faceposer.gui.shell import Shell
 from faceposer.tools.tool import Button, EventKind, PointerEvent
@@ -23,6 +24,7 @@ class Router:
         self._owner: Literal["view", "widget"] | None = None
         self._held: list[Button] = []
         self._compare: tuple[float, bool] | None = None
+        self._compare_key = ""
         self._pointer: Pointer | None = None
         self._hovered: object = None
 
@@ -115,8 +117,10 @@ class Router:
     def _on_key(self, key: Key) -> None:
         context = self._context
         if key.kind == "release":
-            if key.key == "C":
+            if key.key == self._compare_key:
                 self._release_compare(key.time)
+            return
+        if key.kind == "press" and context.features.take_key(written_key(key.key, key.modifiers)):
             return
         if context.dialogs.open or context.file_dialogs.browsing or context.features.is_modal:
             return
@@ -134,7 +138,7 @@ class Router:
         if action is None or (key.kind == "repeat" and not action.repeats) or not action.enabled():
             return
         if action.name == "compare":
-            self._compare = (key.time, context.comparing)
+            self._compare, self._compare_key = (key.time, context.comparing), key.key
         action.run()
 
     def _on_drop(self, paths: tuple[str, ...]) -> None:

@@ -10,6 +10,7 @@ from faceposer.gui.overlays.marks import Mark, painted_order
 from faceposer.gui.overlays.painter import Painter
 from faceposer.gui.overlays.pins import draw_badge, draw_label, draw_overlay
 from faceposer.gui.overlays.tool_previews import draw_tool_preview
+from faceposer.gui.panels.characters import draw_characters
 from faceposer.gui.panels.menu_bar import draw_menu_bar
 from faceposer.gui.panels.status_bar import draw_status_bar, status_height
 from faceposer.gui.panels.tool_bar import STRIP_WIDTH, draw_tool_options, draw_tool_strip
@@ -86,17 +87,18 @@ def _draw_panel(context: Shell, position: tuple[float, float], size: tuple[float
     _place(position, size)
     imgui.push_style_color(imgui.Col_.window_bg, GROUND)
     imgui.begin("##panel", None, _BARE)
-    context.pose_panel.draw_subjects(context)
+    draw_characters(context)
     imgui.spacing()
     footer = 1.6 * imgui.get_frame_height_with_spacing()
     with _narrow():
-        bar = imgui.begin_tab_bar("##tabs")
+        # Titles stay whole: where there is no room for all, they scroll.
+        bar = imgui.begin_tab_bar("##tabs", imgui.TabBarFlags_.fitting_policy_scroll.value)
     if bar:
         for title, draw, text in _tabs(context):
             with _narrow():
                 chosen, _ = imgui.begin_tab_item(title)
             context.widget_rects.record(f"tab:{title}")
-            tooltip(text)
+            tooltip(f"{title}\n{text}")
             if chosen:
                 imgui.begin_child(f"##{title}", ImVec2(0.0, -footer))
                 draw(context)
@@ -125,10 +127,10 @@ def _tabs(context: Shell) -> list[tuple[str, Callable[[Shell], None], str]]:
         return lambda _context: feature.draw_tab()
 
     return [
-        ("Pose", _draw_pose_tab, "How the face follows, and what pulls at it"),
+        ("Pose", _draw_pose_tab, "How the face follows, and the constraints"),
         ("Shapes", context.shapes_panel.draw, "The shapes of the rig, as sliders"),
         *((feature.tab[0], content(feature), feature.tab[1]) for feature in context.features.with_tab if feature.tab),
-        ("View", draw_view_panel, "Where one looks from, and how the face is drawn"),
+        ("View", draw_view_panel, "Direction of view, and how the face is drawn"),
     ]
 
 
@@ -192,10 +194,11 @@ def _draw_constraints(context: Shell, draw: imgui.ImDrawList) -> None:
     pointed = context.highlighted if hover is None else hover.pin
     shown = context.points_shown or pointed is not None or toolbox.posing
     painter = Painter(draw, context.viewport, toolbox.selection | ({pointed} if pointed is not None else set()))
-    marks = context.drawn_constraints.marks
+    hidden = context.drawn_constraints.hidden.indices(context.session.document.constraints) - {pointed}
+    marks = {i: mark for i, mark in context.drawn_constraints.marks.items() if i not in hidden}
     if shown:
         _paint_marks(context, painter, marks)
-    pins = context.drawn_constraints.pins if shown else []
+    pins = [pin for pin in context.drawn_constraints.pins if pin.index not in hidden] if shown else []
     draw_overlay(draw, context.viewport, toolbox, pins, pointed)
     draw_tool_preview(painter, context.viewport, toolbox)
     if pointed is not None and not toolbox.active:

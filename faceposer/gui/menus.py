@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from importlib import metadata
 
 import numpy as np
 
@@ -29,8 +30,8 @@ _TOOLS = (
     ("stroke", "Stroke", "S", "Draw on the face what should move, then where it should be"),
     ("curve", "Curve", "K", "Click a curve on the face and drag its points"),
     ("fix", "Fix", "H", "Hold vertices where they are"),
-    ("gaze", "Gaze", "G", "Let both eyes follow a handle"),
-    ("trajectory", "Trajectories", "J", "Draw the ways of points over time, which the face then follows"),
+    ("gaze", "Gaze", "G", "Let both eyes follow a ring, by dragging anywhere in the view"),
+    ("trajectory", "Trajectories", "J", "Draw the paths of points over time, which the face then follows"),
 )
 
 
@@ -50,6 +51,11 @@ class Commands:
         """Take back the last step, first of what the tool has begun."""
         if not self._context.toolbox.step_back():
             self._context.session.undo()
+
+    def redo(self) -> None:
+        """Do the last undone step again."""
+        if not self._context.toolbox.step_forward():
+            self._context.session.redo()
 
     def choose_tool(self, name: str) -> None:
         """Take up the tool ``name``."""
@@ -158,8 +164,19 @@ class Commands:
     def about(self) -> None:
         """Show who made what."""
         subject = self._context.session.model.subject
-        text = f"Pose 3D faces by dragging: the whole face follows as a real face would.\n\n{subject.credits}"
-        self._context.dialogs.ask(Question("Face Poser", text))
+        self._context.dialogs.ask(Question("Face Poser", about_text(subject.title, subject.credits)))
+
+
+def about_text(character: str, credits: str) -> str:
+    """Return what "About" says: version, licence, and where the ``character`` comes from."""
+    try:
+        version = f"Version {metadata.version('faceposer')}"
+    except metadata.PackageNotFoundError:
+        version = "Version unknown: the package is not installed"
+    return (
+        "Pose 3D faces by dragging: the whole face follows as a real face would.\n\n"
+        f"{version}. Licence: MIT; its text is in the file LICENSE.\n\n{character}: {credits}"
+    )
 
 
 def _tool_actions(context: Shell, do: Commands, free: Callable[[], bool]) -> list[Action]:
@@ -230,10 +247,13 @@ def build_actions(context: Shell) -> Actions:
     def undoes() -> bool:
         toolbox = context.toolbox
         begun = toolbox.curve_tool.points or toolbox.stroke_tool.draws_target or toolbox.distance_tool.first
-        return free() and (bool(begun) or _draws_trajectories(context) or context.session.can_undo)
+        drawn = toolbox.chosen is toolbox.trajectory_tool and toolbox.trajectory_tool.can_step_back
+        return free() and (bool(begun) or drawn or context.session.can_undo)
 
-    def redo() -> None:
-        context.session.redo()
+    def redoes() -> bool:
+        toolbox = context.toolbox
+        drawn = toolbox.chosen is toolbox.trajectory_tool and toolbox.trajectory_tool.can_step_forward
+        return free() and (drawn or context.session.can_redo)
 
     of_features = context.features.actions()
     # These two stand among the program's own entries.
@@ -242,7 +262,17 @@ def build_actions(context: Shell) -> Actions:
     return Actions(
         [
             Action(
-                "open", "Open...", "File", context.files.open_dialog, ("Ctrl+O",), help="Open a session or a subject"
+                "new",
+                "New",
+                "File",
+                context.files.new,
+                ("Ctrl+N",),
+                free,
+                help="Begin a new session with this character; changes that are not saved are asked about",
+            ),
+            Submenu("new-with", "New with", "File", context.files.new_with, free),
+            Action(
+                "open", "Open...", "File", context.files.open_dialog, ("Ctrl+O",), help="Open a session or a character"
             ),
             Submenu(
                 "open-recent",
@@ -263,9 +293,9 @@ def build_actions(context: Shell) -> Actions:
                 "redo",
                 "Redo",
                 "Edit",
-                redo,
+                do.redo,
                 ("Ctrl+Shift+Z", "Ctrl+Y"),
-                lambda: free() and context.session.can_redo,
+                redoes,
                 repeats=True,
             ),
             Action(
@@ -294,7 +324,7 @@ def build_actions(context: Shell) -> Actions:
                 do.clear_points,
                 (),
                 lambda: free() and any(not c.locked for c in context.session.document.constraints),
-                help="Remove all constraints that are not locked; the face goes back to where they pulled it from",
+                help="Remove all constraints that are not locked; the face returns to where it was without them",
             ),
             Action(
                 "reset",

@@ -5,12 +5,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from faceposer.errors import FacePoserError
+from faceposer.gui.actions import Action
 from faceposer.gui.context import EditorContext
 from faceposer.gui.recent_files import RecentFiles
-from faceposer.gui.settings import last_folder
+from faceposer.gui.settings import MAX_CHARACTERS, last_folder
 from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.gui.widgets.file_dialogs import FileRequest
 from faceposer.interchange.meshes import foreign_library, write_posed_obj
+from faceposer.session.character_library import SUFFIX as CHARACTER_SUFFIX
 from faceposer.session.opening import open_session
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
@@ -60,8 +62,8 @@ class SessionFiles:
         self._context.ask_for_file(
             FileRequest(
                 "open",
-                "Open a session or a subject",
-                "Sessions and subjects",
+                "Open a session or a character",
+                "Sessions and characters",
                 SUFFIXES,
                 last_folder(self._context.settings),
                 lambda path: self.open(str(path)),
@@ -104,9 +106,30 @@ class SessionFiles:
             self.remember(what)
 
     def remember(self, what: str) -> None:
-        """Put ``what``, which was opened, among the recent files if it is a file."""
+        """Put ``what``, which was opened, among the recent files and its character among the known ones, if files."""
         if Path(what).suffix.lower() in SUFFIXES:
             self.recent.add(Path(what))
+        context = self._context
+        subject = context.session.document.subject
+        if Path(subject).suffix.lower() == CHARACTER_SUFFIX and not context.characters.holds(subject):
+            path = str(Path(subject).expanduser().absolute())
+            others = [known for known in context.settings.characters if known != path]
+            context.settings.characters = [path, *others][:MAX_CHARACTERS]
+
+    def new(self, character: str = "") -> None:
+        """Begin a new session with the ``character`` of this name or path, or the present one if "".
+
+        Changes that are not saved are asked about first.
+        """
+        self.open(character or self._context.session.document.subject)
+
+    def new_with(self) -> list[Action]:
+        """Return an action for each character, which begins a new session with it."""
+        known = self._context.characters.all(self._context.settings.characters)
+        return [
+            Action(f"new:{one.name}", one.title, "File", lambda name=one.name: self.new(name))  # type: ignore[misc]
+            for one in known
+        ]
 
     def show(self, opening: Callable[[Worker], Session], failure: str, comfort: str = "") -> bool:
         """Edit the session that ``opening`` gives; the caller has asked about changes that are not saved.

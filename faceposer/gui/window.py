@@ -33,7 +33,10 @@ from faceposer.render.mesh_buffers import drawn_by_processor
 from faceposer.tools.tool import Button
 
 Size = tuple[int, int]
+Place = tuple[int, int]
 SMALLEST: Size = (480, 360)
+# Notches of the wheel that move nothing.
+_NO_TURN = 1e-12
 
 _BUTTONS: dict[int, Button] = {
     glfw.MOUSE_BUTTON_LEFT: "left",
@@ -48,6 +51,7 @@ _MODIFIER_KEYS = {
     glfw.KEY_LEFT_ALT: "alt",
     glfw.KEY_RIGHT_ALT: "alt",
 }
+_MODIFIERS_OF_GUI = {"shift": imgui.Key.mod_shift, "ctrl": imgui.Key.mod_ctrl, "alt": imgui.Key.mod_alt}
 if sys.platform == "darwin":
     # Shortcuts are with Command there.
     _MODIFIER_KEYS |= {glfw.KEY_LEFT_SUPER: "ctrl", glfw.KEY_RIGHT_SUPER: "ctrl"}
@@ -78,14 +82,22 @@ _KEY_CODES = {name: code for code, name in reversed(_KEY_NAMES.items())}
 
 
 class Window:
-    """A window, its OpenGL context and its events."""
+    """A window, its OpenGL context and its events.
 
-    def __init__(self, size: Size, hidden: bool = False) -> None:
+    Attributes:
+        zoom: The user's factor on the size of everything but the face.
+    """
+
+    def __init__(
+        self, size: Size, hidden: bool = False, position: Place | None = None, maximized: bool = False
+    ) -> None:
         """Open a window of ``size`` in units of a display at normal density.
 
         Args:
             size: Width and height.
             hidden: Open it where nobody sees it and no display is needed: for tests and the demo.
+            position: Of its top left corner on the desktop; None, or one that no monitor shows, for the system's.
+            maximized: Let it fill the monitor; ``size`` and ``position`` are those of the window that is not maximized.
 
         Raises:
             NoWindowError: If there is no display, or no OpenGL 3.3.
@@ -98,6 +110,7 @@ class Window:
         self.title = "Face Poser"
         # What stamps events; who plays them may bring a clock of its own.
         self.clock: Callable[[], float] = time.perf_counter
+        self.zoom = 1.0
         self._handle = _open(size, hidden)
         self.address = int(ctypes.cast(self._handle, ctypes.c_void_p).value or 0)
         glfw.make_context_current(self._handle)
@@ -110,7 +123,34 @@ class Window:
         glfw.swap_interval(0 if hidden else 1)
         if not hidden:
             glfw.set_window_size_limits(self._handle, *SMALLEST, glfw.DONT_CARE, glfw.DONT_CARE)
+        if position is not None and _on_a_monitor(position):
+            glfw.set_window_pos(self._handle, *position)
+        self._normal: tuple[Size, Place] = (self.size, glfw.get_window_pos(self._handle))
+        if maximized:
+            glfw.maximize_window(self._handle)
         self._listen()
+
+    @property
+    def maximized(self) -> bool:
+        """Whether it fills the monitor."""
+        return bool(glfw.get_window_attrib(self._handle, glfw.MAXIMIZED))
+
+    @property
+    def normal_size(self) -> Size:
+        """Its size when it was last neither maximized nor minimised, in units of a display at normal density."""
+        scale = max(self.display_scale, 0.1)
+        width, height = self._normal[0]
+        return (round(width / scale), round(height / scale))
+
+    @property
+    def normal_position(self) -> Place:
+        """Likewise, where its top left corner was on the desktop."""
+        return self._normal[1]
+
+    def _note_place(self) -> None:
+        if self.maximized or glfw.get_window_attrib(self._handle, glfw.ICONIFIED) or min(self.size) <= 0:
+            return
+        self._normal = (self.size, glfw.get_window_pos(self._handle))
 
     @property
     def modifiers(self) -> Modifiers:
@@ -134,7 +174,12 @@ class Window:
 
     @property
     def ui_scale(self) -> float:
-        """How many window units something takes that takes one on a display at normal density."""
+        """How many window units something takes that takes one on a display at normal density at a zoom of 1."""
+        return self.display_scale * self.zoom
+
+    @property
+    def display_scale(self) -> float:
+        """How many window units the display takes for one at normal density."""
         scale: float = glfw.get_window_content_scale(self._handle)[0]
         return min(max(scale * self.size[0] / max(self.pixels[0], 1), 0.5), 4.0) if self.size[0] else 1.0
 
@@ -212,6 +257,8 @@ class Window:
         glfw.set_drop_callback(window, guarded(lambda paths: self._add(Drop(tuple(paths)))))
         glfw.set_window_focus_callback(window, guarded(self._on_focus))
         glfw.set_window_close_callback(window, guarded(self._on_close))
+        for place_register in (glfw.set_window_size_callback, glfw.set_window_pos_callback):
+            place_register(window, guarded(lambda *_values: self._note_place()))
         for register in (
             glfw.set_framebuffer_size_callback,
             glfw.set_window_content_scale_callback,
@@ -232,6 +279,10 @@ class Window:
 
     def _on_button(self, button: int, action: int, modifiers: int) -> None:
         self._set_modifiers(modifiers)
+        if action == glfw.RELEASE and any(isinstance(e, Pointer) and e.kind == "move" for e in self._events):
+            # Dear ImGui lets a slider go where it was in the frame before if the last move and the release come in one
+            # frame. After any turn of the wheel, however small, it leaves the release to the next frame.
+            imgui.get_io().add_mouse_wheel_event(0.0, _NO_TURN)
         if button in _BUTTONS:
             self._pointer("press" if action == glfw.PRESS else "release", _BUTTONS[button])
 
@@ -286,7 +337,15 @@ class Window:
     def play_button(self, button: Button, pressed: bool, modifiers: Modifiers = frozenset()) -> None:
         """Act as if a button had gone down or come up."""
         code = next(code for code, name in _BUTTONS.items() if name == button)
-        imgui.backends.glfw_mouse_button_callback(self.address, code, int(pressed), _bits(modifiers))
+        if not modifiers:
+            imgui.backends.glfw_mouse_button_callback(self.address, code, int(pressed), 0)
+            return
+        # The backend asks the keyboard which modifiers are held, and nobody plays at that.
+        io = imgui.get_io()
+        self._on_button(code, glfw.PRESS if pressed else glfw.RELEASE, _bits(modifiers))
+        for name in modifiers:
+            io.add_key_event(_MODIFIERS_OF_GUI[name], pressed)
+        io.add_mouse_button_event(code, pressed)
 
     def play_wheel(self, notches: float) -> None:
         """Act as if the wheel had turned."""
@@ -361,6 +420,16 @@ def _open(size: Size, hidden: bool) -> Any:
 def _last_error() -> str:
     text: Any = glfw.get_error()[1]
     return text.decode(errors="replace").rstrip(".") if text else "no reason given"
+
+
+def _on_a_monitor(position: Place) -> bool:
+    """Whether some monitor shows the title bar of a window at ``position``."""
+    x, y = position[0] + 60, position[1] + 10
+    for monitor in glfw.get_monitors():
+        left, top, width, height = glfw.get_monitor_workarea(monitor)
+        if left <= x < left + width and top <= y < top + height:
+            return True
+    return False
 
 
 def _fitting(size: Size) -> Size:

@@ -6,6 +6,23 @@ from typing import Literal
 from faceposer.geometry.picture_view import View
 
 Shading = Literal["full", "clay"]
+#: What lies behind the face: the usual grey, darker, or lighter.
+Backdrop = Literal["studio", "dark", "light"]
+
+
+@dataclass(frozen=True)
+class Look:
+    """The light and what lies behind the face.
+
+    Attributes:
+        backdrop: The backdrop.
+        key: Factor on the light from the front, at least 0.
+        ambient: Factor on the light from all sides, at least 0.
+    """
+
+    backdrop: Backdrop = "studio"
+    key: float = 1.0
+    ambient: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,22 @@ from faceposer.model.subject_checks import SEE_THROUGH
 from faceposer.render.eye_painter import EyePainter
 from faceposer.render.mesh_buffers import MeshBuffers
 from faceposer.render.neck_fade import NO_FADE, neck_fade
-from faceposer.render.options import Shading
+from faceposer.render.options import Backdrop, Look, Shading
 from faceposer.resources import shader_text
 
 #: One program, or several that get the same uniforms.
 Programs = moderngl.Program | Sequence[moderngl.Program]
 _BASE = {"clay": (0.42, 0.42, 0.43), **BASE_COLOURS}
 _MATERIALS = ("clay", "skin", "eye", "teeth", "gums", "tongue", "lashes")
+
+
+# Linear colours of the backdrop, at the rim and in the middle.
+_BACKDROPS: dict[Backdrop, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
+    "studio": ((0.016, 0.018, 0.022), (0.085, 0.092, 0.104)),
+    "dark": ((0.003, 0.003, 0.004), (0.012, 0.013, 0.015)),
+    "light": ((0.340, 0.345, 0.355), (0.660, 0.665, 0.675)),
+}
+_USUAL = Look()
 
 
 @dataclass(frozen=True)
@@ -146,6 +155,7 @@ class Renderer:
         photo: PhotoLayer | None = None,
         expression_lines: bool = True,
         transparent: bool = False,
+        look: Look = _USUAL,
     ) -> None:
         """Draw the backdrop and the subject into all of ``target``, whose size must be the camera's.
 
@@ -157,6 +167,7 @@ class Renderer:
             photo: Lies behind the face or in front of it; what fades into the backdrop fades into one that lies behind.
             expression_lines: Draw the lines of the skin that the pose makes; clay has none.
             transparent: Leave out the backdrop: colours are premultiplied with an alpha that is the opacity.
+            look: Light and backdrop.
         """
         ctx, buffers = self.ctx, self._require_buffers()
         target.use()
@@ -167,6 +178,11 @@ class Renderer:
         # What lies below shows through: over the backdrop the picture itself stays opaque.
         kept = moderngl.ONE_MINUS_SRC_ALPHA if transparent else moderngl.ONE
         ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ONE, kept  # type: ignore[assignment]
+        for backed in (self._background, self._surface):
+            set_uniform(backed, "backdrop_rim", _BACKDROPS[look.backdrop][0])
+            set_uniform(backed, "backdrop_middle", _BACKDROPS[look.backdrop][1])
+        for lit in (self._surface, self._eyes.programs):
+            set_uniform(lit, "strength", (look.key, look.ambient))
         if not transparent:
             set_uniform(self._background, "viewport", size)
             self._backdrop.render(moderngl.TRIANGLES, vertices=3)

@@ -10,7 +10,7 @@ from faceposer.geometry.picking import SurfacePoint, SurfacePoints, points_on_tr
 from faceposer.model.face_model import FaceModel
 from faceposer.model.subject import Subject
 from faceposer.render.framebuffers import ColourTarget, IdTarget, Size
-from faceposer.render.options import Shading
+from faceposer.render.options import Look, Shading
 from faceposer.render.renderer import PhotoLayer, Renderer
 
 
@@ -20,6 +20,7 @@ class Scene:
     Attributes:
         photo: What lies behind the face or before it, or None.
         expression_lines: Whether the lines of the skin that a pose makes are drawn; clay has none.
+        look: Light and backdrop of ``draw``; portraits have the usual ones.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
@@ -38,6 +39,7 @@ class Scene:
         self.normals: NDArray[np.float32] = np.zeros((0, 3), dtype=np.float32)
         self.photo: PhotoLayer | None = None
         self.expression_lines = True
+        self.look = Look()
         self.pictures_drawn = 0
 
     @property
@@ -82,10 +84,10 @@ class Scene:
     def draw(self, camera: Camera, shading: Shading, wireframe: bool, samples: int) -> moderngl.Texture:
         """Return the picture under ``camera``, bottom row first, with ``samples`` per pixel; 0 for no multisampling."""
         lines = self.expression_lines
-        key = (camera, self._pose, shading, wireframe, samples, id(self._model), self.photo, lines)
+        key = (camera, self._pose, shading, wireframe, samples, id(self._model), self.photo, lines, self.look)
         if self._drawn is None or self._drawn[0] != key:
             target = self._target(camera.size, min(samples, self._ctx.max_samples))
-            self._renderer.draw(target.framebuffer, camera, shading, wireframe, self.photo, lines)
+            self._renderer.draw(target.framebuffer, camera, shading, wireframe, self.photo, lines, look=self.look)
             target.resolve()
             self._drawn = (key, target)
             self.pictures_drawn += 1

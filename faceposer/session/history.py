@@ -44,6 +44,11 @@ class History:
         return self._entries[self._head].document
 
     @property
+    def depth(self) -> int:
+        """How many steps lead to the head."""
+        return self._head
+
+    @property
     def undo_label(self) -> str | None:
         """What undo would take back, or None."""
         return self._entries[self._head].label if self._head > 0 else None

@@ -306,6 +306,11 @@ class Session:
         return self._history.redo_label
 
     @property
+    def depth(self) -> int:
+        """How many steps of the history lead to the document: undo makes it one less, redo one more."""
+        return self._history.depth
+
+    @property
     def can_undo(self) -> bool:
         """Whether there is something to take back."""
         return not self._editing and self.undo_label is not None

@@ -26,14 +26,37 @@ def eyes_of(subject: Subject) -> NDArray[np.float64] | None:
     return np.array(centres, dtype=np.float64)
 
 
+def pupils_of(subject: Subject, direction: tuple[float, float]) -> NDArray[np.float64] | None:
+    """Return the middles of the pupils of eyes turned to ``direction`` in degrees, (2, 3), or None without eyes.
+
+    They lie where a ray from the centre of each eye leaves it.
+    """
+    centres = eyes_of(subject)
+    if centres is None:
+        return None
+    forward = _forward(direction)
+    parts = [part for part in subject.parts if part.material == "eye"]
+    # The eye is turned, not the ray: an eyeball reaches as far forward whichever way it looks.
+    depths = [
+        float((subject.vertices[slice(*part.vertices)][:, 2] - centre[2]).max())
+        for part, centre in zip(parts, centres, strict=True)
+    ]
+    pupils: NDArray[np.float64] = centres + np.array(depths)[:, None] * forward
+    return pupils
+
+
+def _forward(direction: tuple[float, float]) -> NDArray[np.float64]:
+    """Return ``direction``, degrees to the character's left and upwards, as a unit vector, shape (3,)."""
+    yaw, pitch = (math.radians(angle) for angle in direction)
+    return np.array((math.sin(yaw) * math.cos(pitch), math.sin(pitch), math.cos(yaw) * math.cos(pitch)))
+
+
 def handle_position(subject: Subject, direction: tuple[float, float]) -> NDArray[np.float64] | None:
     """Return where in space the handle is for a ``direction`` in degrees, shape (3,), or None without eyes."""
     eyes = eyes_of(subject)
     if eyes is None:
         return None
-    yaw, pitch = (math.radians(angle) for angle in direction)
-    forward = (math.sin(yaw) * math.cos(pitch), math.sin(pitch), math.cos(yaw) * math.cos(pitch))
-    position: NDArray[np.float64] = eyes.mean(axis=0) + REACH_CM * np.array(forward)
+    position: NDArray[np.float64] = eyes.mean(axis=0) + REACH_CM * _forward(direction)
     return position
 
 
@@ -102,11 +125,18 @@ class GazeTool(PosingTool):
     def hits_handle(self, event: PointerEvent, context: ToolContext) -> bool:
         """Whether the press ``event`` takes hold of the handle of a gaze constraint."""
         found = self.constraint(context)
-        return found is not None and not found[1].locked and self.begins(event, context)
+        left = event.button == "left" and not event.modifiers
+        return left and found is not None and not found[1].locked and self._reached(event.position, context)
+
+    @property
+    def works_beside(self) -> bool:
+        """Whether a press beside the face does something, too: the handle follows a drag anywhere in the view."""
+        return True
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` takes hold of the handle."""
-        return event.button == "left" and not event.modifiers and self._reached(event.position, context)
+        """Whether the press ``event`` begins to turn the eyes, which it does anywhere in the view."""
+        has_eyes = eyes_of(context.session.model.subject) is not None
+        return event.button == "left" and not event.modifiers and has_eyes
 
     def handle_under(self, position: Pixel, context: ToolContext) -> int | None:
         """Return the gaze constraint if a press at ``position`` would take its handle, or None."""
@@ -115,7 +145,7 @@ class GazeTool(PosingTool):
         return found[0] if found is not None and self.hits_handle(press, context) else None
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
-        """Drag the handle while the eyes follow."""
+        """Drag the handle while the eyes follow; it moves as the pointer does, wherever that is."""
         # on press
         session = context.session
         subject = session.model.subject
@@ -150,15 +180,15 @@ class GazeTool(PosingTool):
                 self._settings.selection.set(index)
 
     def remove_at(self, position: Pixel, context: ToolContext) -> bool:
-        """Let the eyes go if ``position`` is on the handle; return whether it was."""
+        """Release the eyes if ``position`` is on the handle; return whether it was."""
         found = self.constraint(context)
         if found is None or found[1].locked or not self._reached(position, context):
             return False
-        self._remove(found[0], "Let the eyes go", context)
+        self._remove(found[0], "Release the eyes", context)
         return True
 
     def hint(self, context: ToolContext) -> str:
         """Return what a press will do."""
         if eyes_of(context.session.model.subject) is None:
             return "This face has no eyes that turn"
-        return "Drag the ring: both eyes follow   ·   right click: let them go"
+        return "Drag anywhere: both eyes follow the ring   ·   right click on the ring: release them"

@@ -215,6 +215,13 @@ class PosingTool:
         """Take back the last step of what was begun (undo); return whether there was anything."""
         return False
 
+    def step_forward(self) -> bool:
+        """Do again what ``step_back`` took back last (redo); return whether there was anything."""
+        return False
+
+    def follow_history(self, depth: int) -> None:
+        """Note the depth of the session's history: what was begun at a greater one is undone with it."""
+
     def discard(self) -> bool:
         """Forget what was begun (Esc); return whether there was anything."""
         return False

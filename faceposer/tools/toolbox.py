@@ -180,7 +180,13 @@ class Toolbox:
 
     def step_back(self) -> bool:
         """Take back the last step of what the tool has begun (undo stays inside it); return whether there was any."""
+        self.chosen.follow_history(self._context.session.depth)
         return self._gesture is None and self.chosen.step_back()
+
+    def step_forward(self) -> bool:
+        """Do again what ``step_back`` took back last; return whether there was anything."""
+        self.chosen.follow_history(self._context.session.depth)
+        return self._gesture is None and self.chosen.step_forward()
 
     def finish(self) -> None:
         """End the gesture under way where it is, as when the window loses the pointer."""

@@ -58,6 +58,15 @@ def _along(places: Array, pixels: Array, asked: Array) -> Array:
     return np.stack([np.interp(asked, places, pixels[:, axis]) for axis in range(2)], axis=1)
 
 
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """A change of what is drawn, and the depth of the session's history at which it was made."""
+
+    depth: int
+    before: tuple[DrawnTrajectory, ...]
+    after: tuple[DrawnTrajectory, ...]
+
+
 class TrajectoryTool(PosingTool):
     """Draws trajectories of points; whoever animates takes them from here.
 
@@ -76,7 +85,10 @@ class TrajectoryTool(PosingTool):
         self.drawn: tuple[DrawnTrajectory, ...] = ()
         self.drawing: list[Pixel] = []
         self.accepted = False
-        self._steps: list[tuple[DrawnTrajectory, ...]] = []
+        # Each change with the depth of the session's history at which it was made; what undo took back, likewise.
+        self._steps: list[_Step] = []
+        self._undone: list[_Step] = []
+        self._depth = 0
 
     def candidates(self, context: ToolContext) -> dict[str, Pixel]:
         """Return where the view shows the feature points that can be taken, those that the face hides aside."""
@@ -142,6 +154,7 @@ class TrajectoryTool(PosingTool):
         image = self._mirrored(drawn, context) if self._settings.symmetry.on else None
         new = (drawn,) if image is None else (drawn, image)
         anchors = {one.anchor for one in new}
+        self.follow_history(session.depth)
         self._change((*(other for other in self.drawn if other.anchor not in anchors), *new))
 
     def _mirrored(self, drawn: DrawnTrajectory, context: ToolContext) -> DrawnTrajectory | None:
@@ -165,7 +178,8 @@ class TrajectoryTool(PosingTool):
         return DrawnTrajectory(across[0], drawn.times, camera.project(other + moves), camera)
 
     def _change(self, drawn: tuple[DrawnTrajectory, ...]) -> None:
-        self._steps.append(self.drawn)
+        self._steps.append(_Step(self._depth, self.drawn, drawn))
+        self._undone = []
         self.drawn = drawn
 
     def at(self, position: Pixel, context: ToolContext) -> int | None:
@@ -185,12 +199,9 @@ class TrajectoryTool(PosingTool):
         index = self.at(position, context)
         if index is None:
             return False
+        self.follow_history(context.session.depth)
         self._change((*self.drawn[:index], *self.drawn[index + 1 :]))
         return True
-
-    def settle(self) -> None:
-        """Take note that the face follows what is drawn: what undo takes back next is that."""
-        self._steps = []
 
     def clear(self) -> None:
         """Remove all trajectories; undo brings them back."""
@@ -202,17 +213,56 @@ class TrajectoryTool(PosingTool):
         self.accepted = bool(self.drawn)
         return self.accepted
 
+    def follow_history(self, depth: int) -> None:
+        """Take back what was drawn after a step of the session that is undone now, and redo what was drawn before one.
+
+        Args:
+            depth: Of the session's history.
+        """
+        self._depth = depth
+        while self._steps and self._steps[-1].depth > depth:
+            self._back()
+        while self._undone and self._undone[-1].depth < depth:
+            self._forward()
+
+    @property
+    def can_step_back(self) -> bool:
+        """Whether the last step, of the session's and its own, is its own."""
+        return bool(self._steps) and self._steps[-1].depth == self._depth
+
+    @property
+    def can_step_forward(self) -> bool:
+        """Whether the next step to redo, of the session's and its own, is its own."""
+        return bool(self._undone) and self._undone[-1].depth == self._depth
+
     def step_back(self) -> bool:
-        """Take back the last trajectory; return whether there was anything to take back."""
-        if not self._steps:
+        """Take back the last change of what is drawn, if nothing was done since; return whether it did."""
+        if not self.can_step_back:
             return False
-        self.drawn = self._steps.pop()
+        self._back()
         return True
+
+    def step_forward(self) -> bool:
+        """Do the change again that was taken back last, if it comes next; return whether it did."""
+        if not self.can_step_forward:
+            return False
+        self._forward()
+        return True
+
+    def _back(self) -> None:
+        step = self._steps.pop()
+        self._undone.append(step)
+        self.drawn = step.before
+
+    def _forward(self) -> None:
+        step = self._undone.pop()
+        self._steps.append(step)
+        self.drawn = step.after
 
     def hint(self, context: ToolContext) -> str:
         """Return what a press will do."""
         if not self.fits(context):
-            return "The trajectories are of another view: solve them, or clear them to draw new ones"
+            return "The trajectories belong to another view: solve them, or clear them to draw new ones"
         if not self.drawn:
-            return "Press on a point of the face and draw its way: the time that you take is the time of the animation"
-        return "Draw the way of another point   ·   Enter: let the face follow   ·   right click: remove one"
+            return "Press on a point of the face and draw its path: the time that you take is the time of the animation"
+        return "Draw the path of another point   ·   Enter: let the face follow   ·   right click: remove one"

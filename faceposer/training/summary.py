@@ -1,14 +1,15 @@
 """What was learned and how well, in words, as JSON and as pictures."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file, write_text
 from faceposer.model.face_model import FaceModel
-from faceposer.model.shape_names import match_arkit
-from faceposer.model.subject import Subject
+from faceposer.model.shape_names import match_arkit, whole_of
+from faceposer.model.subject import ARKIT_SHAPES, Subject
 
 _MANY = 6
 # A shape of which the subspace leaves more than this is worth a word.
@@ -43,7 +44,7 @@ def text_of_summary(subject: Subject) -> str:
     ]
     summary = subject.summary
     if summary.get("kind") == "rig":
-        lines.append(f"{summary['shapes']} of ARKit's shapes, {summary['dimensions']} dimensions")
+        lines.append(f"{arkit_shapes_of(summary)}, {summary['dimensions']} dimensions")
         for key, words in (
             ("missing", "done without"),
             ("empty", "empty, move nothing"),
@@ -84,6 +85,19 @@ def text_of_summary(subject: Subject) -> str:
     if subject.credits:
         lines.append(subject.credits)
     return "\n".join(lines)
+
+
+def arkit_shapes_of(summary: Mapping[str, Any]) -> str:
+    """Return how many of ARKit's shapes a rig has, from its summary: neither those missing nor those that move nothing.
+
+    A rig may have a shape in two halves, which is one of the 52.
+    """
+    lacking = {*summary["missing"], *map(whole_of, summary["empty"])}
+    there = len(ARKIT_SHAPES) - len(lacking)
+    text = f"{there} of ARKit's {len(ARKIT_SHAPES)} shapes"
+    if summary["shapes"] != there + len(summary["empty"]):
+        text += f", as {summary['shapes']} sliders, some for one side"
+    return text
 
 
 def _prior_lines(prior: dict[str, Any]) -> list[str]:

@@ -44,7 +44,7 @@ def test_a_rig_is_trained_described_posed_and_renamed(
     )
     assert (status, err) == (0, "")
     assert f"My face ('my-face'): {len(base().vertices)} vertices" in out
-    assert "52 of ARKit's shapes" in out
+    assert "of ARKit's 52 shapes" in out
     assert json.loads((summary / "summary.json").read_text())["summary"]["curves"]["compactness"]
     assert (summary / "summary.png").read_bytes().startswith(b"\x89PNG")
     assert sorted(path.name for path in summary.iterdir()) == ["summary.json", "summary.png"]

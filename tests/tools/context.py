@@ -83,7 +83,8 @@ class HeadlessContext:
 
     def redo(self) -> None:
         """Redo as the window does."""
-        self.session.redo()
+        if not self.toolbox.step_forward():
+            self.session.redo()
         self.session.poll()
 
     @property

@@ -5,6 +5,7 @@ import pytest
 
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints.gaze import MOST_PITCH, MOST_YAW, GazeConstraint, gaze_direction
+from faceposer.tools.gaze_tool import pupils_of
 from tests.tools.context import HeadlessContext, along, check_stages, shifted, straight
 
 CORNER = "8.3"
@@ -65,14 +66,42 @@ def test_eyes_turn_no_farther_than_they_can(context: HeadlessContext) -> None:
     assert -MOST_PITCH <= pitch < -10
 
 
-def test_a_click_leaves_nothing_and_beside_the_handle_one_orbits(context: HeadlessContext) -> None:
-    context.click(handle(context))
-    assert not context.session.can_undo
-    view = context.view
-    begin = context.feature(CORNER)
-    context.drag(begin, shifted(begin, 30, 0))
-    assert context.view != view
+def test_a_click_leaves_nothing(context: HeadlessContext) -> None:
+    for position in (handle(context), context.feature(CORNER), (5.0, 5.0)):
+        context.click(position)
+        assert not context.session.can_undo
+        assert context.constraints == ()
+
+
+@pytest.mark.parametrize("place", ["mouth", "corner of the view"])
+def test_the_handle_follows_a_drag_anywhere_in_the_view(context: HeadlessContext, place: str) -> None:
+    view, before = context.view, handle(context)
+    begin = context.feature(CORNER) if place == "mouth" else (5.0, 5.0)
+    context.drag(begin, shifted(begin, 40, -20))
+    assert context.view == view
+    np.testing.assert_allclose(handle(context), shifted(before, 40, -20), atol=0.5)
+    context.undo()
     assert context.constraints == ()
+
+
+def test_elsewhere_than_on_the_handle_the_point_tool_drags_points(context: HeadlessContext) -> None:
+    turn(context, 50, 0)
+    context.toolbox.choose("point")
+    corner = context.feature(CORNER)
+    context.drag(corner, shifted(corner, 8, -8))
+    assert [constraint.kind for constraint in context.constraints] == ["gaze", "point"]
+
+
+@pytest.mark.parametrize("direction", [(0.0, 0.0), (25.0, 10.0), (-25.0, -15.0)])
+def test_lines_begin_at_the_pupils_that_one_sees(model: FaceModel, direction: tuple[float, float]) -> None:
+    subject = model.subject
+    pupils = pupils_of(subject, direction)
+    assert pupils is not None
+    constraint = GazeConstraint(direction)
+    posed = model.instance(constraint.moved_start(model, model.neutral()))
+    for name, pupil in zip(("3.5", "3.6"), sorted(pupils, key=lambda place: -place[0]), strict=True):
+        seen = posed[subject.feature_points[name]]
+        assert np.linalg.norm(pupil - seen) < 0.45, "centimetres"
 
 
 @pytest.mark.parametrize("tool", ["gaze", "point"])
@@ -125,8 +154,10 @@ def test_from_behind_the_head_hides_the_handle(context: HeadlessContext) -> None
     at = handle(context)
     assert context.pick(at) is not None
     context.click(at, "right")
-    context.drag(at, shifted(at, 40, 0))
     assert context.constraints == kept
+    context.toolbox.choose("point")
+    context.drag(at, shifted(at, 40, 0))
+    assert context.constraints[: len(kept)] == kept, "the point tool takes what it sees"
 
 
 def test_other_constraints_keep_the_gaze(context: HeadlessContext) -> None:

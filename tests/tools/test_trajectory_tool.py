@@ -107,8 +107,49 @@ def test_taken_back_removed_and_accepted(context: HeadlessContext) -> None:
     assert len(tool.drawn) == 1
     toolbox.choose("point")
     assert len(tool.drawn) == 1, "another tool leaves them"
-    tool.settle()
-    assert not tool.step_back()
+
+
+def test_drawings_follow_undo_and_redo_in_the_order_of_what_was_done(context: HeadlessContext) -> None:
+    tool, session = tool_of(context), context.session
+    draw(context, context.feature(LEFT), 20.0)
+    first = tool.drawn
+    session.set_prior_weight(2.0)
+    draw(context, context.feature(RIGHT), 20.0)
+    both = tool.drawn
+    assert (len(first), len(both)) == (1, 2)
+    context.undo()
+    assert tool.drawn == first
+    assert session.document.prior_weight == 2.0
+    context.undo()
+    assert tool.drawn == first
+    assert session.document.prior_weight == 1.0
+    context.undo()
+    assert tool.drawn == ()
+    context.redo()
+    assert tool.drawn == first
+    context.redo()
+    assert session.document.prior_weight == 2.0
+    context.redo()
+    assert tool.drawn == both
+    context.undo()
+    draw(context, context.feature("2.1"), 10.0)
+    drawn = tool.drawn
+    context.redo()
+    assert tool.drawn == drawn, "what is drawn anew takes the place of what was undone"
+
+
+def test_what_was_drawn_goes_with_the_step_before_it_whatever_tool_undoes_that(context: HeadlessContext) -> None:
+    tool, session = tool_of(context), context.session
+    session.set_prior_weight(2.0)
+    draw(context, context.feature(LEFT), 20.0)
+    drawn = tool.drawn
+    session.undo()
+    tool.follow_history(session.depth)
+    assert tool.drawn == ()
+    session.redo()
+    session.set_prior_weight(3.0)
+    tool.follow_history(session.depth)
+    assert tool.drawn == drawn
 
 
 def test_what_the_hand_does_while_the_wheel_turns_is_left_out(context: HeadlessContext) -> None:

@@ -12,6 +12,7 @@ def build_features(context: EditorContext) -> Features:
     from faceposer.gui.features.import_character.feature import ImportCharacterFeature
     from faceposer.gui.features.photo.feature import PhotoFeature
     from faceposer.gui.features.poses.feature import PosesFeature
+    from faceposer.gui.features.preferences.feature import PreferencesFeature
     from faceposer.gui.features.range_marks.feature import RangeMarksFeature
     from faceposer.gui.features.recovery.feature import RecoveryFeature
     from faceposer.gui.features.timeline.feature import TimelineFeature
@@ -28,6 +29,7 @@ def build_features(context: EditorContext) -> Features:
         ImportCharacterFeature,
         ExportFeature,
         RangeMarksFeature,
+        PreferencesFeature,
         GuideFeature,
         RecoveryFeature,
     )

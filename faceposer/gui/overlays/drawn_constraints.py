@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from faceposer.gui.overlays.hidden_marks import HiddenMarks
 from faceposer.gui.overlays.marks import Mark, MarkView, mark_of
 from faceposer.gui.overlays.marks.gaze import handle_mark
 from faceposer.gui.overlays.pins import PinMark, pin_marks
@@ -20,6 +21,7 @@ class DrawnConstraints:
 
     Attributes:
         names: What people call places of the face.
+        hidden: Which constraints the user has hidden in the view.
     """
 
     def __init__(
@@ -29,6 +31,7 @@ class DrawnConstraints:
         self._session, self._scene, self._viewport, self._toolbox = session, scene, viewport, toolbox
         self._busy = busy
         self.names = PointNames(session.model.subject)
+        self.hidden = HiddenMarks()
         self._pins: tuple[object, list[PinMark]] = (None, [])
         self._marks: tuple[object, dict[int | None, Mark]] = (None, {})
         self._conflicts: tuple[object, dict[int, str]] = (None, {})

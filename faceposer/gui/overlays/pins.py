@@ -8,6 +8,7 @@ from imgui_bundle import imgui
 
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.gui.viewport import Pixel, Viewport
+from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import ACCENT, EDGE, FAINT, INK, WARNING, u32
 from faceposer.render.scene import Scene
 from faceposer.tools.point_tool import handle_pixels, pins
@@ -94,13 +95,14 @@ def draw_overlay(
 def draw_label(draw: imgui.ImDrawList, viewport: Viewport, at: Pixel, text: str) -> None:
     """Write ``text`` beside the place ``at``, inside the view."""
     scale = viewport.ui_scale
-    size = imgui.calc_text_size(text)
     pad = 5.0 * scale
+    text = shortened(text, viewport.size[0] - 2.0 * pad)
+    size = imgui.calc_text_size(text)
     x, y = _placed(viewport, at)
     right = viewport.origin[0] + viewport.size[0]
     left = x + 14.0 * scale
     if left + size.x + 2.0 * pad > right:
-        left = x - 14.0 * scale - size.x - 2.0 * pad
+        left = max(x - 14.0 * scale - size.x - 2.0 * pad, viewport.origin[0])
     top = max(y - size.y / 2.0 - pad, viewport.origin[1])
     draw.add_rect_filled(
         (left, top), (left + size.x + 2.0 * pad, top + size.y + 2.0 * pad), u32(EDGE, 0.78), 4.0 * scale

@@ -1,6 +1,6 @@
 """The list of constraints: what each is, where, how far the face is from it, and what can be set."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from imgui_bundle import ImVec2, ImVec4, imgui
@@ -9,11 +9,37 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.details import draw_details
 from faceposer.gui.panels.tool_bar import TOOL_ICONS
 from faceposer.gui.widgets.basic import action_button, button_width, caption, heading, tooltip
+from faceposer.gui.widgets.text import broken, text_width
 from faceposer.gui.widgets.theme import FAINT, INK, WARNING, Icon, em, u32
 from faceposer.solve.conflicts import NOTABLE_PX
 from faceposer.solve.constraints.registry import Constraint
 
 _MOST_ROWS = 8
+# In units of the font's size: sides of a row's buttons, the icon of its kind, what stands above and below the text.
+_BUTTON, _ICON, _PAD = 1.45, 1.4, 0.3
+#: What the list says while it is empty, by the chosen tool.
+EMPTY_TEXTS = {
+    "point": "Press on the face and drag: the point stays where you leave it, and the face follows.",
+    "distance": "Drag from one point of the face to another, or choose a distance above; then set it by its slider.",
+    "stroke": "Draw on the face what should move, then draw where it should be.",
+    "curve": "Click points of a curve on the face and press Enter; then drag the points of its copy.",
+    "fix": "Paint over what should stay where it is, or choose a region above.",
+    "gaze": "Drag in the view: both eyes follow the ring.",
+    "trajectory": "Draw the paths of points; solved, they become keys of the timeline and not constraints.",
+    "photo": "Set pins on the photo, which the tab Photo lists; posing after them makes constraints.",
+}
+
+
+@dataclass(frozen=True)
+class _Row:
+    """What one row shows, and where."""
+
+    constraint: Constraint
+    lines: list[str]
+    figure: str
+    fights: bool
+    residual: float
+    height: float
 
 
 class ConstraintsPanel:
@@ -24,9 +50,9 @@ class ConstraintsPanel:
         count = len(context.session.document.constraints)
         heading(context.fonts, f"Constraints   {count}" if count else "Constraints")
         if not count:
-            caption("Press on the face and drag: the point stays where you leave it, and the face follows.")
+            caption(EMPTY_TEXTS[context.toolbox.chosen.name])
             return
-        self._draw_rows(context, count)
+        self._draw_rows(context)
         imgui.spacing()
         width = button_width(2)
         action_button(context.widget_rects, context.actions["delete"], width, "Delete")
@@ -37,16 +63,29 @@ class ConstraintsPanel:
             imgui.spacing()
             draw_details(context, selected[0])
 
-    def _draw_rows(self, context: EditorContext, count: int) -> None:
-        row = imgui.get_frame_height()
+    def _rows(self, context: EditorContext, width: float) -> list[_Row]:
+        """Return the rows for a list that is ``width`` wide; a name that does not fit into a line takes two."""
+        rows = []
+        residuals = context.session.residuals_px
+        for i, constraint in enumerate(context.session.document.constraints):
+            fights = i in context.drawn_constraints.conflicts
+            figure = f"{Icon.FIGHT} {residuals[i]:.1f} px" if fights else f"{residuals[i]:.1f} px"
+            room = width - em(4.0 * _BUTTON + _ICON + 0.5) - text_width(figure)
+            lines = broken(context.point_name(i), room)
+            height = len(lines) * imgui.get_text_line_height() + 2.0 * em(_PAD)
+            rows.append(_Row(constraint, lines, figure, fights, residuals[i], round(height)))
+        return rows
+
+    def _draw_rows(self, context: EditorContext) -> None:
         imgui.push_style_color(imgui.Col_.button, ImVec4(0.0, 0.0, 0.0, 0.0))
         imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(0.0, 0.0))
-        imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0.0, em(0.3)))
-        imgui.begin_child("##constraints", ImVec2(0.0, min(count, _MOST_ROWS) * row))
-        residuals = context.session.residuals_px
-        for i in range(count):
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0.0, em(_PAD)))
+        # As if there were a scroll bar, so that rows stay as they are when it comes.
+        rows = self._rows(context, imgui.get_content_region_avail().x - imgui.get_style().scrollbar_size)
+        imgui.begin_child("##constraints", ImVec2(0.0, sum(row.height for row in rows[:_MOST_ROWS])))
+        for i, row in enumerate(rows):
             imgui.push_id(i)
-            removed = self._draw_row(context, i, residuals[i], row)
+            removed = self._draw_row(context, i, row)
             imgui.pop_id()
             if removed:
                 break
@@ -54,17 +93,16 @@ class ConstraintsPanel:
         imgui.pop_style_var(2)
         imgui.pop_style_color()
 
-    def _draw_row(self, context: EditorContext, index: int, residual: float, height: float) -> bool:
+    def _draw_row(self, context: EditorContext, index: int, row: _Row) -> bool:
         """Draw one row and return whether its constraint was removed."""
-        constraint = context.session.document.constraints[index]
-        free = not context.busy
+        constraint, free = row.constraint, not context.busy
         begin, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
         corner = imgui.get_cursor_screen_pos()
         imgui.set_next_item_allow_overlap()
         lit = index in context.toolbox.selection or (
             context.toolbox.hover is not None and context.toolbox.hover.pin == index
         )
-        pressed, _ = imgui.selectable("##row", lit, 0, ImVec2(width, height))
+        pressed, _ = imgui.selectable("##row", lit, 0, ImVec2(width, row.height))
         context.widget_rects.record(f"point:{index}")
         if imgui.is_item_hovered():
             context.highlighted = index
@@ -73,66 +111,81 @@ class ConstraintsPanel:
         conflict = context.drawn_constraints.conflicts.get(index)
         name = f"{constraint.noun.capitalize()}: {context.point_name(index)}"
         tooltip(name if conflict is None else f"{name}. {conflict}")
-        self._draw_text(context, index, constraint, residual, (corner.x, corner.y, width, height))
-
-        self._switch(context, index, constraint, begin, height, free)
-        left = begin.x + width - 2.0 * height
-        imgui.set_cursor_pos(ImVec2(left, begin.y))
-        imgui.push_style_color(imgui.Col_.text, ImVec4(*(INK if constraint.locked else (*FAINT[:3], 0.55))))
-        if imgui.button(Icon.LOCK if constraint.locked else Icon.UNLOCK, ImVec2(height, height)) and free:
+        self._draw_text(row, (corner.x, corner.y, width))
+        self._draw_enabled(context, index, constraint, (begin.x, begin.y, row.height), free)
+        left = begin.x + width - 3.0 * em(_BUTTON)
+        self._draw_visible(context, index, (left, begin.y, row.height))
+        left += em(_BUTTON)
+        icon = Icon.LOCK if constraint.locked else Icon.UNLOCK
+        if self._small_button(icon, constraint.locked, left, begin.y, row) and free:
             self._change(context, index, "Unlock" if constraint.locked else "Lock", locked=not constraint.locked)
-        imgui.pop_style_color()
         context.widget_rects.record(f"point:{index}:lock")
-        tooltip("Locked; click to let it be moved." if constraint.locked else "Lock it: only a reset removes it then.")
-        imgui.set_cursor_pos(ImVec2(left + height, begin.y))
+        tooltip("Locked; click to unlock" if constraint.locked else "Lock: it can be neither moved nor removed")
+        left += em(_BUTTON)
         imgui.begin_disabled(constraint.locked)
-        removed = imgui.button(Icon.CLOSE, ImVec2(height, height)) and free
+        removed = self._small_button(Icon.CLOSE, True, left, begin.y, row) and free
         imgui.end_disabled()
         context.widget_rects.record(f"point:{index}:delete")
-        tooltip("Remove it")
-        imgui.set_cursor_pos(ImVec2(begin.x, begin.y + height))
+        tooltip("Remove")
+        imgui.set_cursor_pos(ImVec2(begin.x, begin.y + row.height))
         if removed:
             context.toolbox.select(index)
             context.toolbox.delete_selected()
         return removed
 
-    def _draw_text(
+    def _small_button(self, icon: str, bright: bool, left: float, top: float, row: _Row) -> bool:
+        imgui.set_cursor_pos(ImVec2(left, top))
+        imgui.push_style_color(imgui.Col_.text, ImVec4(*(INK if bright else (*FAINT[:3], 0.55))))
+        pressed = imgui.button(icon, ImVec2(em(_BUTTON), row.height))
+        imgui.pop_style_color()
+        return bool(pressed)
+
+    def _draw_text(self, row: _Row, box: tuple[float, float, float]) -> None:
+        """Draw the icon, the name and the residual of ``row`` into ``box``: left, top, width."""
+        left, top, width = box
+        right = left + width - em(3.0 * _BUTTON + 0.1)
+        draw = imgui.get_window_draw_list()
+        line = imgui.get_text_line_height()
+        middle = top + (row.height - imgui.get_font_size()) / 2.0
+        tint = INK if row.constraint.enabled else FAINT
+        left += em(_BUTTON + 0.1)
+        draw.add_text(ImVec2(left, middle), u32(tint, 0.75), TOOL_ICONS[row.constraint.icon])
+        for n, text in enumerate(row.lines):
+            draw.add_text(ImVec2(left + em(_ICON), top + em(_PAD) + n * line), u32(tint), text)
+        far = row.constraint.enabled and row.residual > NOTABLE_PX
+        draw.add_text(ImVec2(right - text_width(row.figure), middle), u32(WARNING if far else FAINT), row.figure)
+
+    def _draw_enabled(
         self,
         context: EditorContext,
         index: int,
         constraint: Constraint,
-        residual: float,
-        box: tuple[float, float, float, float],
+        place: tuple[float, float, float],
+        free: bool,
     ) -> None:
-        left, top, width, height = box
-        figure = f"{residual:.1f} px"
-        right = left + width - 2.0 * height - em(0.1)
-        figure_left = right - imgui.calc_text_size(figure).x
-        draw = imgui.get_window_draw_list()
-        baseline = top + (height - imgui.get_font_size()) / 2.0
-        tint = INK if constraint.enabled else FAINT
-        draw.add_text(ImVec2(left + height + em(0.1), baseline), u32(tint, 0.75), TOOL_ICONS[constraint.icon])
-        name_left = left + height + em(1.5)
-        fights = index in context.drawn_constraints.conflicts
-        if fights:
-            figure_left -= em(1.0)
-        draw.push_clip_rect(ImVec2(name_left, top), ImVec2(figure_left - em(0.3), top + height), True)
-        draw.add_text(ImVec2(name_left, baseline), u32(tint), context.point_name(index))
-        draw.pop_clip_rect()
-        far = residual > NOTABLE_PX and constraint.enabled
-        text = f"{Icon.FIGHT} {figure}" if fights else figure
-        draw.add_text(ImVec2(figure_left, baseline), u32(WARNING if far else FAINT), text)
-
-    def _switch(
-        self, context: EditorContext, index: int, constraint: Constraint, begin: ImVec2, height: float, free: bool
-    ) -> None:
-        imgui.set_cursor_pos(begin)
-        if imgui.button(Icon.EYE if constraint.enabled else Icon.EYE_OFF, ImVec2(height, height)) and free:
-            self._change(
-                context, index, "Let it rest" if constraint.enabled else "Wake it", enabled=not constraint.enabled
-            )
+        left, top, height = place
+        imgui.set_cursor_pos(ImVec2(left, top))
+        imgui.push_style_color(imgui.Col_.text, ImVec4(*(INK if constraint.enabled else (*FAINT[:3], 0.55))))
+        pressed = imgui.button(Icon.POWER, ImVec2(em(_BUTTON), height))
+        imgui.pop_style_color()
+        if pressed and free:
+            label = "Disable a constraint" if constraint.enabled else "Enable a constraint"
+            self._change(context, index, label, enabled=not constraint.enabled)
         context.widget_rects.record(f"point:{index}:on")
-        tooltip("It pulls; click to let it rest." if constraint.enabled else "It rests; click to let it pull.")
+        tooltip("Enabled; click to disable" if constraint.enabled else "Disabled; click to enable")
+
+    def _draw_visible(self, context: EditorContext, index: int, place: tuple[float, float, float]) -> None:
+        """Draw the switch that hides the mark of the constraint in the view, which counts as before."""
+        left, top, height = place
+        constraints, marks = context.session.document.constraints, context.drawn_constraints.hidden
+        shown = index not in marks.indices(constraints)
+        imgui.set_cursor_pos(ImVec2(left, top))
+        imgui.push_style_color(imgui.Col_.text, ImVec4(*((*FAINT[:3], 0.55) if shown else INK)))
+        if imgui.button(Icon.EYE if shown else Icon.EYE_OFF, ImVec2(em(_BUTTON), height)):
+            marks.toggle(index, constraints)
+        imgui.pop_style_color()
+        context.widget_rects.record(f"point:{index}:visible")
+        tooltip("Visible; click to hide it in the view" if shown else "Hidden; click to show it in the view")
 
     def _change(self, context: EditorContext, index: int, label: str, **switches: Any) -> None:
         constraint: Any = context.session.document.constraints[index]

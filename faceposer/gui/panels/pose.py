@@ -1,4 +1,4 @@
-"""The panel's first part: which face, how it follows, and back to neutral."""
+"""The first part of the tab Pose: how the face follows, and back to neutral."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,7 +9,6 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.details.fixed import LARGEST_HOLD
 from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, tooltip
 from faceposer.gui.widgets.theme import FIELD, RAISED, Icon, em
-from faceposer.model.subject_file import available_subjects
 from faceposer.solve.constraints.fixed import FixedConstraint
 from faceposer.solve.priors import PRIORS, Prior
 from faceposer.solve.problem import SPREAD
@@ -27,10 +26,7 @@ _PRIOR_TEXTS = (
 
 
 class PosePanel:
-    """Subject, mode, spread, prior weight, neutral."""
-
-    def __init__(self) -> None:
-        self._subjects: list[tuple[str, str]] | None = None
+    """Mode, spread, prior weight, neutral."""
 
     def draw(self, context: EditorContext) -> None:
         """Draw the part."""
@@ -57,24 +53,6 @@ class PosePanel:
         action_button(context.widget_rects, context.actions["compare"], width, "Compare")
         imgui.same_line()
         action_button(context.widget_rects, context.actions["accept-pose"], width, "Accept")
-
-    def draw_subjects(self, context: EditorContext) -> None:
-        """Draw the list of faces to choose from."""
-        subject = context.session.model.subject
-        imgui.set_next_item_width(-1.0)
-        opened = imgui.begin_combo("##subject", subject.title)
-        context.widget_rects.record("subject")
-        if not opened:
-            tooltip(f"Whose face to pose; {context.actions['open'].shortcut} opens others from files")
-            return
-        if self._subjects is None:
-            self._subjects = available_subjects()
-        for name, title in self._subjects:
-            pressed, _ = imgui.selectable(f"{title}##{name}", name == context.session.document.subject)
-            context.widget_rects.record(f"subject:{name}")
-            if pressed and name != context.session.document.subject:
-                context.open_file(name)
-        imgui.end_combo()
 
     def _draw_spread(self, context: EditorContext) -> None:
         session = context.session

@@ -3,6 +3,8 @@
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
+from faceposer.gui.widgets.basic import tooltip
+from faceposer.gui.widgets.text import begun
 from faceposer.gui.widgets.theme import FAINT, em
 
 
@@ -19,9 +21,11 @@ def draw_status_bar(context: EditorContext) -> None:
     imgui.set_cursor_pos_y((imgui.get_window_height() - imgui.get_font_size()) / 2.0)
     left = imgui.get_cursor_screen_pos()
     end = imgui.get_window_pos().x + edge - width - em(1.5)
-    imgui.push_clip_rect((left.x, left.y - em(1)), (max(end, left.x), left.y + em(2)), True)
-    imgui.text_unformatted(context.hint())
-    imgui.pop_clip_rect()
+    hint = context.hint()
+    shown = begun(hint, max(end - left.x, em(2.0)))
+    imgui.text_unformatted(shown)
+    if shown != hint:
+        tooltip(hint)
     if edge - width > em(8):
         imgui.same_line(edge - width)
         imgui.text_colored(FAINT, right)

@@ -4,7 +4,8 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.geometry.strokes import STROKE_SHAPES
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.basic import button_width, caption, choice, heading, tooltip
+from faceposer.gui.widgets.basic import button_width, caption, choice, fitted_button, heading, tooltip
+from faceposer.gui.widgets.text import text_width
 from faceposer.gui.widgets.theme import ACCENT_DARK, HELD, Icon, em
 from faceposer.model.subject import Subject
 from faceposer.session.place_names import MEASURES
@@ -45,10 +46,14 @@ _TITLES = {
 
 def draw_tool_strip(context: EditorContext) -> None:
     """Draw the buttons of the tools, one below the other, and that of symmetry."""
-    side = em(2.3)
-    for name in context.toolbox.tools:
-        if name == "gaze" and eyes_of(context.session.model.subject) is None:
-            continue
+    usable = [
+        name for name in context.toolbox.tools if name != "gaze" or eyes_of(context.session.model.subject) is not None
+    ]
+    # Smaller where the window is too low for all of them.
+    spacing = imgui.get_style().item_spacing.y
+    room = imgui.get_content_region_avail().y - em(0.4) - (len(usable) + 2) * spacing
+    side = max(min(em(2.3), room / (len(usable) + 1)), em(1.0))
+    for name in usable:
         _strip_button(context, f"tool-{name}", TOOL_ICONS[name], side, context.toolbox.chosen.name == name)
     imgui.dummy((0.0, em(0.4)))
     _strip_button(context, "symmetry", Icon.SYMMETRY, side, context.toolbox.tool_settings.symmetry.on)
@@ -92,10 +97,10 @@ def _distance(context: EditorContext) -> None:
         if i % 2:
             imgui.same_line()
         width = button_width(2) if not i % 2 else imgui.get_content_region_avail().x
-        if imgui.button(title.capitalize(), (width, 0.0)) and not context.busy:
+        tip = f"Add the {title} as a distance, to be set by a slider"
+        pressed = fitted_button(context.widget_rects, title.capitalize(), f"measure:{title}", width, tip)
+        if pressed and not context.busy:
             add_distance((features[first], features[second]), context.viewport, context.toolbox.tool_settings)
-        context.widget_rects.record(f"measure:{title}")
-        tooltip(f"Add the {title} as a distance, to be set by a slider")
 
 
 def _stroke(context: EditorContext) -> None:
@@ -138,21 +143,23 @@ def _fix(context: EditorContext) -> None:
     if options.fix_mode == "brush":
         options.fix_brush = _brush(context, "fix-brush", options.fix_brush, 160.0)
     known = regions_to_hold(context.session.model.subject)
+    padding = 2.0 * imgui.get_style().frame_padding.x
+    widest = max((text_width(title) + padding for title, _ in known), default=1.0)
+    columns = min(max(int(imgui.get_content_region_avail().x // widest), 1), 3)
     for i, (title, names) in enumerate(known):
-        if i % 3:
+        if i % columns:
             imgui.same_line()
-        width = button_width(3 - i % 3)
+        width = button_width(columns - i % columns)
         held = region_held(names, context.viewport) is not None
         if held:
             imgui.push_style_color(imgui.Col_.button, ImVec4(*HELD[:3], 0.55))
-        if imgui.button(title, (width, 0.0)) and not context.busy:
-            toggle_region(names, context.viewport, context.toolbox.tool_settings)
+        verb = "Release" if held else "Hold"
+        tip = f"{verb} the {title.lower()} where {'they are' if title.endswith('s') else 'it is'}"
+        pressed = fitted_button(context.widget_rects, title, f"hold:{title}", width, tip)
         if held:
             imgui.pop_style_color()
-        context.widget_rects.record(f"hold:{title}")
-        tooltip(
-            f"{'Let go' if held else 'Hold'} the {title.lower()} where {'they are' if title.endswith('s') else 'it is'}"
-        )
+        if pressed and not context.busy:
+            toggle_region(names, context.viewport, context.toolbox.tool_settings)
 
 
 def regions_to_hold(subject: Subject) -> list[tuple[str, tuple[str, ...]]]:

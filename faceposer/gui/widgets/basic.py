@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.gui.actions import Action
+from faceposer.gui.widgets.text import shortened, text_width
 from faceposer.gui.widgets.theme import ACCENT_DARK, ACCENT_MID, FAINT, Fonts, em
 
 Rectangle = tuple[float, float, float, float]
@@ -65,14 +66,72 @@ def caption(text: str) -> None:
     imgui.pop_style_color()
 
 
+_BESIDE_GAP, _WRAP = 0.4, 24.0
+
+
 def tooltip(text: str) -> None:
-    """Explain the widget before, when the pointer rests on it, even if it cannot be used now."""
-    flags = imgui.HoveredFlags_.for_tooltip.value | imgui.HoveredFlags_.allow_when_disabled.value
-    if imgui.is_item_hovered(flags) and imgui.begin_tooltip():
-        imgui.push_text_wrap_pos(em(24))
+    """Explain the widget before, once the pointer has rested on it for a moment, even if it cannot be used now.
+
+    The text stands beside the window that holds the widget, where it covers nothing that one is about to press; below
+    the widget where no side has room.
+    """
+    flags = (
+        imgui.HoveredFlags_.stationary.value
+        | imgui.HoveredFlags_.delay_normal.value
+        | imgui.HoveredFlags_.no_shared_delay.value
+        | imgui.HoveredFlags_.allow_when_disabled.value
+    )
+    if not imgui.is_item_hovered(flags):
+        return
+    padding = imgui.get_style().window_padding
+    extent = imgui.calc_text_size(text, wrap_width=em(_WRAP))
+    size = (extent.x + 2.0 * padding.x, extent.y + 2.0 * padding.y)
+    imgui.set_next_window_pos(ImVec2(*_beside(size)))
+    if imgui.begin_tooltip():
+        imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + em(_WRAP))
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
+
+
+def _beside(size: tuple[float, float]) -> tuple[float, float]:
+    """Return where a box of ``size`` goes that is about the widget before: its left and top."""
+    view = imgui.get_main_viewport()
+    window = imgui.internal.get_current_window().root_window
+    low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+    gap = em(_BESIDE_GAP)
+    left, right = window.pos.x, window.pos.x + window.size.x
+    top, bottom = window.pos.y, window.pos.y + window.size.y
+    level = min(max(low.y, gap), max(view.size.y - size[1] - gap, 0.0))
+    along = min(max(low.x, gap), max(view.size.x - size[0] - gap, 0.0))
+    if right + gap + size[0] <= view.size.x:
+        return (right + gap, level)
+    if left - gap - size[0] >= 0.0:
+        return (left - gap - size[0], level)
+    if bottom + gap + size[1] <= view.size.y and not _is_tall(window):
+        return (along, bottom + gap)
+    if top - gap - size[1] >= 0.0 and not _is_tall(window):
+        return (along, top - gap - size[1])
+    below = high.y + gap
+    return (along, below if below + size[1] <= view.size.y else max(low.y - gap - size[1], 0.0))
+
+
+def _is_tall(window: imgui.internal.Window) -> bool:
+    """Whether what stands above or below ``window`` would be far from most of its widgets."""
+    return bool(window.size.y > em(12.0))
+
+
+def fitted_button(rects: WidgetRects, label: str, name: str, width: float, tip: str) -> bool:
+    """Draw a button of ``width`` and return whether it was pressed.
+
+    A label that is too wide is shortened in its middle, and stands above the tooltip ``tip`` in full.
+    """
+    room = width - 2.0 * imgui.get_style().frame_padding.x
+    shown = shortened(label, room)
+    pressed = imgui.button(f"{shown}##{name}", (width, 0.0))
+    rects.record(name)
+    tooltip(tip if shown == label else f"{label}\n{tip}")
+    return pressed
 
 
 def button_width(count: int) -> float:
@@ -87,7 +146,14 @@ def action_button(rects: WidgetRects, action: Action, width: float, label: str =
     if on or strong:
         _push_lit(ACCENT_DARK if on else ACCENT_MID)
     imgui.begin_disabled(not action.enabled())
-    if imgui.button(f"{label or action.label}##{action.name}", (width, 0.0)):
+    full = label or action.label
+    room = width if width > 0.0 else imgui.get_content_region_avail().x
+    padding = imgui.get_style().frame_padding
+    margin = max(min(0.5 * (room - text_width(full)), padding.x), em(0.15))
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(margin, padding.y))
+    pressed = imgui.button(f"{shortened(full, room - 2.0 * margin)}##{action.name}", (width, 0.0))
+    imgui.pop_style_var()
+    if pressed:
         action.run()
     imgui.end_disabled()
     rects.record(action.name)
@@ -117,19 +183,21 @@ def choice(
     room = imgui.get_content_region_avail().x - gap * (len(labels) - 1)
     texts = [imgui.calc_text_size(label).x if by_text else 0.0 for label in labels]
     spare = (room - sum(texts)) / len(labels)
-    if by_text:
-        padding = ImVec2(max(min(0.5 * spare, em(0.6)), 0.0), imgui.get_style().frame_padding.y)
-        imgui.push_style_var(imgui.StyleVar_.frame_padding, padding)
+    style = imgui.get_style()
+    # Narrower margins where labels would be cut off.
+    left = min((texts[i] + spare - text_width(label) for i, label in enumerate(labels)), default=0.0)
+    margin = min(0.5 * left, em(0.6) if by_text else style.frame_padding.x)
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(max(margin, 0.0), style.frame_padding.y))
     for i, label in enumerate(labels):
         if i:
             imgui.same_line(0.0, gap)
-        pressed = lit_button(f"{label}##{name}", i == chosen, ACCENT_DARK, texts[i] + spare)
+        shown = shortened(label, max(texts[i] + spare, 1.0))
+        pressed = lit_button(f"{shown}##{name}{i}", i == chosen, ACCENT_DARK, texts[i] + spare)
         rects.record(f"{name}:{i}")
-        tooltip(tips[i])
+        tooltip(tips[i] if shown == label else f"{label}\n{tips[i]}")
         if pressed:
             chosen = i
-    if by_text:
-        imgui.pop_style_var()
+    imgui.pop_style_var()
     return chosen
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from imgui_bundle import imgui
 
+from faceposer.errors import FacePoserError
 from faceposer.gui.actions import Actions
 from faceposer.gui.widgets.basic import WidgetRects, caption
 from faceposer.gui.widgets.modal import modal, modal_buttons, modal_title
@@ -67,12 +68,31 @@ class Question:
 
 
 @dataclass
+class TextQuestion:
+    """Asks for a line of text.
+
+    Attributes:
+        title: In bold.
+        text: What the user has typed so far; at first what is proposed.
+        verb: On the button that accepts it.
+        done: Is called with what was typed; a FacePoserError of it is shown, and the user can go on typing.
+        problem: What was wrong with it, or "".
+    """
+
+    title: str
+    text: str
+    verb: str
+    done: Callable[[str], None]
+    problem: str = ""
+
+
+@dataclass
 class Dialogs:
     """The dialogs that are shown or wait."""
 
     fonts: Fonts
     rects: WidgetRects
-    waiting: list[Question] = field(default_factory=list)
+    waiting: list[Question | TextQuestion] = field(default_factory=list)
     keys_shown: bool = False
 
     @property
@@ -80,9 +100,12 @@ class Dialogs:
         """Whether one is shown."""
         return bool(self.waiting) or self.keys_shown
 
-    def ask(self, question: Question) -> None:
+    def ask(self, question: Question | TextQuestion) -> None:
         """Show ``question`` when its turn comes; the same one is not asked twice."""
-        if not any(other.title == question.title and other.text == question.text for other in self.waiting):
+        if not any(
+            type(other) is type(question) and other.title == question.title and other.text == question.text
+            for other in self.waiting
+        ):
             self.waiting.append(question)
 
     def report(self, title: str, text: str, details: str = "") -> None:
@@ -91,8 +114,11 @@ class Dialogs:
 
     def draw(self, actions: Actions, navigation: str) -> None:
         """Draw what is to be shown."""
-        if self.waiting:
-            self._draw_question(self.waiting[0])
+        first = self.waiting[0] if self.waiting else None
+        if isinstance(first, TextQuestion):
+            self._draw_text_question(first)
+        elif first is not None:
+            self._draw_question(first)
         elif self.keys_shown:
             self._draw_keys(actions, navigation)
 
@@ -130,6 +156,44 @@ class Dialogs:
                 taken = question.choices[-1]
         return taken
 
+    def _draw_text_question(self, question: TextQuestion) -> None:
+        pressed = ""
+        with modal("##text-question", 26.0) as shown:
+            if shown:
+                pressed = self._draw_field(question)
+                if pressed == "cancel":
+                    self.waiting.remove(question)
+                    imgui.close_current_popup()
+                elif pressed == "accept":
+                    try:
+                        question.done(question.text)
+                    except FacePoserError as error:
+                        question.problem = str(error)
+                    else:
+                        self.waiting.remove(question)
+                        imgui.close_current_popup()
+
+    def _draw_field(self, question: TextQuestion) -> str:
+        """Draw the field and the buttons, and return the name of the button that was pressed, or ""."""
+        fresh = imgui.is_window_appearing()
+        modal_title(self.fonts, question.title)
+        if fresh:
+            imgui.set_keyboard_focus_here()
+        imgui.set_next_item_width(-1.0)
+        flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+        entered, text = imgui.input_text("##text", question.text, flags)
+        self.rects.record("text:field")
+        if text != question.text:
+            question.text, question.problem = text, ""
+        # One line is kept for it, so that the dialog does not jump.
+        caption(question.problem or " ")
+        pressed = modal_buttons(self.rects, "text", (("accept", question.verb), ("cancel", "Cancel")))
+        if not fresh and entered:
+            pressed = "accept"
+        if not fresh and _pressed(imgui.Key.escape):
+            pressed = "cancel"
+        return pressed
+
     def _draw_keys(self, actions: Actions, navigation: str) -> None:
         room = imgui.get_main_viewport().size.x - em(4)
         with modal("##keys", 40.0, widens=True) as shown:
@@ -137,7 +201,10 @@ class Dialogs:
                 return
             fresh = imgui.is_window_appearing()
             modal_title(self.fonts, "Keys and mouse")
-            if imgui.begin_table("##columns", 3, imgui.TableFlags_.sizing_stretch_same.value, (min(em(66), room), 0.0)):
+            width = min(em(66), room)
+            # As many columns as have room for a key and what it does.
+            count = min(max(int(width // em(18)), 1), 3)
+            if imgui.begin_table("##columns", count, imgui.TableFlags_.sizing_stretch_same.value, (width, 0.0)):
                 menus = actions.menus
                 imgui.table_next_column()
                 _section(self.fonts, "Mouse", (*_MOUSE, *_NAVIGATION[navigation]))

@@ -14,7 +14,8 @@ from imgui_bundle import portable_file_dialogs as native
 
 from faceposer.errors import FacePoserError
 from faceposer.files.names import save_path, suffix_replaced
-from faceposer.gui.widgets.basic import WidgetRects
+from faceposer.gui.widgets.basic import WidgetRects, tooltip
+from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import ACCENT_DARK, FAINT, WARNING, Fonts, Icon, em
 
 Purpose = Literal["open", "save", "folder", "new folder"]
@@ -316,15 +317,20 @@ class PathBrowser:
     def _draw_places(self, rects: WidgetRects) -> None:
         if imgui.button(f"{Icon.UP}##up"):
             self._enter(self.folder.parent)
-        imgui.set_item_tooltip("One folder up")
         rects.record("files:up")
+        tooltip("One folder up")
         imgui.same_line()
         if imgui.button(f"{Icon.HOME}##home"):
             self._enter(Path.home())
-        imgui.set_item_tooltip("Home folder")
+        rects.record("files:home")
+        tooltip("Home folder")
         imgui.same_line()
         imgui.align_text_to_frame_padding()
-        imgui.text_unformatted(str(self.folder))
+        folder = str(self.folder)
+        shown = shortened(folder, imgui.get_content_region_avail().x)
+        imgui.text_unformatted(shown)
+        if shown != folder:
+            tooltip(folder)
 
     def _draw_list(self, rects: WidgetRects) -> Path | None:
         """Draw folders and files; return the one that was clicked twice."""
@@ -340,8 +346,12 @@ class PathBrowser:
             imgui.same_line(em(2.4))
             # Files only show what is in the folder where one of those is wanted.
             imgui.begin_disabled(folders_only and not is_folder)
-            imgui.selectable(f"{name}##entry", name == self.name, imgui.SelectableFlags_.allow_double_click.value)
+            label = shortened(name, imgui.get_content_region_avail().x)
+            flags = imgui.SelectableFlags_.allow_double_click.value
+            imgui.selectable(f"{label}##{name}", name == self.name, flags)
             imgui.end_disabled()
+            if label != name:
+                tooltip(name)
             rects.record(f"files:{name}")
             if imgui.is_item_hovered() and imgui.is_mouse_clicked(0):
                 twice = imgui.is_mouse_double_clicked(0)
@@ -371,7 +381,10 @@ class PathBrowser:
             chosen = self.accept()
             self._focus = chosen is None
         text, notable = self.advice()
-        imgui.text_colored(WARNING if notable else FAINT, text)
+        shown = shortened(text, imgui.get_content_region_avail().x)
+        imgui.text_colored(WARNING if notable else FAINT, shown)
+        if shown != text:
+            tooltip(text)
         save = "Replace" if self._replacing else "Save"
         verb = {"open": "Open", "folder": "Choose", "save": save, "new folder": "Save"}[self.request.purpose]
         width = em(6)

@@ -19,6 +19,7 @@ from faceposer.gui.features.import_character.feature import ImportCharacterFeatu
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.file_dialogs import FileRequest, PathBrowser
 from faceposer.model.subject_file import load_subject
+from faceposer.session.character_library import CharacterLibrary
 from faceposer.session.opening import open_session
 from tests.windows import OpenWindow
 
@@ -163,24 +164,26 @@ class Slow:
 
 def test_from_the_menu_to_a_posed_face(robot: Robot, glb: Path, tmp_path: Path) -> None:
     app = robot.app
+    output = app.characters.folder / "my-head.npz"
     open_by_menu(robot)
     assert importer(app).open
     enter(robot, "source", str(glb))
     assert importer(app).form.title == "My head"
-    assert importer(app).form.output == str(tmp_path / "my-head.npz")
+    assert importer(app).form.output == str(output)
     enter(robot, "title", "Somebody")
     press(robot, "start")
     finish(robot)
     assert importer(app).page == "summary"
-    assert importer(app).about["path"] == str(tmp_path / "my-head.npz")
+    assert importer(app).about["path"] == str(output)
     assert importer(app).about["summary"]["shapes"] == len(SHAPES)
-    assert left_over(tmp_path) == ["my-head.npz"]
+    assert left_over(tmp_path) == [], "nothing lies beside the source"
+    assert left_over(output.parent) == ["my-head.npz"]
     press(robot, "open")
     robot.frames(2)
     assert not importer(app).open
     subject = app.session.model.subject
     assert (subject.name, subject.title) == ("my-head", "Somebody")
-    assert app.settings.recent[0] == str(tmp_path / "my-head.npz")
+    assert app.settings.recent[0] == str(output)
     before = app.scene.vertices.copy()
     x, y = robot.at("8.3")
     robot.drag((x, y), (x + 8, y - 12))
@@ -292,7 +295,7 @@ def test_errors_are_one_sentence_and_can_be_mended(robot: Robot, glb: Path, tmp_
     assert importer(app).page == "form"
     assert "broken.glb" in importer(app).error
     assert importer(app).error.count("\n") == 0
-    assert importer(app).form.output == str(tmp_path / "broken.npz")
+    assert importer(app).form.output == str(app.characters.folder / "broken.npz")
     enter(robot, "output", str(tmp_path / "nowhere" / "a.npz"))
     press(robot, "start")
     assert "nowhere" in importer(app).error
@@ -325,6 +328,7 @@ def test_a_file_that_is_there_is_replaced_only_if_wanted(robot: Robot, glb: Path
     there = tmp_path / "my-head.npz"
     there.write_bytes(b"precious")
     importer(app).show(str(glb))
+    importer(app).form.output = str(there)
     press(robot, "start")
     robot.frames(4)
     assert app.dialogs.waiting[0].title == "Replace my-head.npz?"
@@ -339,6 +343,7 @@ def test_a_file_that_is_there_is_replaced_only_if_wanted(robot: Robot, glb: Path
     assert app.session.model.subject.name == "my-head"
     first = app.session.model
     importer(app).show(str(glb))
+    importer(app).form.output = str(there)
     enter(robot, "title", "Anew")
     press(robot, "start")
     robot.frames(4)
@@ -489,18 +494,19 @@ def test_it_fits_the_window(robot: Robot, glb: Path, size: tuple[int, int]) -> N
 def test_the_form_keeps_what_the_user_has_entered(tmp_path: Path) -> None:
     for name in ("one", "two"):
         (tmp_path / f"{name}.glb").touch()
+    library = CharacterLibrary(tmp_path)
     form = ImportForm(source=str(tmp_path / "one.glb"))
-    form.follow_source(tmp_path)
+    form.follow_source(library)
     assert (form.title, Path(form.output).name) == ("One", "one.npz")
     form.title = "My own"
     form.source = f'"{tmp_path / "two.glb"}"'
-    form.follow_source(tmp_path)
+    form.follow_source(library)
     assert (form.title, Path(form.output).name) == ("My own", "two.npz")
     (tmp_path / "take.npz").touch()
     form.source = str(tmp_path / "take.npz")
-    form.follow_source(tmp_path)
+    form.follow_source(library)
     assert form.kind == "examples"
-    assert Path(form.output).name == "take-character.npz", "not the examples themselves"
+    assert Path(form.output).name == "take-2.npz", "not the examples themselves"
 
 
 def test_processes_can_be_started_from_the_program(tmp_path: Path) -> None:
@@ -508,9 +514,9 @@ def test_processes_can_be_started_from_the_program(tmp_path: Path) -> None:
     code = "import multiprocessing as m\nwith m.get_context('spawn').Pool(1) as p: print(p.map(abs, [-3]))\n"
     hook = tmp_path / "sitecustomize.py"
     hook.write_text(
-        "import faceposer.cli as cli\n"
+        "from faceposer.cli import subjects as command\n"
         "def subjects(_options):\n" + "".join(f"    {line}\n" for line in code.splitlines()) + "    return 0\n"
-        "cli._subjects = subjects\n"
+        "command.run = subjects\n"
     )
     script = tmp_path / "faceposer-script"
     script.write_text("import sys\nfrom faceposer.cli import main\nif __name__ == '__main__':\n    sys.exit(main())\n")

@@ -93,6 +93,31 @@ def pin_at_once(robot: Robot, count: int) -> None:
     robot.frames(2)
 
 
+def test_the_view_is_zoomed_by_the_user_alone(quick: Robot, photo: Path) -> None:
+    robot = quick
+    app = robot.app
+    open_photo(robot, photo)
+    view = app.viewport.view
+    assert isinstance(view, PictureView)
+    scale, middle = view.scale(app.viewport.size), view.middle
+    for count in (3, 4, 5, 15):
+        pin_at_once(robot, count)
+        robot.frames(2)
+        seen = app.viewport.view
+        assert isinstance(seen, PictureView)
+        assert (seen.scale(app.viewport.size), seen.middle) == (scale, middle)
+    app.actions["photo-pose"].run()
+    robot.click_widget("tab:Photo")
+    robot.click_widget("photo:0")
+    seen = app.viewport.view
+    assert isinstance(seen, PictureView)
+    assert (seen.scale(app.viewport.size), seen.middle) == (scale, middle)
+    robot.key("F")
+    seen = app.viewport.view
+    assert isinstance(seen, PictureView)
+    assert seen.scale(app.viewport.size) != scale
+
+
 def colour(robot: Robot, place: tuple[float, float]) -> np.ndarray:
     picture = robot.app.screenshot()
     scale = picture.shape[1] / robot.app.window.size[0]
@@ -137,8 +162,8 @@ def test_a_photo_is_pinned_posed_after_saved_and_opened_again(quick: Robot, phot
     assert view.photo == photo_camera
     assert view.locked
     assert app.scene.photo is not None
-    head = app.viewport.camera.project(app.scene.vertices)
-    assert np.ptp(head[:, 1]) > 0.6 * app.viewport.size[1], "the head is near"
+    whole = PictureView.whole(photo_camera, (0.0, 0.0, 0.0))
+    assert view.scale(app.viewport.size) == whole.scale(app.viewport.size), "all of the photo is shown"
     np.testing.assert_array_equal(app.session.coefficients, pose)
 
 

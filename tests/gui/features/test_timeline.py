@@ -286,8 +286,16 @@ def test_the_face_follows_drawn_trajectories(robot: Robot) -> None:
     robot.key("Ctrl+Z")
     assert frames(robot) == ()
     assert len(following.tool.drawn) == 2
-    robot.key("Ctrl+Z")
-    assert len(following.tool.drawn) == 2, "the session has nothing more to take back, and what is drawn stays"
+    keys = keyframes.frames
+    for count in (1, 0):
+        robot.key("Ctrl+Z")
+        assert len(following.tool.drawn) == count
+    for count in (1, 2):
+        robot.key("Ctrl+Y")
+        assert (len(following.tool.drawn), frames(robot)) == (count, ())
+    robot.key("Ctrl+Y")
+    assert frames(robot) == keys
+    assert len(following.tool.drawn) == 2
 
 
 def test_an_even_pace_every_frame_and_other_keys_stay(robot: Robot) -> None:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.basic import WidgetRects, tooltip
+from faceposer.gui.widgets.basic import WidgetRects, caption, tooltip
 from faceposer.gui.widgets.modal import draw_job, modal, modal_buttons, modal_title
-from faceposer.gui.widgets.theme import FAINT, em
+from faceposer.gui.widgets.theme import em
 from faceposer.interchange.formats import FORMATS
 from faceposer.session.jobs import Job
 
@@ -51,18 +51,16 @@ def _draw_form(context: EditorContext, exchange: "ExportFeature") -> str:
         rects.record(f"export:{suffix[1:]}")
         imgui.same_line(left + em(_LABEL))
         imgui.align_text_to_frame_padding()
-        imgui.push_text_wrap_pos(0.0)
-        imgui.text_colored(FAINT, missing or offered.purpose)
-        imgui.pop_text_wrap_pos()
+        caption(missing or offered.purpose)
     imgui.dummy((0.0, em(0.1)))
     imgui.separator()
     imgui.dummy((0.0, em(0.1)))
-    top = imgui.get_cursor_pos_y()
-    _draw_options(context, exchange)
     # As high with every format, so that nothing jumps when another one is chosen.
-    left_over = top + _MOST_OPTIONS * imgui.get_frame_height_with_spacing() - imgui.get_cursor_pos_y()
-    if left_over > imgui.get_style().item_spacing.y:
-        imgui.dummy((0.0, left_over - imgui.get_style().item_spacing.y))
+    top, most = imgui.get_cursor_pos_y(), _MOST_OPTIONS * imgui.get_frame_height_with_spacing()
+    _draw_options(context, exchange)
+    left_over = top + most - imgui.get_cursor_pos_y() - imgui.get_style().item_spacing.y
+    if left_over > 0.0:
+        imgui.dummy((0.0, left_over))
     pressed = modal_buttons(rects, "export", (("accept", "Export..."), ("cancel", "Cancel")))
     if not fresh and not imgui.get_io().want_text_input:
         if imgui.is_key_pressed(imgui.Key.escape, False):

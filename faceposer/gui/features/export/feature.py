@@ -73,7 +73,7 @@ class ExportFeature(Feature):
         self.open = False
         self.job: StepJob[Path] | None = None
         self.target = Path()
-        self.performance: Callable[[], Performance | None] = lambda: None
+        self.performance: Callable[[], Performance | None] = lambda: context.session.animation.performance
 
     @property
     def patience(self) -> float:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from faceposer.training.kinds import Kind
 
 _WIDTH, _LABEL = 44.0, 8.4
+# Rows of fields that belong to one kind, at most: map, scan, regions and their number.
+_MOST_FIELDS = 4
 _KINDS: tuple["Kind", ...] = ("rig", "examples", "markers")
 _KIND_LABELS = ("Rig", "Examples", "Markers")
 _KIND_TIPS = (
@@ -28,7 +30,7 @@ _KIND_TIPS = (
     "The motion of markers on a performer's face (.c3d, .csv), and a map that says where each is",
 )
 _KIND_WORDS = (
-    "A face with ARKit's shapes: .glb, .gltf, .vrm, or a folder with a mesh for each shape. It is taken over as it is.",
+    "A face with ARKit's shapes: .glb, .gltf, .vrm, or a folder with a mesh for each shape. It is imported unchanged.",
     "Meshes of one face in different expressions: a folder, or an .npz. How they differ becomes what can be posed.",
     "Motion of markers on a face: .c3d or .csv. It moves a scan, and the character is learned from that.",
 )
@@ -92,24 +94,15 @@ class ImportDialog:
         _label("Kind")
         form.kind = _KINDS[choice(rects, "import:kind", _KIND_LABELS, kind, _KIND_TIPS)]
         imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + em(_LABEL))
+        # Room for two lines, whatever the kind.
+        below = imgui.get_cursor_pos_y() + 2.0 * imgui.get_text_line_height() + imgui.get_style().item_spacing.y
         caption(_KIND_WORDS[_KINDS.index(form.kind)])
-        if form.kind == "rig":
-            self._draw_captures(importing)
-        if form.kind == "markers":
-            tip = "JSON file that says where on the scan each marker is (docs/training.md)"
-            form.marker_map = _path_row(importing, "marker_map", "Map", form.marker_map, tip, ("Maps", (".json",)))
-            tip = "What the markers move: a mesh, a subject file, or the name of a subject"
-            form.scan = _path_row(importing, "scan", "Scan", form.scan, tip, ("Scans", (*MESH_SUFFIXES, ".npz")))
-        if form.takes_neutral:
-            tip = "The relaxed face, if no file is called neutral, rest or base"
-            form.neutral = _path_row(importing, "neutral", "Neutral", form.neutral, tip, _MESHES, "found by its name")
-        if form.kind != "rig":
-            self._draw_regions(rects, form)
-        imgui.dummy((0.0, em(0.1)))
+        imgui.set_cursor_pos_y(max(imgui.get_cursor_pos_y(), below))
+        self._draw_fields_of_kind(importing)
         form.title = _text_row(rects, "title", "Title", form.title, "How the character is called in the window")
-        tip = "The subject file that is written; open it like a session"
+        tip = "The file of the character; without another folder it goes to the characters of this program"
         form.output = _path_row(
-            importing, "output", "Save as", form.output, tip, ("Subjects", (".npz",)), purpose="save"
+            importing, "output", "Save as", form.output, tip, ("Characters", (".npz",)), purpose="save"
         )
         opened = imgui.tree_node("Advanced")
         rects.record("import:advanced")
@@ -129,6 +122,25 @@ class ImportDialog:
             importing.close_dialog()
         elif pressed == "start":
             importing.start()
+
+    def _draw_fields_of_kind(self, importing: "ImportCharacterFeature") -> None:
+        """Draw what only this kind of source has."""
+        form, rects = importing.form, importing.context.widget_rects
+        # As high as the most fields of any kind, so that another kind does not move the dialog.
+        top, most = imgui.get_cursor_pos_y(), _MOST_FIELDS * imgui.get_frame_height_with_spacing()
+        if form.kind == "rig":
+            self._draw_captures(importing)
+        if form.kind == "markers":
+            tip = "JSON file that says where on the scan each marker is (docs/training.md)"
+            form.marker_map = _path_row(importing, "marker_map", "Map", form.marker_map, tip, ("Maps", (".json",)))
+            tip = "What the markers move: a mesh, the file of a character, or the name of one"
+            form.scan = _path_row(importing, "scan", "Scan", form.scan, tip, ("Scans", (*MESH_SUFFIXES, ".npz")))
+        if form.takes_neutral:
+            tip = "The relaxed face, if no file is called neutral, rest or base"
+            form.neutral = _path_row(importing, "neutral", "Neutral", form.neutral, tip, _MESHES, "found by its name")
+        if form.kind != "rig":
+            self._draw_regions(rects, form)
+        imgui.dummy((0.0, max(top + most - imgui.get_cursor_pos_y(), 0.0) + em(0.1)))
 
     def _draw_source(self, importing: "ImportCharacterFeature") -> None:
         tip = "What to learn from; it can also be dropped here, or pasted as a path"
@@ -227,7 +239,7 @@ class ImportDialog:
     def _summary(self, importing: "ImportCharacterFeature", alone: bool) -> None:
         assert importing.about is not None
         _begin_body()
-        draw_summary(importing.context.fonts, importing.about)
+        draw_summary(importing.context.fonts, importing.context.widget_rects, importing.about)
         imgui.end_child()
         pressed = modal_buttons(importing.context.widget_rects, "import", (("open", "Open"), ("close", "Close")))
         if alone and _enter():

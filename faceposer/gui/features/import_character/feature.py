@@ -12,7 +12,6 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.import_character.dialog import ImportDialog
 from faceposer.gui.features.import_character.form import ImportForm
-from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.progress import Progress
 from faceposer.session.jobs import ThreadJob
@@ -75,7 +74,9 @@ class ImportCharacterFeature(Feature):
         if not self.running:
             return None
         text = "A character is being learned. What has been learned of it so far would be lost."
-        return Question("Stop learning and quit?", text, (Choice("Stop and quit"), Choice("Go on learning")), default=1)
+        return Question(
+            "Stop learning and quit?", text, (Choice("Stop and quit"), Choice("Continue learning")), default=1
+        )
 
     def actions(self) -> Sequence[Action | Submenu]:
         """Return the entry of the File menu."""
@@ -113,7 +114,7 @@ class ImportCharacterFeature(Feature):
         if source == self.form.source:
             return
         self.form.source, self.error = source, ""
-        self.form.follow_source(last_folder(self.context.settings))
+        self.form.follow_source(self.context.characters)
 
     def takes(self, path: str) -> bool:
         """Whether a file or folder that was dropped is something for this dialog."""
@@ -146,6 +147,8 @@ class ImportCharacterFeature(Feature):
         """Learn what the form asks for, after asking whether a file that is there may be replaced."""
         self.error = ""
         try:
+            if self.context.characters.holds(self.form.output.strip()):
+                self.context.characters.make_folder()
             output = self.form.checked_output()
         except FacePoserError as error:
             self.error = str(error)

@@ -1,12 +1,12 @@
 """What the user enters to make a custom character."""
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from faceposer.errors import FacePoserError
 from faceposer.files.names import save_path
+from faceposer.session.character_library import CharacterLibrary
 
 if TYPE_CHECKING:
     from faceposer.training.kinds import Kind
@@ -56,11 +56,11 @@ class ImportForm:
         """Whether a neutral mesh can be told: a glTF file has its own, markers their first frame."""
         return self.kind == "examples" or (self.kind == "rig" and bool(self.source) and _path(self.source).is_dir())
 
-    def follow_source(self, fallback: Path) -> None:
+    def follow_source(self, library: CharacterLibrary) -> None:
         """Guess the kind of the source, and propose title and output unless they are the user's own.
 
         Args:
-            fallback: Folder for the output where that of the source cannot be written to.
+            library: Where the output goes: never beside the source.
         """
         from faceposer.training.kinds import kind_of, plain_name
 
@@ -73,10 +73,7 @@ class ImportForm:
             # Whatever it is, learning says what is wrong with it.
             return
         name = plain_name(path)
-        folder = path.parent.absolute()
-        output = (folder if os.access(folder, os.W_OK) else fallback.absolute()) / f"{name}.npz"
-        if output == path.absolute():
-            output = output.with_stem(f"{name}-character")
+        output = library.new_path(name)
         before, self.proposed = self.proposed, (name.replace("-", " ").capitalize(), str(output))
         if self.title in ("", before[0]):
             self.title = self.proposed[0]

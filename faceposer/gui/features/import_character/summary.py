@@ -6,9 +6,13 @@ import numpy as np
 from imgui_bundle import imgui, implot
 
 from faceposer.gui.recent_files import shown_path
+from faceposer.gui.widgets.basic import WidgetRects, tooltip
 from faceposer.gui.widgets.theme import ACCENT, FAINT, TARGET, WARNING, Fonts, Icon, em
+from faceposer.training.summary import arkit_shapes_of
 
 _LABEL = 8.4
+# Facts that are folded away at first.
+_DETAILS = ("Parts", "Dimensions", "Kept", "Prior", "Left-out faces", "Neutral")
 _PLOTS = (
     ("compactness", "Compactness", 1.0, "Share of the energy that so many components have"),
     (
@@ -28,7 +32,7 @@ _PLOTS = (
 _MANY = 8
 
 
-def draw_summary(fonts: Fonts, about: dict[str, Any]) -> None:
+def draw_summary(fonts: Fonts, rects: WidgetRects, about: dict[str, Any]) -> None:
     """Draw the page for ``about``, the description of a subject (``description_of``) with the "path" of its file."""
     imgui.text_colored(TARGET, Icon.CHECK)
     imgui.same_line()
@@ -36,13 +40,38 @@ def draw_summary(fonts: Fonts, about: dict[str, Any]) -> None:
     imgui.text_unformatted(f"{about['title']} is ready")
     imgui.pop_font()
     imgui.dummy((0.0, em(0.1)))
-    for label, text in facts_of(about):
-        _row(label, text)
+    imgui.push_text_wrap_pos(0.0)
+    imgui.text_unformatted(sentence_of(about))
+    imgui.pop_text_wrap_pos()
+    imgui.dummy((0.0, em(0.1)))
+    facts = facts_of(about)
+    for label, text in facts:
+        if label not in _DETAILS:
+            _row(label, text)
     for warning in about["summary"].get("warnings", []):
         _row("Note", warning, WARNING)
+    opened = imgui.tree_node("Details")
+    rects.record("import:details")
+    if not opened:
+        return
+    for label, text in facts:
+        if label in _DETAILS:
+            _row(label, text)
     curves = about["summary"].get("curves")
     if curves:
         _draw_curves(curves)
+    imgui.tree_pop()
+
+
+def sentence_of(about: dict[str, Any]) -> str:
+    """Return in one plain sentence how good the character is."""
+    summary = about["summary"]
+    source = "the rig's shapes" if summary["kind"] == "rig" else "the examples"
+    text = f"It can make {_percent(summary['kept_energy'])} of the motion of {source}"
+    curves = summary.get("curves", {})
+    if curves.get("generalization_cm"):
+        text += f", and meets expressions that it has not seen to {10.0 * curves['generalization_cm'][-1]:.2f} mm"
+    return f"{text}."
 
 
 def facts_of(about: dict[str, Any]) -> list[tuple[str, str]]:
@@ -54,7 +83,7 @@ def facts_of(about: dict[str, Any]) -> list[tuple[str, str]]:
         ("Parts", _listed([part["name"] for part in about["parts"]])),
     ]
     if summary["kind"] == "rig":
-        rows.append(("Shapes", f"{summary['shapes']} of ARKit's 52, {summary['dimensions']} dimensions"))
+        rows.append(("Shapes", arkit_shapes_of(summary)))
         for key, label in (("missing", "Missing"), ("empty", "Empty"), ("not_arkit", "Left out")):
             if summary[key]:
                 rows.append((label, _listed(summary[key])))
@@ -65,7 +94,7 @@ def facts_of(about: dict[str, Any]) -> list[tuple[str, str]]:
         if summary["worst"]["shape"]:
             rows[-1] = ("Kept", rows[-1][1] + worst)
     else:
-        rows.append(("Examples", f"{summary['examples']}, {summary['dimensions']} modes"))
+        rows.append(("Examples", f"{summary['examples']}"))
         if "markers" in summary:
             marked = summary["markers"]
             text = (
@@ -81,6 +110,7 @@ def facts_of(about: dict[str, Any]) -> list[tuple[str, str]]:
                 f"{_percent(worst_region['kept_energy'])}",
             )
         )
+    rows.append(("Dimensions", str(summary["dimensions"])))
     rows.append(("Prior", _prior(summary["prior"])))
     curves = summary.get("curves", {})
     if curves.get("generalization_cm"):
@@ -146,6 +176,4 @@ def _draw_curves(curves: dict[str, Any]) -> None:
             implot.plot_line(f"##{key}line", components[: len(values)], values, spec=spec)
             implot.end_plot()
         imgui.end_group()
-        if imgui.is_item_hovered() and imgui.begin_tooltip():
-            imgui.text_unformatted(tip)
-            imgui.end_tooltip()
+        tooltip(tip)

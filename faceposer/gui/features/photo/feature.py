@@ -147,9 +147,7 @@ class PhotoFeature(Feature):
             camera = photo.camera or first_camera(photo, self.context.session.model)
             if view.photo != camera:
                 view = viewport.view = view.through(camera)
-            self._come_near(photo)
-            view = viewport.view
-            assert isinstance(view, PictureView)
+            self._suggest_coming_near(photo)
             texture = self._texture(photo) if photo.visible else None
             if texture is not None:
                 near = max(1.0 - max(abs(view.yaw), abs(view.pitch)) / _FADE, 0.0)
@@ -177,8 +175,8 @@ class PhotoFeature(Feature):
                 self.tool.active = i
                 self._look(photo)
 
-    def _come_near(self, photo: Photo) -> None:
-        """Bring a small head near once it is known where it is: pins are set more exactly there."""
+    def _suggest_coming_near(self, photo: Photo) -> None:
+        """Say once how to bring a small head near, when it is known where it is: pins are set more exactly there."""
         context, before = self.context, self._pins
         self._pins = (photo.path, len(photo.pins))
         if context.toolbox.active:
@@ -186,7 +184,7 @@ class PhotoFeature(Feature):
         elif before == (photo.path, LEAST_POINTS - 1) and len(photo.pins) == LEAST_POINTS:
             head = context.viewport.camera.project(context.scene.vertices)
             if float(np.ptp(head[:, 1])) < _SMALL * context.viewport.size[1]:
-                context.viewport.frame_face()
+                context.notify(f"{context.actions['frame'].shortcut} brings the head nearer")
 
     def _texture(self, photo: Photo) -> moderngl.Texture | None:
         """Return the picture of ``photo`` on the GPU, or None where its file cannot be read."""
@@ -282,7 +280,7 @@ class PhotoFeature(Feature):
             self._look(self.photo)
 
     def _look(self, photo: Photo, afresh: bool = False) -> None:
-        """Look through the camera of ``photo``, near to the head if that is known, unless one does already."""
+        """Show all of ``photo`` through its camera, or keep the zoom where the view looks through it already."""
         viewport, session = self.context.viewport, self.context.session
         if not afresh and isinstance(viewport.view, PictureView) and viewport.view.photo == photo.camera:
             viewport.view = viewport.view.back()
@@ -293,8 +291,6 @@ class PhotoFeature(Feature):
         locked = before.locked if ours and not afresh and isinstance(before, PictureView) else True
         view = PictureView.whole(photo.camera or first_camera(photo, session.model), (x, y, z))
         viewport.view = replace(view, locked=locked)
-        if len(photo.pins) >= LEAST_POINTS:
-            viewport.frame_face()
         self.context.redraw()
 
     def pin(self) -> None:

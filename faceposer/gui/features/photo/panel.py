@@ -10,6 +10,7 @@ from faceposer.geometry.picture_view import PictureView
 from faceposer.gui.context import EditorContext
 from faceposer.gui.features.photo.overlay import place_title
 from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, heading, tooltip
+from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import FAINT, INK, WARNING, Icon, em, u32
 from faceposer.photo.aligning import residuals_px
 from faceposer.photo.photo import Photo, Place
@@ -61,9 +62,7 @@ def _draw_row(photos: "PhotoFeature", index: int) -> bool:
     baseline = corner.y + (row - imgui.get_font_size()) / 2.0
     draw = imgui.get_window_draw_list()
     draw.add_text((corner.x + em(0.3), baseline), u32(INK, 0.75), Icon.PHOTO)
-    draw.push_clip_rect((corner.x, corner.y), (corner.x + width - row, corner.y + row), True)
-    draw.add_text((corner.x + em(1.8), baseline), u32(INK), photo.name)
-    draw.pop_clip_rect()
+    draw.add_text((corner.x + em(1.8), baseline), u32(INK), shortened(photo.name, width - row - em(2.0)))
     context.widget_rects.record(f"photo:{index}")
     tooltip(f"{photo.path}\n{photo.size[0]} x {photo.size[1]} pixels, {len(photo.pins)} pins")
     if pressed and not context.busy:
@@ -82,8 +81,8 @@ def _draw_row(photos: "PhotoFeature", index: int) -> bool:
 def _draw_layers(photos: "PhotoFeature", photo: Photo) -> None:
     context = photos.context
     heading(context.fonts, "In the view")
-    tips = ("The photo lies behind the face", "The photo lies over the face")
-    front = choice(context.widget_rects, "photo-layer", ("Photo behind", "Photo before"), int(photo.front), tips) == 1
+    tips = ("The photo lies behind the face", "The photo lies in front of the face")
+    front = choice(context.widget_rects, "photo-layer", ("Photo behind", "Photo in front"), int(photo.front), tips) == 1
     if front != photo.front and not context.busy:
         photos.change(replace(photo, front=front), "Order of photo and face")
         photo = photos.photo or photo
@@ -213,7 +212,11 @@ def _draw_pin(photos: "PhotoFeature", photo: Photo, place: Place, off: float | N
     baseline = corner.y + (row - imgui.get_font_size()) / 2.0
     draw.add_text((corner.x + em(0.1), baseline), u32(FAINT), state)
     tint = imgui.get_color_u32(imgui.Col_.text) if index is not None or lit else u32(FAINT)
-    draw.add_text((corner.x + em(1.4), baseline), tint, place_title(context, place))
+    title = place_title(context, place)
+    shown = shortened(title, width - em(1.4 + 1.9 + 4.0 * (index is not None)))
+    draw.add_text((corner.x + em(1.4), baseline), tint, shown)
+    if shown != title:
+        tooltip(title)
     if pressed and not context.busy:
         if index is None:
             photos.place(place)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 from imgui_bundle import ImVec2, imgui
 
 from faceposer.gui.widgets.basic import WidgetRects, action_button, button_width, caption, choice, lit_button, tooltip
+from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import ACCENT, ACCENT_DARK, FAINT, FIELD, INK, RAISED_MORE, WARNING, Icon, em, u32
 from faceposer.poses.applying import GREATEST_STRENGTH, LEAST_STRENGTH, REGIONS, Array, Blend, Region, Side, misfit
 from faceposer.poses.library import Entry
@@ -290,12 +291,3 @@ def _choice(
     names = [row[0] for row in rows]
     labels, tips = [row[1] for row in rows], [row[2] for row in rows]
     return names[choice(rects, name, labels, names.index(value), tips, by_text)]
-
-
-def shortened(text: str, width: float) -> str:
-    """Return ``text``, cut at its end where it is wider than ``width``."""
-    if imgui.calc_text_size(text).x <= width:
-        return text
-    while text and imgui.calc_text_size(f"{text}...").x > width:
-        text = text[:-1]
-    return f"{text.rstrip()}..."

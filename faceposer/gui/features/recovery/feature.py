@@ -2,6 +2,8 @@
 
 import math
 from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
 
 from faceposer.errors import FacePoserError
 from faceposer.gui.context import EditorContext
@@ -27,8 +29,14 @@ class RecoveryFeature(Feature):
         self._told = False
         if not context.keeps_journal:
             return
-        self._journal = Journal(autosave_dir(), self._clock)
-        found = find_orphans(autosave_dir())
+        chosen = context.settings.autosave_folder
+        folder = Path(chosen) if chosen else autosave_dir()
+        self._journal = Journal(folder, self._clock)
+        found = find_orphans(folder)
+        if folder != autosave_dir():
+            # What was kept before another folder was chosen is not forgotten.
+            usual = find_orphans(autosave_dir())
+            found = replace(found, orphans=(*found.orphans, *usual.orphans), damaged=(*found.damaged, *usual.damaged))
         self._waiting = list(found.orphans)
         self._claimed = list(found.orphans)
         for path in found.damaged:

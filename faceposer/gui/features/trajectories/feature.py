@@ -175,6 +175,7 @@ class TrajectoriesFeature(Feature):
         Raises:
             Exception: What went wrong in the solve, unless the user wanted it.
         """
+        self.tool.follow_history(self.context.session.depth)
         if self.chosen and not self.tool.drawn:
             self.first = self.context.session.document.frame
         if self.tool.accepted:
@@ -268,7 +269,6 @@ class TrajectoriesFeature(Feature):
             length = max(before.length, end) if before.keys else max(end, 2)
             keyframes = replace(before, length=min(length, LONGEST)).without(replaced).with_keys(keys)
         self.context.session.animation.load(keyframes, request.label, request.first or 0)
-        self.tool.settle()
         self.timeline.present()
         self.context.notify(f"{len(performance)} frames, kept as {counted(solved.keys)}")
 

@@ -22,7 +22,7 @@ def draw_trajectory_options(following: "TrajectoriesFeature") -> None:
     options, tool = following.options, following.tool
     rate = following.timeline.keyframes.rate
     tips = (
-        "The face goes as fast as you draw; points drawn one after the other move at the same time.",
+        "The face goes as fast as you draw; points drawn one after another move at the same time.",
         "The face goes along at an even pace, in as many frames as you say.",
     )
     options.timing = (
@@ -51,7 +51,7 @@ def draw_trajectory_options(following: "TrajectoriesFeature") -> None:
         context.widget_rects, "few-keys", ("Few keys", "Every frame"), not options.few_keys, tips
     )
     if not tool.drawn:
-        caption("Press on a point of the face and draw its way. Draw as many as you like, then let the face follow.")
+        caption("Press on a point of the face and draw its path. Draw as many as you like, then let the face follow.")
         return
     lasts = max(len(following.positions(drawn)) for drawn in tool.drawn)
     count = "1 trajectory" if len(tool.drawn) == 1 else f"{len(tool.drawn)} trajectories"

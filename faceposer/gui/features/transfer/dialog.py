@@ -50,10 +50,15 @@ class TransferDialog:
                 return
             fresh = imgui.is_window_appearing()
             modal_title(context.fonts, "Transfer expression")
-            imgui.begin_child("##form", (em(_FORM), 0.0), imgui.ChildFlags_.auto_resize_y.value)
+            # Pictures beside the form, or below it where the window is too narrow.
+            room = imgui.get_content_region_avail().x
+            beside = room >= em(_FORM + _PICTURE + 1.0)
+            width = em(_FORM) if beside else room
+            imgui.begin_child("##form", (width, 0.0), imgui.ChildFlags_.auto_resize_y.value)
             self._draw_form()
             imgui.end_child()
-            imgui.same_line(0.0, em(1.0))
+            if beside:
+                imgui.same_line(0.0, em(1.0))
             imgui.begin_child("##pictures", (em(_PICTURE), 0.0), imgui.ChildFlags_.auto_resize_y.value)
             self._draw_pictures()
             imgui.end_child()
@@ -83,9 +88,9 @@ class TransferDialog:
         imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
         if imgui.button(f"{Icon.FILE}##to", (-1.0, 0.0)):
             folder = last_folder(context.settings)
-            context.ask_for_file(FileRequest("open", "A character", "Subjects", (".npz",), folder, state.choose_file))
+            context.ask_for_file(FileRequest("open", "A character", "Characters", (".npz",), folder, state.choose_file))
         marks.record("transfer:to:file")
-        tooltip("Choose a subject file")
+        tooltip("Choose the file of a character")
         _label("Method")
         chosen = choice(marks, "transfer:method", _METHOD_LABELS, _METHODS.index(state.method), _METHOD_TIPS)
         state.method = "distances" if chosen == 0 else "weights"

@@ -14,7 +14,6 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.transfer.dialog import TransferDialog
 from faceposer.model.face_model import FaceModel
-from faceposer.model.subject_file import available_subjects
 from faceposer.render.scene import Scene
 from faceposer.session.document import Document
 from faceposer.session.opening import load_model, session_of
@@ -85,8 +84,11 @@ class TransferFeature(Feature):
         context = self.context
         context.toolbox.finish()
         context.slider_edit.let_go()
-        if not self.subjects:
-            self.subjects = available_subjects()
+        known = context.characters.all(context.settings.characters)
+        listed = {one.name: one.title for one in known}
+        # Files that were chosen here stay in the list.
+        listed |= {name: title for name, title in self.subjects if name not in listed and Path(name).is_file()}
+        self.subjects = list(listed.items())
         here = context.session.document.subject
         if self.to in ("", here):
             self.to = next((name for name, _ in self.subjects if name != here), here)

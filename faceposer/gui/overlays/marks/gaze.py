@@ -9,12 +9,12 @@ from faceposer.gui.overlays.painter import WHITE, Painter
 from faceposer.gui.viewport import Pixel
 from faceposer.gui.widgets.theme import ACCENT, EDGE, INK
 from faceposer.solve.constraints.gaze import GazeConstraint
-from faceposer.tools.gaze_tool import eyes_of, handle_position
+from faceposer.tools.gaze_tool import handle_position, pupils_of
 
 
 @dataclass(frozen=True)
 class GazeMark:
-    """The handle that the eyes follow, and the eyes, (2, 2); without an index where it is only offered."""
+    """The handle that the eyes follow, and the pupils, (2, 2); without an index where it is only offered."""
 
     index: int | None
     handle: Pixel
@@ -44,7 +44,7 @@ def mark_of(index: int, constraint: GazeConstraint, view: MarkView) -> GazeMark 
 def handle_mark(index: int | None, direction: tuple[float, float], view: MarkView) -> GazeMark | None:
     """Return the handle for a ``direction`` in degrees, or None where the face has no eyes."""
     subject = view.viewport.session.model.subject
-    eyes, position = eyes_of(subject), handle_position(subject, direction)
+    eyes, position = pupils_of(subject, direction), handle_position(subject, direction)
     if eyes is None or position is None:
         return None
     u, v = view.camera.project(position[None])[0].tolist()

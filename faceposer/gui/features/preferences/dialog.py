@@ -1,0 +1,206 @@
+"""The dialog of the preferences: a page of choices, and the table of keys."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, get_args
+
+from imgui_bundle import ImVec2, imgui
+
+from faceposer.gui.actions import Action, shown_key
+from faceposer.gui.settings import LIMITS
+from faceposer.gui.widgets.basic import caption, choice, heading, tooltip
+from faceposer.gui.widgets.modal import modal, modal_buttons, modal_title
+from faceposer.gui.widgets.text import shortened
+from faceposer.gui.widgets.theme import ACCENT, BAD, FAINT, Icon, em
+from faceposer.render.options import Backdrop, Look
+from faceposer.tools.tool import Navigation
+
+if TYPE_CHECKING:
+    from faceposer.gui.features.preferences.feature import PreferencesFeature
+
+_WIDTH, _HEIGHT, _LABEL = 42.0, 26.0, 9.0
+_SCALES = (0.75, 1.0, 1.25, 1.5, 2.0)
+_NAVIGATIONS: tuple[Navigation, ...] = get_args(Navigation)
+_NAVIGATION_TIPS = (
+    "Middle drag: orbit; with Shift: pan; with Ctrl: zoom",
+    "Alt+left drag: orbit; Alt+middle drag: pan; Alt+right drag: zoom",
+)
+_BACKDROPS: tuple[Backdrop, ...] = get_args(Backdrop)
+_BACKDROP_TIPS = ("The usual grey", "Nearly black", "Light grey")
+_KEYS_WIDTH = 11.0
+
+
+class PreferencesDialog:
+    """Draws the dialog."""
+
+    def __init__(self, preferences: "PreferencesFeature") -> None:
+        """Show ``preferences``."""
+        self._preferences = preferences
+        self._filter = ""
+
+    def draw(self, draw_above: Callable[[], None]) -> None:
+        """Draw the dialog; ``draw_above`` draws the dialogs that lie over it."""
+        preferences = self._preferences
+        context = preferences.context
+        with modal("##preferences", _WIDTH, scrolls=False) as shown:
+            if not shown:
+                draw_above()
+                return
+            alone = not (context.dialogs.open or context.file_dialogs.open or imgui.is_window_appearing())
+            modal_title(context.fonts, "Preferences")
+            room = imgui.get_main_viewport().size.y - em(12)
+            height = max(min(em(_HEIGHT), room), em(6))
+            if imgui.begin_tab_bar("##pages"):
+                for title, draw in (("General", self._draw_general), ("Keymap", self._draw_keymap)):
+                    chosen, _ = imgui.begin_tab_item(title)
+                    context.widget_rects.record(f"preferences:{title.lower()}")
+                    if chosen:
+                        imgui.begin_child(f"##{title}", ImVec2(0.0, height))
+                        draw()
+                        imgui.end_child()
+                        imgui.end_tab_item()
+                imgui.end_tab_bar()
+            pressed = modal_buttons(context.widget_rects, "preferences", (("close", "Close"),))
+            captures = bool(preferences.capturing) or preferences.ended_capture
+            escaped = alone and not captures and imgui.is_key_pressed(imgui.Key.escape, False)
+            preferences.ended_capture &= imgui.is_key_down(imgui.Key.escape)
+            if pressed or (escaped and not imgui.get_io().want_text_input):
+                preferences.hide()
+                imgui.close_current_popup()
+            draw_above()
+
+    def _draw_general(self) -> None:
+        preferences = self._preferences
+        context, settings, rects = preferences.context, preferences.settings, preferences.context.widget_rects
+        heading(context.fonts, "Interface", first=True)
+        _label("Navigation")
+        preset = _NAVIGATIONS.index(settings.navigation)
+        chosen = choice(rects, "preferences:navigation", ("As in Blender", "As in Maya"), preset, _NAVIGATION_TIPS)
+        if chosen != preset:
+            preferences.navigate(_NAVIGATIONS[chosen])
+        _label("Size")
+        nearest = min(range(len(_SCALES)), key=lambda i: abs(_SCALES[i] - settings.ui_scale))
+        labels = [f"{100 * scale:.0f} %" for scale in _SCALES]
+        tips = ["Size of text and panels"] * len(_SCALES)
+        chosen = choice(rects, "preferences:scale", labels, nearest, tips)
+        if chosen != nearest:
+            context.set_ui_scale(_SCALES[chosen])
+        heading(context.fonts, "View")
+        look = context.scene.look
+        _label("Background")
+        backdrop = _BACKDROPS.index(look.backdrop)
+        names = [name.capitalize() for name in _BACKDROPS]
+        chosen = choice(rects, "preferences:backdrop", names, backdrop, _BACKDROP_TIPS)
+        if chosen != backdrop:
+            preferences.set_look(replace(look, backdrop=_BACKDROPS[chosen]))
+        self._draw_light("key", "Key light", "Strength of the light from the front")
+        self._draw_light("ambient", "Ambient light", "Strength of the light from all sides")
+        _label("")
+        if imgui.button("Usual light"):
+            preferences.set_look(Look(backdrop=context.scene.look.backdrop))
+        rects.record("preferences:usual-light")
+        heading(context.fonts, "Files")
+        _label("Autosave folder")
+        folder = str(preferences.autosave_folder)
+        room = imgui.get_content_region_avail().x - em(5.5 + 2.6)
+        imgui.align_text_to_frame_padding()
+        imgui.text_unformatted(shortened(folder, room))
+        tooltip(folder)
+        imgui.same_line(imgui.get_window_width() - em(5.5 + 2.4))
+        if imgui.button("Choose..."):
+            preferences.ask_for_autosave_folder()
+        rects.record("preferences:autosave")
+        imgui.same_line()
+        imgui.begin_disabled(not settings.autosave_folder)
+        if imgui.button(f"{Icon.UNDO}##autosave"):
+            settings.autosave_folder = ""
+        imgui.end_disabled()
+        rects.record("preferences:autosave-reset")
+        tooltip("Back to the usual folder")
+        _label("")
+        caption("Keeps what is not saved, for the case of a crash. Another folder is used from the next start on.")
+
+    def _draw_light(self, name: str, label: str, tip: str) -> None:
+        preferences = self._preferences
+        look = preferences.context.scene.look
+        _label(label)
+        imgui.set_next_item_width(-1.0)
+        limits = LIMITS[f"{name}_light"]
+        flags = imgui.SliderFlags_.clamp_on_input.value
+        changed, value = imgui.slider_float(f"##{name}", getattr(look, name), *limits, "%.2f", flags)
+        preferences.context.widget_rects.record(f"preferences:{name}")
+        tooltip(tip)
+        if changed:
+            preferences.set_look(replace(look, key=value) if name == "key" else replace(look, ambient=value))
+
+    def _draw_keymap(self) -> None:
+        preferences = self._preferences
+        context = preferences.context
+        reset = em(9.0)
+        imgui.set_next_item_width(imgui.get_content_region_avail().x - reset - imgui.get_style().item_spacing.x)
+        _, self._filter = imgui.input_text_with_hint("##filter", "Find an action or a key", self._filter)
+        context.widget_rects.record("preferences:filter")
+        imgui.same_line()
+        imgui.begin_disabled(not preferences.settings.keys)
+        if imgui.button("Reset all keys", (reset, 0.0)):
+            preferences.reset_keys()
+        imgui.end_disabled()
+        context.widget_rects.record("preferences:reset-keys")
+        # One line is kept for it, so that nothing jumps.
+        text = preferences.problem
+        if preferences.capturing:
+            text = "Press the new key with its modifiers; Esc cancels."
+        imgui.text_colored(ACCENT if preferences.capturing else BAD, text or " ")
+        wanted = self._filter.strip().lower()
+        imgui.begin_child("##keys")
+        menu = ""
+        for action in context.actions:
+            written = ", ".join(shown_key(key) for key in action.keys)
+            if wanted and wanted not in action.label.lower() and wanted not in written.lower().split(", "):
+                continue
+            if action.menu != menu:
+                menu = action.menu
+                imgui.text_colored(FAINT, menu)
+            imgui.push_id(action.name)
+            self._draw_action(action, written)
+            imgui.pop_id()
+        imgui.end_child()
+
+    def _draw_action(self, action: Action, written: str) -> None:
+        preferences = self._preferences
+        rects = preferences.context.widget_rects
+        left, width, side = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x, em(1.9)
+        imgui.align_text_to_frame_padding()
+        label = action.label.rstrip(".")
+        shown = shortened(label, width - em(_KEYS_WIDTH) - 2.0 * side - em(1.5))
+        imgui.text_unformatted(shown)
+        if shown != label:
+            tooltip(label)
+        imgui.same_line(left + width - em(_KEYS_WIDTH) - 2.0 * side - em(0.4))
+        waits = preferences.capturing == action.name
+        if imgui.button(f"{'Press a key...' if waits else written}##keys", (em(_KEYS_WIDTH), 0.0)):
+            preferences.capture("" if waits else action.name)
+        rects.record(f"keymap:{action.name}")
+        tooltip("Click, then press the new key")
+        imgui.same_line(0.0, em(0.2))
+        imgui.begin_disabled(not action.keys)
+        if imgui.button(f"{Icon.CLOSE}##clear", (side, 0.0)):
+            preferences.change_keys(action.name, ())
+        imgui.end_disabled()
+        rects.record(f"keymap:{action.name}:clear")
+        tooltip("Remove the key")
+        imgui.same_line(0.0, em(0.2))
+        usual = preferences.context.actions.usual_keys(action.name)
+        imgui.begin_disabled(action.keys == usual)
+        if imgui.button(f"{Icon.UNDO}##reset", (side, 0.0)):
+            preferences.change_keys(action.name, usual)
+        imgui.end_disabled()
+        rects.record(f"keymap:{action.name}:reset")
+        tooltip(f"Back to {', '.join(map(shown_key, usual)) or 'no key'}")
+
+
+def _label(text: str) -> None:
+    left = imgui.get_cursor_pos_x()
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted(text)
+    imgui.same_line(left + em(_LABEL))

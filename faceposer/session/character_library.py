@@ -1,0 +1,138 @@
+"""The characters that the user can choose: those of the program, those imported, and files elsewhere."""
+
+import json
+import zipfile
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from faceposer.errors import FacePoserError
+from faceposer.files.user_folders import data_folder
+from faceposer.model.subject_file import FORMAT, available_subjects, load_subject, save_subject
+
+SUFFIX = ".npz"
+LONGEST_TITLE = 80
+
+Home = Literal["installed", "library", "elsewhere"]
+
+
+def library_folder() -> Path:
+    """Return the folder of the imported characters; it need not exist."""
+    return data_folder() / "characters"
+
+
+@dataclass(frozen=True)
+class Character:
+    """A character that can be opened.
+
+    Attributes:
+        name: What opens it: the name of an installed one, or the whole path of a file.
+        title: As the user reads it.
+        home: Whether it came with the program, was imported into the library, or is a file elsewhere.
+    """
+
+    name: str
+    title: str
+    home: Home
+
+
+class CharacterLibrary:
+    """Lists, renames and removes characters."""
+
+    def __init__(self, folder: Path | None = None) -> None:
+        """Serve the characters in ``folder``, the user's library if None."""
+        self._folder = folder
+        self._titles: dict[Path, tuple[tuple[int, int], str | None]] = {}
+        self._installed: list[Character] | None = None
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the library; it need not exist."""
+        return library_folder() if self._folder is None else self._folder
+
+    def all(self, elsewhere: list[str] | tuple[str, ...] = ()) -> list[Character]:
+        """Return the characters that are there: installed, in the library by title, and of the paths ``elsewhere``."""
+        if self._installed is None:
+            self._installed = [Character(name, title, "installed") for name, title in available_subjects()]
+        files = sorted(self.folder.glob(f"*{SUFFIX}")) if self.folder.is_dir() else []
+        own = [Character(str(path), title, "library") for path in files if (title := self.title(path)) is not None]
+        others = [
+            Character(path, title, "elsewhere")
+            for path in elsewhere
+            if not self.holds(path) and (title := self.title(Path(path))) is not None
+        ]
+        return [*self._installed, *sorted(own, key=lambda character: character.title.lower()), *others]
+
+    def holds(self, path: str | Path) -> bool:
+        """Whether the file ``path`` lies in the library."""
+        return Path(path).expanduser().absolute().parent == self.folder.absolute()
+
+    def title(self, path: Path) -> str | None:
+        """Return the title of the character in the file ``path``, or None if it is none."""
+        try:
+            status = path.stat()
+        except OSError:
+            return None
+        stamp = (status.st_mtime_ns, status.st_size)
+        if self._titles.get(path, ((0, 0), None))[0] != stamp:
+            self._titles[path] = (stamp, _read_title(path))
+        return self._titles[path][1]
+
+    def new_path(self, stem: str) -> Path:
+        """Return the file in the library for a new character, which none has yet; the folder need not exist."""
+        path, number = self.folder / f"{stem}{SUFFIX}", 2
+        while path.exists():
+            path, number = self.folder / f"{stem}-{number}{SUFFIX}", number + 1
+        return path
+
+    def make_folder(self) -> None:
+        """Make the folder of the library.
+
+        Raises:
+            FacePoserError: If it cannot be made.
+        """
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise FacePoserError(f"The folder '{self.folder}' cannot be made: {error.strerror}.") from error
+
+    def rename(self, character: Character, title: str) -> None:
+        """Give a character of the library another ``title``; its file, by which sessions name it, stays.
+
+        Raises:
+            FacePoserError: If the title is empty or too long, or the file cannot be read or written.
+        """
+        title = title.strip()
+        if not title:
+            raise FacePoserError("Give the character a name.")
+        if len(title) > LONGEST_TITLE:
+            raise FacePoserError(f"A name has at most {LONGEST_TITLE} letters.")
+        if character.home != "library":
+            raise FacePoserError("Only imported characters can be renamed.")
+        save_subject(character.name, replace(load_subject(character.name), title=title))
+
+    def remove(self, character: Character) -> None:
+        """Delete the file of a character of the library.
+
+        Raises:
+            FacePoserError: If it cannot be deleted.
+        """
+        if character.home != "library":
+            raise FacePoserError("Only imported characters can be removed.")
+        try:
+            Path(character.name).unlink()
+        except OSError as error:
+            raise FacePoserError(f"'{character.name}' cannot be deleted: {error.strerror}.") from error
+
+
+def _read_title(path: Path) -> str | None:
+    """Return the title in the file ``path`` without reading its meshes, or None if it is no character."""
+    with suppress(OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError, RecursionError):
+        with np.load(path, allow_pickle=False) as archive:
+            meta = json.loads(archive["meta"].tobytes().decode("utf-8"))
+        if isinstance(meta, dict) and meta.get("format") == FORMAT and isinstance(meta.get("title"), str):
+            return str(meta["title"])
+    return None

@@ -1,0 +1,421 @@
+"""No two widgets share an id, in any panel, tab, dialog or state of the window, and no widget stays unvisited.
+
+Dear ImGui tells widgets apart by ids; of two with the same one, a drag moves the wrong one. The walk below has to visit
+every line of the package that draws a widget: a new panel that it does not know fails the test.
+"""
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+from PIL import Image
+
+from faceposer.gui.app import App
+from faceposer.gui.events import Drop
+from faceposer.gui.features.export.feature import ExportFeature
+from faceposer.gui.features.import_character.feature import ImportCharacterFeature
+from faceposer.gui.features.timeline.feature import TimelineFeature
+from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
+from faceposer.gui.settings import Settings
+from faceposer.gui.testing.scripted_user import Robot
+from faceposer.gui.widgets.dialogs import Question
+from faceposer.interchange.formats import FORMATS
+from faceposer.model.subject_file import load_subject, save_subject
+from faceposer.poses.pose_file import Pose, pose_text
+from tests.gui.test_constraint_tools import make_all
+from tests.gui.widget_ids import WidgetIds, hovered_conflicts, widget_lines
+
+CORNER = "8.3"
+CTRL = frozenset({"ctrl"})
+
+
+@pytest.fixture
+def ids(monkeypatch: pytest.MonkeyPatch) -> WidgetIds:
+    return WidgetIds(monkeypatch)
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ids: WidgetIds) -> Iterator[Robot]:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    settings = Settings(window_size=(1360, 1000), folder=str(tmp_path), poses_folder=str(tmp_path / "poses"))
+    app = App("man", hidden=True, threaded=False, settings=settings)
+    monkeypatch.setattr(
+        app, "picture", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
+    )
+    vars(app.scene)["portrait"] = lambda _, camera, __: np.zeros((*camera.size, 3), dtype=np.uint8)
+    yield Robot(app)
+    if app._window is not None:
+        app.close()
+
+
+def pull(robot: Robot) -> None:
+    x, y = robot.at(CORNER)
+    robot.drag((x, y), (x + 12, y - 14))
+
+
+def open_menus(robot: Robot) -> None:
+    """Open each menu, and each menu inside it."""
+    for menu in robot.app.actions.menus:
+        robot.click_widget(f"menu:{menu}")
+        titles = {f"menu:{title}" for title in robot.app.actions.menus}
+        for name in [name for name in robot.app.widget_rects if name.startswith("menu:") and name not in titles]:
+            robot.move(robot.app.widget_rects.center(name))
+            robot.frames(2)
+        robot.key("Esc")
+        robot.frames(2)
+
+
+def visit_constraints(robot: Robot) -> None:
+    """Show the list without a constraint, with one of each kind selected, with several, locked and disabled."""
+    app = robot.app
+    robot.click_widget("tab:Pose")
+    robot.click_widget("advanced")
+    robot.click_widget("mode:1")
+    robot.click_widget("mode:0")
+    for tool in app.toolbox.tools:
+        app.toolbox.choose(tool)
+        robot.frames(2)
+    robot.key("H")
+    robot.click_widget("fix:1")
+    robot.click_widget("fix:0")
+    robot.key("K")
+    x, y = robot.at("8.4")
+    for dx in (0, 20):
+        robot.click((x + dx, y - 60))
+    robot.key("Esc")
+    robot.key("Q")
+    make_all(robot)
+    robot.click_widget("tab:Pose")
+    count = len(app.session.document.constraints)
+    for index in range(count):
+        app.toolbox.select(index)
+        robot.frames(2)
+        robot.click_widget(f"point:{index}:lock")
+        robot.click_widget(f"point:{index}:on")
+    for index in range(count):
+        app.toolbox.select(index, extend=True)
+        robot.frames(2)
+    app.toolbox.select(0)
+    robot.key("1")
+    app.viewport.look("left")
+    robot.frames(2)
+    # From another side, what was drawn has a button that leads back to its view.
+    assert "its-view" in app.widget_rects
+    app.viewport.look("front")
+    app.session.set_spread(0.9)
+    robot.frames(2)
+
+
+def visit_tabs(robot: Robot) -> None:
+    for name in [name for name in robot.app.widget_rects if name.startswith("tab:")]:
+        robot.click_widget(name)
+        robot.frames(2)
+    robot.click_widget("tab:Pose")
+
+
+def visit_poses(robot: Robot, folder: Path) -> None:
+    folder.mkdir(exist_ok=True)
+    for name in ("First", "Second"):
+        (folder / f"{name.lower()}.json").write_text(pose_text(Pose(name, {"jawOpen": 0.5}, "man")))
+    robot.click_widget("tab:Poses")
+    robot.click_widget("pose:Happiness")
+    robot.click_widget("poses:region:mouth")
+    left, top, right, bottom = robot.app.widget_rects["poses:strength"]
+    robot.drag((left + 0.7 * (right - left), 0.5 * (top + bottom)), (left + 0.8 * (right - left), top + 4))
+    robot.click_widget("poses:category:3")
+    robot.click(robot.app.widget_rects.center("pose:First"), "right")
+    robot.frames(2)
+    assert "pose-menu:delete" in robot.app.widget_rects
+    robot.click_widget("pose-menu:rename")
+    robot.frames(2)
+    robot.key("Esc")
+    robot.click_widget("pose-save")
+    robot.frames(2)
+    robot.key("Esc")
+    robot.click_widget("tab:Pose")
+
+
+def visit_photo(robot: Robot, folder: Path) -> None:
+    app = robot.app
+    for name in ("one", "two"):
+        Image.fromarray(np.full((60, 80, 3), 90, dtype=np.uint8)).save(folder / f"{name}.png")
+        app.window.play_event(Drop((str(folder / f"{name}.png"),)))
+        robot.frames(3)
+    robot.click_widget("tab:Photo")
+    left, top, right, bottom = app.widget_rects["view"]
+    for share in (0.4, 0.5):
+        robot.click((left + share * (right - left), top + 0.5 * (bottom - top)))
+    robot.click_widget("tab:Photo")
+    robot.frames(2)
+    for _ in range(2):
+        robot.click_widget("photo:0:delete")
+    robot.key("Q")
+    robot.click_widget("tab:Pose")
+
+
+def visit_timeline(robot: Robot) -> None:
+    app = robot.app
+    robot.key("I")
+    robot.frames(2)
+    app.features[TimelineFeature].go_to(9)
+    robot.key("R")
+    robot.key("I")
+    robot.frames(2)
+    robot.click_widget("rate")
+    robot.frames(2)
+    robot.key("Esc")
+    robot.key("J")
+    robot.click_widget("timing:1")
+    pull(robot)
+    robot.frames(2)
+    assert app.toolbox.trajectory_tool.drawn
+    feature = app.features[TrajectoriesFeature]
+    feature.solve_drawn()
+    deadline = time.monotonic() + 30.0
+    while feature.job is not None and time.monotonic() < deadline:
+        robot.frames(1)
+        time.sleep(0.01)
+    robot.key("Q")
+    assert len(app.features[TimelineFeature].keyframes.keys) > 1
+
+
+def visit_files(robot: Robot, folder: Path) -> None:
+    app = robot.app
+    (folder / "inside").mkdir(exist_ok=True)
+    for action in ("open", "save-as", "export-as"):
+        app.actions[action].run()
+        robot.frames(3)
+        assert app.file_dialogs.browsing
+        robot.key("Esc")
+    app.settings.recent = [str(folder / "one.json")]
+    exchange = app.features[ExportFeature]
+    app.actions["export-other"].run()
+    for suffix in FORMATS:
+        exchange.form.suffix = suffix
+        for animated in (False, True):
+            exchange.form.animated = animated
+            robot.frames(2)
+    robot.key("Esc")
+    robot.frames(2)
+
+
+def visit_dialogs(robot: Robot) -> None:
+    app = robot.app
+    robot.key("F1")
+    robot.frames(2)
+    robot.key("Esc")
+    robot.frames(2)
+    robot.key("Ctrl+P")
+    robot.type("s")
+    robot.frames(2)
+    robot.key("Esc")
+    robot.frames(2)
+    app.actions["about"].run()
+    robot.frames(2)
+    robot.key("Esc")
+    app.dialogs.ask(Question("Broken", "It failed.", details="Traceback\nmore"))
+    robot.frames(3)
+    robot.key("Esc")
+    robot.frames(2)
+    app.window.set_size((1800, 900))
+    app.actions["guide"].run()
+    robot.frames(3)
+    assert "guide:skip" in app.widget_rects
+    app.window.set_size((520, 420))
+    robot.frames(3)
+    app.window.set_size((1360, 1000))
+    robot.frames(2)
+    app.dismiss_guide()
+    robot.frames(2)
+
+
+def visit_transfer(robot: Robot) -> None:
+    robot.app.actions["transfer"].run()
+    robot.frames(3)
+    for name, entry in (("transfer:to", "woman"), ("transfer:end:0", "9.3"), ("transfer:end:1", "8.3")):
+        robot.click_widget(name)
+        robot.frames(2)
+        robot.click_widget(f"{name}:{entry}")
+        robot.frames(2)
+    robot.click_widget("transfer:method:1")
+    robot.frames(2)
+    robot.key("Esc")
+    robot.frames(2)
+
+
+def visit_import(robot: Robot, folder: Path) -> None:
+    app = robot.app
+    importing = app.features[ImportCharacterFeature]
+    importing.show()
+    robot.frames(4)
+    importing.form.captures = ["/a/take.csv", "/b/take.csv"]
+    # The dialog is in the middle once it knows how high it is.
+    robot.frames(4)
+    robot.click_widget("import:advanced")
+    robot.frames(4)
+    assert "import:components" in app.widget_rects
+    for kind in range(3):
+        robot.click_widget(f"import:kind:{kind}")
+        robot.frames(3)
+        if kind:
+            robot.click_widget("import:regions:2")
+            robot.frames(3)
+    importing.close_dialog()
+    robot.frames(3)
+    curves = {"components": [1, 2, 3], "compactness": [0.5, 0.7, 1.0]}
+    curves |= {"generalization_cm": [0.3, 0.2, 0.1], "specificity_cm": [0.1, 0.2, 0.3], "neutral_cm": 0.4}
+    summary = {
+        "kind": "rig",
+        "source": "head.glb",
+        "shapes": 51,
+        "dimensions": 40,
+        "missing": ["tongueOut"],
+        "empty": [],
+        "not_arkit": [],
+        "eyes_turned": [],
+        "kept_energy": 0.99,
+        "worst": {"shape": "jawOpen", "unreached": 0.1},
+        "prior": {"from": "the shipped statistics"},
+        "warnings": ["Left and right were exchanged."],
+        "curves": curves,
+    }
+    importing.about = {
+        "title": "Head",
+        "path": str(folder / "head.npz"),
+        "file_vertices": 10,
+        "polygons": 5,
+        "parts": [{"name": "head"}],
+        "summary": summary,
+    }
+    importing.open = True
+    robot.frames(6)
+    robot.click_widget("import:details")
+    robot.frames(4)
+    importing.close_dialog()
+    robot.frames(3)
+
+
+def visit_preferences(robot: Robot) -> None:
+    robot.app.actions["preferences"].run()
+    robot.frames(6)
+    robot.click_widget("preferences:keymap")
+    robot.frames(4)
+    robot.key("Esc")
+    robot.frames(3)
+
+
+def visit_characters(robot: Robot, folder: Path) -> None:
+    """Open the list with two characters of the same name in the library and one elsewhere, and the rename dialog."""
+    app = robot.app
+    app.characters.make_folder()
+    subject = replace(load_subject("low"), title="Head")
+    paths = [app.characters.folder / "one.npz", app.characters.folder / "two.npz", folder / "three.npz"]
+    for path in paths:
+        save_subject(path, subject)
+    app.settings.characters = [str(paths[2])]
+    robot.click_widget("subject")
+    robot.frames(3)
+    robot.click_widget(f"subject:{paths[0]}:rename")
+    robot.frames(3)
+    assert app.dialogs.open
+    robot.key("Esc")
+    robot.frames(3)
+    robot.click_widget("menu:File")
+    robot.move(app.widget_rects.center("menu:new-with"))
+    robot.frames(30)
+    robot.key("Esc")
+    robot.key("Esc")
+    robot.frames(3)
+
+
+def test_every_widget_of_every_state_has_an_id_of_its_own(robot: Robot, ids: WidgetIds, tmp_path: Path) -> None:
+    app = robot.app
+    open_menus(robot)
+    visit_tabs(robot)
+    visit_constraints(robot)
+    visit_tabs(robot)
+    open_menus(robot)
+    visit_poses(robot, tmp_path / "poses")
+    visit_photo(robot, tmp_path)
+    visit_timeline(robot)
+    visit_tabs(robot)
+    visit_files(robot, tmp_path)
+    visit_dialogs(robot)
+    visit_transfer(robot)
+    visit_import(robot, tmp_path)
+    visit_preferences(robot)
+    visit_characters(robot, tmp_path)
+    assert not app.dialogs.open
+    assert not ids.conflicts
+    unvisited = [
+        f"{file}:{line}"
+        for (file, line), lines in widget_lines().items()
+        if not ids.visited & {(file, number) for number in lines}
+    ]
+    assert not unvisited
+
+
+def test_a_shared_id_is_found(robot: Robot, ids: WidgetIds, monkeypatch: pytest.MonkeyPatch) -> None:
+    pull(robot)
+    assert not ids.conflicts
+    draw = robot.app.pose_panel.draw
+
+    def draw_twice(context: App) -> None:
+        draw(context)
+        draw(context)
+
+    monkeypatch.setattr(robot.app.pose_panel, "draw", draw_twice)
+    robot.frames(2)
+    assert any("pose:weight" in label for labels in ids.conflicts for label in labels)
+
+
+def test_the_weight_of_a_constraint_moves_by_its_slider_in_one_step(robot: Robot) -> None:
+    """Its slider and that of the prior were once mistaken for each other."""
+    app = robot.app
+    imgui.get_io().config_debug_highlight_id_conflicts = True
+    pull(robot)
+    for name in ("weight", "detail:weight"):
+        robot.move(app.widget_rects.center(name))
+        robot.frames(3)
+        assert hovered_conflicts() == 0
+    before, label = app.session.document, app.session.undo_label
+    left, top, right, bottom = app.widget_rects["detail:weight"]
+    middle = 0.5 * (top + bottom)
+    robot.move((left + 0.7 * (right - left), middle))
+    robot.press()
+    robot.move((left + 0.9 * (right - left), middle), 4)
+    robot.release()
+    after = app.session.document
+    assert after.constraints[0].weight > 5.0
+    assert after.prior_weight == before.prior_weight
+    robot.key("Ctrl+Z")
+    assert app.session.document.constraints == before.constraints
+    assert app.session.undo_label == label
+
+
+def test_a_weight_can_be_typed(robot: Robot) -> None:
+    app = robot.app
+    pull(robot)
+    label = app.session.undo_label
+    robot.click(app.widget_rects.center("detail:weight"), modifiers=CTRL)
+    robot.frames(2)
+    robot.key("Ctrl+A")
+    robot.type("2.5")
+    robot.key("Enter")
+    robot.frames(2)
+    assert app.session.document.constraints[0].weight == pytest.approx(2.5)
+    assert app.session.document.prior_weight == 1.0
+    robot.key("Ctrl+Z")
+    assert app.session.undo_label == label
+
+
+def test_users_see_no_debug_boxes_of_the_library(robot: Robot) -> None:
+    io = imgui.get_io()
+    assert not io.config_debug_highlight_id_conflicts
+    assert not io.config_debug_highlight_id_conflicts_show_item_picker
+    assert not io.config_error_recovery_enable_tooltip
