@@ -104,6 +104,10 @@ class ConstraintBase:
 
     def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
         """Return ``residual_px``, given where the points of the constraint appear, shape (n, 2)."""
+        return self.residual_px(model, p)
+
+    def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
+        """Return how far the constraint is from being met by the face ``p``, shape (r,), in pixels."""
         raise NotImplementedError
 
     def nudged(self, offset: tuple[float, float]) -> Self | None:

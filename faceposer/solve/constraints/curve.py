@@ -118,10 +118,6 @@ class CurveConstraint(ConstraintBase):
             raise ValueError("its source does not touch the face")
         return replace(self, anchors=points, parameters=tuple(parameters[met].tolist()))
 
-    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
-        """Return ``residual_px``; the pixels alone do not tell it."""
-        return self.residual_px(model, p)
-
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return the mean distance between the points of the face ``p`` and the target, in pixels."""
         pixels = self.camera.project(model.positions_at(self.points, p))

@@ -104,10 +104,6 @@ class FixedConstraint(ConstraintBase):
         """Return the name of the area that is held."""
         return names.area(self.points)
 
-    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
-        """Return ``residual_px``; the pixels alone do not tell it."""
-        return self.residual_px(model, p)
-
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return how far the points of the face ``p`` are off on average, in the pixels of an ordinary view."""
         if self.positions is None or not len(self.points):

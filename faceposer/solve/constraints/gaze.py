@@ -90,10 +90,6 @@ class GazeConstraint(ConstraintBase):
         """Return what it turns."""
         return "both eyes"
 
-    def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
-        """Return ``residual_px``; the pixels alone do not tell it."""
-        return self.residual_px(model, p)
-
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return how far the gaze of the face ``p`` passes by the handle, in the pixels of an ordinary view."""
         looking = gaze_direction(model, p)
