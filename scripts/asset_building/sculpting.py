@@ -54,7 +54,7 @@ def sculpted(units: Floats, rest: Floats, skin: Skin) -> Floats:
         for name, function in _CORRECTIONS.items():
             result[row[name + side], ids] = function(result[row[name + side], ids], control)
     inner = row["browInnerUp"]
-    result[inner, ids] = raised_brow(units[inner, ids], control)
+    result[inner, ids] = raised_brow(units[inner, ids], control, aside=1.0)
     forward = row["jawForward"]
     result[forward, ids] = pushed_forward(units[forward, ids], around_lips(skin, control))
     parting = sum(share * units[row[name + side], ids] for name, share in _TONGUE_PARTS_LIPS.items() for side in _SIDES)
