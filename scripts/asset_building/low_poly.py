@@ -60,6 +60,8 @@ _POSES = (
 _ON_LID, _ON_LIP = 11, 7
 #: A ring on the lids that stays a line beside their edges, so that between them they fold evenly.
 _FOLD_RING = LASH_RING + 2
+#: And one on their inner edges, so that the moist rim before the ball is a strip of even width.
+_INNER_RING = LASH_RING - 2
 #: How far into the mouth, in centimetres, the lips' insides are still seen.
 _LIP_DEPTH = 0.6
 #: How far closed lips overlap where their coarse edges meet, in centimetres, and in how many rounds they are moved.
@@ -123,7 +125,9 @@ def _simplified_skin(skin: Skin, piece: Piece, place: Floats, named: dict[str, I
     keep += [_spaced(half[place[half, 0] > -1e-6], place, _ON_LIP) for half in upper_and_lower(place, lips, "Left")]
     fold = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[_FOLD_RING]))
     keep += [_spaced(half, place, _ON_LID) for half in upper_and_lower(place, fold, "Left")]
-    loops = [_closed(lash), _closed(fold), _closed(lips)]
+    inner = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[_INNER_RING]))
+    keep += [_spaced(half, place, _ON_LID) for half in upper_and_lower(place, inner, "Left")]
+    loops = [_closed(lash), _closed(fold), _closed(inner), _closed(lips)]
     weights = np.full(len(place), 0.35)
     for region, weight in (
         ("forehead", 0.9),
