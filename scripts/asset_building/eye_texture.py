@@ -74,7 +74,7 @@ def paint_lashes(length_seed: int, width: int = 1024, height: int = 512) -> NDAr
 def _hair(
     alpha: Image32, x: float, lean: float, root: float, tip: float, share: float, rng: np.random.Generator
 ) -> None:
-    """Draw one lash into ``alpha``: a curve from row ``root`` to row ``tip``, leaning by ``lean``, ``share`` as wide."""
+    """Draw one lash into ``alpha``: a curve from row ``root`` to row ``tip`` leaning by ``lean``, ``share`` as wide."""
     rows = np.arange(max(int(min(root, tip)), 0), min(int(root) + 1, alpha.shape[0]))
     t = np.clip((root - rows) / max(root - tip, 1.0), 0.0, 1.0)
     centre = x + lean * t**1.5 + rng.uniform(-5, 5) * t**2

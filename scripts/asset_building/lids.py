@@ -21,6 +21,8 @@ _LID_OVERLAP = 0.03
 #: How far the edge of the upper one lies before the lower one's and below it where they are coarse, and how far from
 #: their edges lids follow them there, in centimetres.
 _LID_BEFORE, _LID_BELOW, _FOLLOWS = 0.02, 0.02, 0.6
+#: How far behind the line where they meet the inner edges of closed lids lie there, in centimetres.
+_BEHIND = 0.1
 #: Distances from the lids' edges between which their skin ceases to follow the gaze, in centimetres.
 _GAZE_REACH = (0.3, 2.0)
 
@@ -102,6 +104,25 @@ def meet_exactly(vertices: Floats, blink: Floats, ring: Ints, centre: Floats, fa
     near = np.flatnonzero(np.isfinite(away))
     result = blink.copy()
     result[near] += (1.0 - away[near] / _FOLLOWS)[:, None] * (wanted - posed)[nearest[near]]
+    return result
+
+
+def tuck_inner_edge(vertices: Floats, blink: Floats, ring: Ints, inner: Ints, centre: Floats) -> Floats:
+    """Return the shape ``blink`` (N, 3) of `meet_exactly` with the lids' inner edges behind the line where lids meet.
+
+    Args:
+        vertices: The neutral skin, shape (N, 3).
+        blink: Offsets that close the eye.
+        ring: The closed loop along the lids' outer edges.
+        inner: Vertices of the lids' inner edges.
+        centre: Of the eyeball, shape (3,).
+    """
+    posed = vertices + blink
+    upper, _ = upper_and_lower(vertices, ring, "Left" if centre[0] > 0.0 else "Right")
+    away = _at(posed[upper[np.argsort(posed[upper, 0])]], posed[inner, 0]) - centre
+    distance = np.linalg.norm(away, axis=1, keepdims=True)
+    result = blink.copy()
+    result[inner] = centre + away * (1.0 - _BEHIND / distance) - vertices[inner]
     return result
 
 

@@ -15,7 +15,14 @@ from scripts.asset_building.halves import in_halves
 from scripts.asset_building.head import LASH_RING, Skin, ordered_ring
 from scripts.asset_building.identity import Recipe, identity_vertices
 from scripts.asset_building.landmarks import feature_points, mirrored_ids, regions
-from scripts.asset_building.lids import close_exactly, keep_clear, meet_exactly, socket_ids, upper_and_lower
+from scripts.asset_building.lids import (
+    close_exactly,
+    keep_clear,
+    meet_exactly,
+    socket_ids,
+    tuck_inner_edge,
+    upper_and_lower,
+)
 from scripts.asset_building.looks import LOOKS
 from scripts.asset_building.piece import Floats, Ints, Piece, join
 from scripts.asset_building.refinement import Reduced, reduced
@@ -249,14 +256,16 @@ def _closing(low: Piece, skin: Skin, number: Ints, eyes: list[Eyeball]) -> Piece
     shapes = low.shapes.copy()
     ring = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[LASH_RING]))
     mirror = mirrored_ids(low.vertices)
-    kept = number[ring][number[ring] >= 0]
+    inner = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[_INNER_RING]))
+    kept, kept_inner = (number[loop][number[loop] >= 0] for loop in (ring, inner))
     for eye in eyes:
         blink = ARKIT_SHAPES.index(f"eyeBlink{eye.side}")
-        loop = kept if eye.side == "Left" else mirror[kept]
+        loop, edge = (ids if eye.side == "Left" else mirror[ids] for ids in (kept, kept_inner))
         shapes[blink] = close_exactly(low.vertices, shapes[blink], loop, eye.side)
         socket = number[socket_ids(skin, eye.side)]
         shapes = keep_clear(
             low.vertices, shapes, socket[socket >= 0], eye.centre, _EYE_SCALE * eye.radius, (1.0, 0.75, 0.5, 0.25)
         )
         shapes[blink] = meet_exactly(low.vertices, shapes[blink], loop, eye.centre, low.quads[:, :3])
+        shapes[blink] = tuck_inner_edge(low.vertices, shapes[blink], loop, edge, eye.centre)
     return replace(low, shapes=shapes)
