@@ -35,7 +35,7 @@ SIDES = ("Left", "Right")
 _EYE_RADIUS = 1.43
 #: Shares of the eye's turn that upper and lower lid follow, and how fully towards the corners. In the source the upper
 #: lid covers the pupil of an eye that looks up, and the lower one that of an eye that looks down.
-_LIDS_FOLLOW = {"LookUp": (0.5, 0.25, 2.0), "LookDown": (0.65, 0.5, 3.0)}
+_LIDS_FOLLOW = {"LookUp": (0.5, 0.25, 2.0), "LookDown": (0.65, 0.6, 3.0)}
 _UPPER_TEETH, _LOWER_TEETH = "helper-upper-teeth", "helper-lower-teeth"
 _EYES = {"Left": "helper-l-eye", "Right": "helper-r-eye"}
 
