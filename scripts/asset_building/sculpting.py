@@ -54,7 +54,7 @@ def sculpted(units: Floats, rest: Floats, skin: Skin) -> Floats:
         for name, function in _CORRECTIONS.items():
             result[row[name + side], ids] = function(result[row[name + side], ids], control)
     inner = row["browInnerUp"]
-    result[inner, ids] = raised_brow(units[inner, ids], control)
+    result[inner, ids] = raised_brow(units[inner, ids], control, aside=1.0)
     puff = row["cheekPuff"]
     result[puff, ids] = puffed(units[puff, ids], control)
     forward = row["jawForward"]
