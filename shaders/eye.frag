@@ -22,7 +22,7 @@ out vec4 colour;
 
 const float IRIS = radians(24.0);
 // Half the width and the height of the catchlight.
-const vec2 LAMP = radians(vec2(3.4, 4.0));
+const vec2 LAMP = radians(vec2(2.5, 2.9));
 // Of the texture: share of its width that is 100 degrees.
 const float REACH = 0.49 / radians(100.0);
 
@@ -97,9 +97,9 @@ void main() {
     vec3 off = mat3(view) * (d - catchlight), normal = mat3(view) * catchlight;
     vec3 right = normalize(cross(vec3(0.0, 1.0, 0.0), normal));
     vec2 across = abs(vec2(dot(off, right), dot(off, cross(normal, right)))) / LAMP;
-    float box = pow(pow(across.x, 2.6) + pow(across.y, 2.6), 1.0 / 2.6);
-    float edge = max(0.5 * fwidth(box), 0.18);
+    float box = pow(pow(across.x, 2.3) + pow(across.y, 2.3), 1.0 / 2.3);
+    float edge = max(0.5 * fwidth(box), 0.30);
     float lamp = 1.0 - smoothstep(1.0 - edge, 1.0 + edge, box);
-    linear += vec3(0.95, 0.97, 1.0) * (1.35 * lamp + 0.10 * smoothstep(2.6, 0.6, box));
+    linear += vec3(0.95, 0.97, 1.0) * (1.15 * lamp + 0.10 * smoothstep(2.6, 0.6, box));
     colour = vec4(display(linear, gl_FragCoord.xy), 1.0);
 }

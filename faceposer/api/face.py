@@ -222,10 +222,18 @@ class Face(InMotion):
         return self._add(FixedConstraint(SurfacePoints.at_vertices(ids), weight=weight), "Fix vertices")
 
     def look(self, yaw: float = 0.0, pitch: float = 0.0) -> GazeConstraint:
-        """Turn both eyes by degrees to the character's left and upwards, in place of where they were told to look."""
+        """Turn both eyes by degrees to the character's left and upwards, in place of where they were told to look.
+
+        Raises:
+            FacePoserError: If the character has no shapes that turn its eyes.
+        """
         told = [i for i, constraint in enumerate(self.constraints) if isinstance(constraint, GazeConstraint)]
         angles = tuple(checks.number(angle, -180.0, 180.0, "An angle") for angle in (yaw, pitch))
         gaze = GazeConstraint((angles[0], angles[1])).within_reach()
+        if not gaze.weights().keys() & set(self.subject.shape_names):
+            raise FacePoserError(
+                f"The eyes of '{self.subject.title}' cannot be turned, because it has no eyeLook shapes; set others."
+            )
         if not told:
             return self._add(gaze, "Turn the eyes")
         self.session.change_constraint(told[0], gaze, "Turn the eyes")

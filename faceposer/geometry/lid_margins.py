@@ -78,7 +78,8 @@ def find_lid_margins(
     distance = np.linalg.norm(vertices - centre, axis=1)
     near = (distance < _FARTHEST * radius) & (vertices[:, 2] > centre[2])
     outside = distance > _NEAREST * radius
-    around = triangles[near[triangles].all(axis=1) & outside[triangles].any(axis=1)]
+    # Coarse triangles reach far beyond the lids.
+    around = triangles[near[triangles].any(axis=1) & outside[triangles].any(axis=1)]
     if not len(around):
         return None
     skin = _Skin(vertices[around].astype(np.float64) - centre, radius)

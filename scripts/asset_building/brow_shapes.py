@@ -18,6 +18,8 @@ _INWARDS = 0.42
 _ALONG, _DOWN = (0.0, 0.8, 1.6, 2.6, 3.6, 4.8, 5.8), (1.5, 1.54, 1.53, 1.22, 0.92, 0.66, 0.5)
 #: Factor on how far brows are raised, the height in their middle, and by how much slower the movement fades above it.
 _RAISED, _BROW_MIDDLE, _SLOWER = 1.7, 74.5, 0.45
+#: From this place on, along x, the movement of a raised outer brow fades slower by this factor: its tail comes too.
+_ARCH, _SLOWER_ASIDE = 3.4, 0.4
 #: In front of this depth no two layers of the forehead lie behind each other.
 _FRONT = 4.0
 #: Between these heights the upper lid's skin, which keeps its movement, becomes the brow's.
@@ -36,14 +38,21 @@ def lowered_brow(unit: Floats, rest: Floats) -> Floats:
     return result
 
 
-def raised_brow(unit: Floats, rest: Floats) -> Floats:
-    """Return the offsets of browInnerUp or browOuterUp, (N, 3), from the source's ``unit`` on the mesh ``rest``."""
+def raised_brow(unit: Floats, rest: Floats, aside: float = _SLOWER_ASIDE) -> Floats:
+    """Return the offsets of browInnerUp or browOuterUp, (N, 3), from the source's ``unit`` on the mesh ``rest``.
+
+    Args:
+        unit: Offsets in centimetres, shape (N, 3).
+        rest: The base mesh, shape (N, 3).
+        aside: By which factor the movement fades slower outwards from the arch of the brow; 1 leaves it.
+    """
     front = np.flatnonzero((rest[:, 2] > _FRONT) & (rest[:, 1] > _LID))
-    above = np.flatnonzero((rest[:, 2] > _FRONT) & (rest[:, 1] > _BROW_MIDDLE))
-    lower = rest[above, :2].copy()
-    lower[:, 1] = _BROW_MIDDLE + _SLOWER * (lower[:, 1] - _BROW_MIDDLE)
+    source = rest[front, :2].copy()
+    source[:, 1] -= (1.0 - _SLOWER) * np.maximum(source[:, 1] - _BROW_MIDDLE, 0.0)
+    beyond = np.maximum(np.abs(source[:, 0]) - _ARCH, 0.0) * ramp(_LID, _BROW_MIDDLE, rest[front, 1])
+    source[:, 0] -= (1.0 - aside) * np.sign(source[:, 0]) * beyond
     result = unit.copy()
-    result[above] = np.nan_to_num(LinearNDInterpolator(rest[front, :2], unit[front])(lower))
+    result[front] = np.nan_to_num(LinearNDInterpolator(rest[front, :2], unit[front])(source))
     raised: Floats = result * (1.0 + ramp(_LID, _BROW, rest[:, 1]) * (_RAISED - 1.0))[:, None]
     return raised
 

@@ -33,9 +33,9 @@ CREDITS = (
 )
 SIDES = ("Left", "Right")
 _EYE_RADIUS = 1.43
-#: Shares of the eye's turn that upper and lower lid follow. In the source the upper lid covers the pupil of an eye that
-#: looks up, and the lower one that of an eye that looks down.
-_LIDS_FOLLOW = {"LookUp": (0.75, 0.25), "LookDown": (0.5, 0.4)}
+#: Shares of the eye's turn that upper and lower lid follow, and how fully towards the corners. In the source the upper
+#: lid covers the pupil of an eye that looks up, and the lower one that of an eye that looks down.
+_LIDS_FOLLOW = {"LookUp": (0.5, 0.25, 2.0), "LookDown": (0.65, 0.6, 3.0)}
 _UPPER_TEETH, _LOWER_TEETH = "helper-upper-teeth", "helper-lower-teeth"
 _EYES = {"Left": "helper-l-eye", "Right": "helper-r-eye"}
 
@@ -162,8 +162,8 @@ class Builder:
             ring, _ = self._lash_ring(eye.side)
             blink = ARKIT_SHAPES.index(f"eyeBlink{eye.side}")
             shapes[blink] = close_exactly(vertices, shapes[blink], ring, eye.side)
-            for action, shares in _LIDS_FOLLOW.items():
-                follows = following_gaze(vertices, ring, eye.centre, GAZE[action][0], shares)
+            for action, (upper, lower, fullness) in _LIDS_FOLLOW.items():
+                follows = following_gaze(vertices, ring, eye.centre, GAZE[action][0], (upper, lower), fullness)
                 shapes[ARKIT_SHAPES.index(f"eye{action}{eye.side}")] = follows
             ids = socket_ids(skin, eye.side)
             vertices = tuck_socket(vertices, ids, eye.centre, eye.radius)

@@ -57,13 +57,13 @@ def paint_lashes(length_seed: int, width: int = 1024, height: int = 512) -> NDAr
     rng = np.random.default_rng(length_seed)
     scale = 2
     alpha = np.zeros((height * scale, width * scale), dtype=np.float32)
-    for low, high, count in ((0.52, 0.98, 105), (0.02, 0.48, 62)):
+    for low, high, count, width_share in ((0.52, 0.98, 105, 1.0), (0.02, 0.48, 74, 0.7)):
         root, tip = (1.0 - low) * height * scale, (1.0 - high) * height * scale
         for k in range(count):
             at = (k + 0.5 + rng.uniform(-0.35, 0.35)) / count
             clump = 0.012 * np.sin(2 * np.pi * at * count / 4.3 + rng.uniform(-0.6, 0.6))
             reach = rng.uniform(0.72, 1.0) if rng.random() < 0.75 else rng.uniform(0.4, 0.7)
-            _hair(alpha, at * width * scale, clump * width * scale, root, root + (tip - root) * reach, rng)
+            _hair(alpha, at * width * scale, clump * width * scale, root, root + (tip - root) * reach, width_share, rng)
     alpha = ndimage.zoom(np.clip(alpha, 0, 1), 1 / scale, order=1)
     image = np.empty((height, width, 4), dtype=np.uint8)
     image[..., :3] = (24, 16, 13)
@@ -71,12 +71,14 @@ def paint_lashes(length_seed: int, width: int = 1024, height: int = 512) -> NDAr
     return image
 
 
-def _hair(alpha: Image32, x: float, lean: float, root: float, tip: float, rng: np.random.Generator) -> None:
-    """Draw one lash into ``alpha``: a tapered curve from row ``root`` up to row ``tip`` that leans by ``lean``."""
+def _hair(
+    alpha: Image32, x: float, lean: float, root: float, tip: float, share: float, rng: np.random.Generator
+) -> None:
+    """Draw one lash into ``alpha``: a curve from row ``root`` to row ``tip`` leaning by ``lean``, ``share`` as wide."""
     rows = np.arange(max(int(min(root, tip)), 0), min(int(root) + 1, alpha.shape[0]))
     t = np.clip((root - rows) / max(root - tip, 1.0), 0.0, 1.0)
     centre = x + lean * t**1.5 + rng.uniform(-5, 5) * t**2
-    half = rng.uniform(2.6, 3.8) * (1.0 - t) ** 0.7 + 0.5
+    half = share * rng.uniform(2.6, 3.8) * (1.0 - t) ** 0.7 + 0.5
     columns = np.rint(centre).astype(int)[:, None] + np.arange(-6, 7)[None, :]
     value = np.clip(half[:, None] + 0.5 - np.abs(columns - centre[:, None]), 0.0, 1.0) * 0.95
     inside = (columns >= 0) & (columns < alpha.shape[1])

@@ -4,14 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scripts.asset_building.dental_arch import MOLAR, N_KINDS, PREMOLAR, SECOND_MOLAR, Arch, MouthFrame, smooth
+from scripts.asset_building.dental_arch import N_KINDS, PREMOLAR, SECOND_MOLAR, Arch, MouthFrame, smooth
 from scripts.asset_building.piece import Floats, Ints, grid_quads
 from scripts.asset_building.teeth import CrownShape
 
-#: Columns of the gum for each front tooth and each of those behind, as u on the crown: closer at the papillae.
-_COLUMNS, _COLUMNS_BEHIND = (-1.0, -0.84, -0.5, 0.0, 0.5, 0.84), (-1.0, -0.7, 0.0, 0.7)
+#: Columns of the gum for each front tooth and each of those behind, as u on the crown: at the crown's own edges, so
+#: that the two surfaces meet in a straight line from column to column.
+_COLUMNS, _COLUMNS_BEHIND = (-1.0, -0.83, -0.49, 0.0, 0.49, 0.83), (-1.0, -0.7, 0.0, 0.7)
 #: How far up the crown the gum reaches in its middle and between two teeth, as shares of the crown's length.
-_ZENITH, _PAPILLA = 0.95, 0.66
+_ZENITH, _PAPILLA = 0.95, 0.68
+#: Exponent of the margin's arch from its middle to the papilla: lower is rounder.
+_SCALLOP = 2.8
+#: How far around a crown, as u on it, the margin, the rounded edge above it and the attached gum follow its surface;
+#: further on they bridge the gap to the next crown.
+_MARGIN_FOLLOWS, _EDGE_FOLLOWS, _ATTACHED_FOLLOWS = 0.97, 0.92, 0.86
 #: How far the gum goes on behind the last tooth, in centimetres.
 _BEHIND = np.array([0.22, 0.50])
 #: Rows from the outer fold over the margins to where palate and floor begin, as v of the texture.
@@ -52,7 +58,7 @@ def build_gum(arch: Arch, frame: MouthFrame) -> tuple[Floats, Ints, Floats]:
     """
     half = _columns(arch)
     rows = _rows(arch, half)
-    line, normal = arch.at(half.length)
+    line, normal = _line(arch, half)
     grid = [(line + out[:, None] * normal, height) for out, height in rows]
     points, quads = half_and_half(arch, frame, grid, _ACROSS)
     u = 0.5 + 0.48 * half.length / half.length[-1]
@@ -116,7 +122,7 @@ def _columns(arch: Arch) -> _Columns:
                 between.append((shapes[max(kind - 1, 0)], -1.0 if kind == 0 else 1.0))
             lengths.append(float(start + (stop - start) * (0.5 + 0.5 * u)))
             touching.append(between)
-            margins.append(_ZENITH - (_ZENITH - _PAPILLA) * abs(u) ** 6.0)
+            margins.append(_ZENITH - (_ZENITH - _PAPILLA) * abs(u) ** _SCALLOP)
     end = float(arch.edges[-1])
     last = shapes[SECOND_MOLAR]
     lengths += [end, *(end + _BEHIND).tolist()]
@@ -126,18 +132,31 @@ def _columns(arch: Arch) -> _Columns:
     return _Columns(np.array(lengths), touching, np.array(margins), past)
 
 
+def _line(arch: Arch, columns: _Columns) -> tuple[Floats, Floats]:
+    """Return the places of the columns and the normals that point outside, shape (n, 2) each.
+
+    Crowns stand on tangents of the arch, and so does the gum around them; behind them it follows the arch itself.
+    """
+    line, normal = arch.at(columns.length)
+    middle, outside = arch.at(0.5 * (arch.edges[1:] + arch.edges[:-1]))
+    tangent = np.stack([-outside[:, 1], outside[:, 0]], axis=-1)
+    for k in np.flatnonzero(columns.past == 0.0):
+        if columns.length[k] > 0.0:
+            touched = [(shape.kind, 0.5 * u * arch.width[shape.kind]) for shape, u in columns.shapes[k]]
+            line[k] = np.mean([middle[kind] + along * tangent[kind] for kind, along in touched], axis=0)
+            both = np.sum([outside[kind] for kind, _ in touched], axis=0)
+            normal[k] = both / np.linalg.norm(both)
+    return line, normal
+
+
 def _rows(arch: Arch, columns: _Columns) -> list[tuple[Floats, Floats]]:
     """Return how far outside the arch's line and how far from the bite each row lies, outer fold first."""
 
-    def out(level: Floats, side: float) -> Floats:
+    def out(level: Floats, side: float, follows: float) -> Floats:
         value = []
         for at, touched in zip(level, columns.shapes, strict=True):
-            # The papilla fills most of the gap between two crowns.
             value.append(
-                [
-                    float(shape.outward(np.array(at), side * shape.face_at(np.array(_filled(shape) * u))))
-                    for shape, u in touched
-                ]
+                [float(shape.outward(np.array(at), side * _surface(shape, at, u, follows))) for shape, u in touched]
             )
         # Behind the last tooth the ridge narrows.
         narrow = 1.0 - 0.45 * smooth(columns.past / _BEHIND[-1])
@@ -160,14 +179,16 @@ def _rows(arch: Arch, columns: _Columns) -> list[tuple[Floats, Floats]]:
     sunk = np.where(behind, -0.03, 0.07)
     rows = []
     for side in (1.0, -1.0):
-        base = _along(out(1.1 * one, side))
+        base = _along(out(1.1 * one, side, _ATTACHED_FOLLOWS))
+        # Below the surface of the crown, so that the gum meets it in a line and its edge hides nothing.
+        margin = out(columns.margin, side, _MARGIN_FOLLOWS) - side * np.where(behind, -0.014, 0.018)
         strip = [
             (base + (-0.06 if side > 0 else -0.16), neck_height + (0.50 if side > 0 else 0.42)),
             (base + (0.05 if side > 0 else -0.11), neck_height + (0.22 if side > 0 else 0.20)),
-            (out(attached, side) + side * 0.055, np.maximum(height(attached), margin_height + 0.10)),
-            (out(bulge, side) + side * 0.045, margin_height + 0.045),
-            (out(columns.margin, side) + side * 0.014, margin_height),
-            (out(columns.margin, side) * tuck - side * 0.13 * tuck, margin_height + sunk),
+            (out(attached, side, _ATTACHED_FOLLOWS) + side * 0.05, np.maximum(height(attached), margin_height + 0.10)),
+            (out(bulge, side, _EDGE_FOLLOWS) + side * 0.03, height(bulge)),
+            (margin, margin_height),
+            (margin * tuck - side * 0.13 * tuck, margin_height + sunk),
         ]
         if side < 0:
             strip = [strip[5], strip[4], strip[2], strip[0]]
@@ -175,8 +196,11 @@ def _rows(arch: Arch, columns: _Columns) -> list[tuple[Floats, Floats]]:
     return [(outside, _along(high) if k < 2 else high) for k, (outside, high) in enumerate(rows)]
 
 
-def _filled(shape: CrownShape) -> float:
-    return 0.86 if shape.kind < MOLAR else 0.93
+def _surface(shape: CrownShape, level: float, u: float, follows: float) -> float:
+    """Return v of the crown's outer side at ``level`` beside its middle by ``u`` of half its place on the arch."""
+    half = 0.5 * shape.arch.width[shape.kind]
+    on_crown = abs(u) * half / float(shape.half_width(np.array(level)))
+    return float(shape.drawn_face_at(np.array(min(on_crown, follows))))
 
 
 def _along(values: Floats, rounds: int = 6) -> Floats:

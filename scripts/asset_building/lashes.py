@@ -2,6 +2,7 @@
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
 
 from scripts.asset_building.lids import upper_and_lower
 from scripts.asset_building.piece import Floats, Ints, Piece, grid_quads
@@ -11,6 +12,8 @@ _ROWS = 4
 _BARE = 2
 #: Vertices whose movement tells how the lid turns at one root, and over how many roots turns are evened out.
 _NEIGHBOURS, _EVENED = 20, 2.5
+#: Share of a turn about z, by which lashes at the outer corner would lean over the eye, that is left out.
+_UPRIGHT = 0.8
 
 
 def build_lashes(
@@ -33,7 +36,7 @@ def build_lashes(
     for edge, opposite, is_upper in ((upper, lower, True), (lower, upper, False)):
         root = edge[_BARE:-_BARE]
         strip = _strip(skin[root], centre, sign, is_upper, length)
-        turns = _turns(skin, skin_shapes, root, opposite, lid)
+        turns = _without_leaning(_turns(skin, skin_shapes, root, opposite, lid))
         along = strip - skin[root]
         turned = np.einsum("snij,rnj->srni", turns, along) - along + skin_shapes[:, root][:, None]
         t = np.linspace(0.0, 1.0, len(root))
@@ -68,8 +71,8 @@ def _strip(root: Floats, centre: Floats, sign: float, is_upper: bool, length: fl
         end = 0.35 * ahead + 0.85 * up + 0.9 * fan
         reach = length * (0.42 + 0.48 * np.sin(np.pi * np.clip(0.12 + 0.66 * t, 0, 1)))
     else:
-        start = 0.6 * out + 0.45 * ahead - 0.35 * up + 0.4 * fan
-        end = 0.6 * ahead - 0.50 * up + 0.9 * fan
+        start = 0.45 * out + 0.35 * ahead - 0.6 * up + 0.4 * fan
+        end = 0.5 * ahead - 0.65 * up + 0.9 * fan
         reach = length * (0.22 + 0.20 * np.sin(np.pi * np.clip(0.05 + 0.72 * t, 0, 1)))
     start /= np.linalg.norm(start, axis=1, keepdims=True)
     end /= np.linalg.norm(end, axis=1, keepdims=True)
@@ -98,6 +101,14 @@ def _turns(skin: Floats, skin_shapes: Floats, root: Ints, other: Ints, lid: Ints
     # Evened out along the lid, so that the strip does not crumple: the sum of rotations, made a rotation again.
     u, _, vt = np.linalg.svd(gaussian_filter1d(turns, _EVENED, axis=1, mode="nearest"))
     return _proper(u, vt)
+
+
+def _without_leaning(turns: Floats) -> Floats:
+    """Return the rotations ``turns`` (S, n, 3, 3) with less of their turn about z, from the slope of raised lids."""
+    vectors = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_rotvec().reshape(*turns.shape[:2], 3)
+    vectors[..., 2] *= 1.0 - _UPRIGHT
+    upright: Floats = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(turns.shape)
+    return upright
 
 
 def _proper(u: Floats, vt: Floats) -> Floats:

@@ -21,8 +21,10 @@ _LID_OVERLAP = 0.03
 #: How far the edge of the upper one lies before the lower one's and below it where they are coarse, and how far from
 #: their edges lids follow them there, in centimetres.
 _LID_BEFORE, _LID_BELOW, _FOLLOWS = 0.02, 0.02, 0.6
+#: How far behind the line where they meet the inner edges of closed lids lie there, in centimetres.
+_BEHIND = 0.1
 #: Distances from the lids' edges between which their skin ceases to follow the gaze, in centimetres.
-_GAZE_REACH = (0.05, 1.25)
+_GAZE_REACH = (0.3, 2.0)
 
 
 def socket_ids(skin: Skin, side: str) -> Ints:
@@ -105,12 +107,33 @@ def meet_exactly(vertices: Floats, blink: Floats, ring: Ints, centre: Floats, fa
     return result
 
 
+def tuck_inner_edge(vertices: Floats, blink: Floats, ring: Ints, inner: Ints, centre: Floats) -> Floats:
+    """Return the shape ``blink`` (N, 3) of `meet_exactly` with the lids' inner edges behind the line where lids meet.
+
+    Args:
+        vertices: The neutral skin, shape (N, 3).
+        blink: Offsets that close the eye.
+        ring: The closed loop along the lids' outer edges.
+        inner: Vertices of the lids' inner edges.
+        centre: Of the eyeball, shape (3,).
+    """
+    posed = vertices + blink
+    upper, _ = upper_and_lower(vertices, ring, "Left" if centre[0] > 0.0 else "Right")
+    away = _at(posed[upper[np.argsort(posed[upper, 0])]], posed[inner, 0]) - centre
+    distance = np.linalg.norm(away, axis=1, keepdims=True)
+    result = blink.copy()
+    result[inner] = centre + away * (1.0 - _BEHIND / distance) - vertices[inner]
+    return result
+
+
 def _at(line: Floats, x: Floats) -> Floats:
     """Return the places with the given ``x`` (n,) on a ``line`` (m, 3) whose x rises, shape (n, 3)."""
     return np.column_stack([np.interp(x, line[:, 0], line[:, k]) for k in range(3)])
 
 
-def following_gaze(vertices: Floats, ring: Ints, centre: Floats, degrees: float, shares: tuple[float, float]) -> Floats:
+def following_gaze(
+    vertices: Floats, ring: Ints, centre: Floats, degrees: float, shares: tuple[float, float], fullness: float
+) -> Floats:
     """Return how lids follow an eye that turns about the line through its centre along x, shape (N, 3).
 
     The skin turns with the eye by a share of its angle, most at the lids' edges and least at the corners, so that it
@@ -122,6 +145,7 @@ def following_gaze(vertices: Floats, ring: Ints, centre: Floats, degrees: float,
         centre: Of the eyeball, shape (3,).
         degrees: How far the eye turns; positive looks down.
         shares: Of this angle at the middle of the upper and of the lower lid's edge.
+        fullness: Power with which they fall off to nothing at the corners: 2 is round, more is fuller.
     """
     side = "Left" if centre[0] > 0.0 else "Right"
     upper, lower = (half[np.argsort(vertices[half, 0])] for half in upper_and_lower(vertices, ring, side))
@@ -134,7 +158,7 @@ def following_gaze(vertices: Floats, ring: Ints, centre: Floats, degrees: float,
     share = shares[0] * ramp(0.0, 1.0, height / np.maximum(above, 0.05))
     share += shares[1] * ramp(0.0, 1.0, -height / np.maximum(below, 0.05))
     away = cKDTree(vertices[ring]).query(vertices)[0]
-    share *= (1.0 - ramp(*_GAZE_REACH, away)) * (1.0 - across**4)
+    share *= (1.0 - ramp(*_GAZE_REACH, away)) * (1.0 - np.abs(across) ** fullness)
     angle = np.deg2rad(degrees) * share
     y, z = vertices[:, 1] - centre[1], vertices[:, 2] - centre[2]
     turned_y, turned_z = np.cos(angle) * y - np.sin(angle) * z, np.sin(angle) * y + np.cos(angle) * z

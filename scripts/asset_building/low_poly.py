@@ -15,7 +15,14 @@ from scripts.asset_building.halves import in_halves
 from scripts.asset_building.head import LASH_RING, Skin, ordered_ring
 from scripts.asset_building.identity import Recipe, identity_vertices
 from scripts.asset_building.landmarks import feature_points, mirrored_ids, regions
-from scripts.asset_building.lids import close_exactly, keep_clear, meet_exactly, socket_ids, upper_and_lower
+from scripts.asset_building.lids import (
+    close_exactly,
+    keep_clear,
+    meet_exactly,
+    socket_ids,
+    tuck_inner_edge,
+    upper_and_lower,
+)
 from scripts.asset_building.looks import LOOKS
 from scripts.asset_building.piece import Floats, Ints, Piece, join
 from scripts.asset_building.refinement import Reduced, reduced
@@ -60,6 +67,8 @@ _POSES = (
 _ON_LID, _ON_LIP = 11, 7
 #: A ring on the lids that stays a line beside their edges, so that between them they fold evenly.
 _FOLD_RING = LASH_RING + 2
+#: And one on their inner edges, so that the moist rim before the ball is a strip of even width.
+_INNER_RING = LASH_RING - 2
 #: How far into the mouth, in centimetres, the lips' insides are still seen.
 _LIP_DEPTH = 0.6
 #: How far closed lips overlap where their coarse edges meet, in centimetres, and in how many rounds they are moved.
@@ -123,7 +132,9 @@ def _simplified_skin(skin: Skin, piece: Piece, place: Floats, named: dict[str, I
     keep += [_spaced(half[place[half, 0] > -1e-6], place, _ON_LIP) for half in upper_and_lower(place, lips, "Left")]
     fold = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[_FOLD_RING]))
     keep += [_spaced(half, place, _ON_LID) for half in upper_and_lower(place, fold, "Left")]
-    loops = [_closed(lash), _closed(fold), _closed(lips)]
+    inner = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[_INNER_RING]))
+    keep += [_spaced(half, place, _ON_LID) for half in upper_and_lower(place, inner, "Left")]
+    loops = [_closed(lash), _closed(fold), _closed(inner), _closed(lips)]
     weights = np.full(len(place), 0.35)
     for region, weight in (
         ("forehead", 0.9),
@@ -245,14 +256,16 @@ def _closing(low: Piece, skin: Skin, number: Ints, eyes: list[Eyeball]) -> Piece
     shapes = low.shapes.copy()
     ring = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[LASH_RING]))
     mirror = mirrored_ids(low.vertices)
-    kept = number[ring][number[ring] >= 0]
+    inner = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[_INNER_RING]))
+    kept, kept_inner = (number[loop][number[loop] >= 0] for loop in (ring, inner))
     for eye in eyes:
         blink = ARKIT_SHAPES.index(f"eyeBlink{eye.side}")
-        loop = kept if eye.side == "Left" else mirror[kept]
+        loop, edge = (ids if eye.side == "Left" else mirror[ids] for ids in (kept, kept_inner))
         shapes[blink] = close_exactly(low.vertices, shapes[blink], loop, eye.side)
         socket = number[socket_ids(skin, eye.side)]
         shapes = keep_clear(
             low.vertices, shapes, socket[socket >= 0], eye.centre, _EYE_SCALE * eye.radius, (1.0, 0.75, 0.5, 0.25)
         )
         shapes[blink] = meet_exactly(low.vertices, shapes[blink], loop, eye.centre, low.quads[:, :3])
+        shapes[blink] = tuck_inner_edge(low.vertices, shapes[blink], loop, edge, eye.centre)
     return replace(low, shapes=shapes)

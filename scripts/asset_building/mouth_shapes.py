@@ -19,6 +19,10 @@ LIP_REACH, MOUTH_REACH = (1.0, 2.8), (4.5, 7.0)
 _LESS = (0.0, 0.8, 0.15)
 #: How much the offsets on the cheeks keep to the source's beside smoothness.
 _EVENNESS = 0.006
+# Centimetres from the middle of the face at which a blown-up cheek begins to turn aside and does so fully; what share
+# of its way forwards goes aside too, and what share of it is lost.
+_PUFF_FROM, _PUFF_TO = 1.8, 3.6
+_PUFF_ASIDE, _PUFF_LESS = 0.45, 0.15
 
 
 def drawn_down(unit: Floats, control: Floats) -> Floats:
@@ -63,4 +67,22 @@ def even_cheeks(skin: Skin, control: Floats, units: Floats) -> Floats:
     given = np.where(cheeks[:, None], np.nan, flat)
     evened = smoothest(skin, control, given, flat, _EVENNESS)
     result: Floats = evened.reshape(len(control), -1, 3).transpose(1, 0, 2)
+    return result
+
+
+def puffed(offsets: Floats, control: Floats) -> Floats:
+    """Return the blown-up cheek with ``offsets``, (n, 3), bulging sideways as much as forwards beside the mouth.
+
+    Air in the mouth presses along the cheek's normal, which at its middle points halfway to the side; the source's unit
+    moves it forwards alone.
+
+    Args:
+        offsets: Of the source's unit.
+        control: The face at rest, shape (n, 3).
+    """
+    x = control[:, 0]
+    aside = ramp(_PUFF_FROM, _PUFF_TO, np.abs(x))
+    result = offsets.copy()
+    result[:, 0] += _PUFF_ASIDE * aside * np.sign(x) * offsets[:, 2].clip(min=0.0)
+    result[:, 2] *= 1.0 - _PUFF_LESS * aside
     return result

@@ -7,7 +7,7 @@ from scripts.asset_building.dental_arch import N_KINDS
 from scripts.asset_building.raster import Image32, Noise, smoothstep
 
 #: How much light the crowns of each kind get, from the middle backwards.
-_LIGHT = (1.0, 0.98, 0.90, 0.74, 0.56, 0.38, 0.28)
+_LIGHT = (1.0, 0.985, 0.94, 0.85, 0.68, 0.42, 0.26)
 
 
 def paint_teeth(height: int = 256) -> NDArray[np.uint8]:
@@ -24,18 +24,18 @@ def paint_teeth(height: int = 256) -> NDArray[np.uint8]:
     colour = _ramp(
         v,
         [
-            (0.0, (204, 176, 140)),
-            (0.16, (222, 200, 168)),
-            (0.32, (236, 221, 198)),
-            (0.52, (242, 232, 216)),
-            (0.70, (236, 231, 222)),
-            (1.0, (228, 216, 198)),
+            (0.0, (214, 190, 158)),
+            (0.16, (230, 213, 188)),
+            (0.32, (239, 227, 207)),
+            (0.52, (243, 233, 215)),
+            (0.70, (240, 231, 214)),
+            (1.0, (230, 218, 199)),
         ],
     )
     colour *= (1.0 + 0.02 * noise)[..., None]
-    # Canines are a little yellower than incisors, and so are the teeth behind.
-    yellow = np.array([0.0, 0.3, 1.0, 0.7, 0.7, 0.8, 0.8], np.float32)[kind]
-    colour *= 1.0 - yellow[..., None] * np.array([0.015, 0.03, 0.075], np.float32)
+    # Teeth are slightly warmer from the middle backwards.
+    warm = np.array([0.0, 0.2, 0.5, 0.6, 0.7, 0.9, 1.0], np.float32)[kind]
+    colour *= 1.0 - warm[..., None] * np.array([0.005, 0.015, 0.035], np.float32)
     beside = np.abs(np.cos(2.0 * np.pi * turn)) ** 5
     inside = smoothstep(0.0, 1.0, -np.sin(2.0 * np.pi * turn))
     shade = 1.0 - 0.42 * beside * smoothstep(0.78, 0.35, v) - 0.16 * inside
@@ -62,8 +62,8 @@ def paint_gums(size: int = 512) -> NDArray[np.uint8]:
             (0.20, (198, 116, 112)),
             (0.33, (206, 128, 122)),
             (0.40, (196, 110, 106)),
-            (0.44, (150, 72, 70)),
-            (0.48, (150, 72, 70)),
+            (0.44, (182, 98, 94)),
+            (0.48, (182, 98, 94)),
             (0.52, (188, 104, 100)),
             (0.62, (194, 116, 110)),
             (0.80, (180, 100, 96)),
@@ -122,7 +122,7 @@ def paint_tongue(size: int = 512) -> NDArray[np.uint8]:
 def _shaded(colour: Image32, shade: Image32) -> Image32:
     """Return sRGB ``colour`` in the share ``shade`` of the light; light that is left over is red from all around."""
     dark = np.asarray(shade, np.float32)[..., None]
-    result: Image32 = colour * dark ** np.array([0.42, 0.50, 0.50], np.float32)
+    result: Image32 = colour * dark ** np.array([0.42, 0.53, 0.55], np.float32)
     return result
 
 

@@ -8,7 +8,7 @@ from scripts.asset_building.falloff import ramp
 from scripts.asset_building.head import Skin
 from scripts.asset_building.lip_shapes import lip_shapes
 from scripts.asset_building.mouth_rings import mouth_rings
-from scripts.asset_building.mouth_shapes import around_lips, drawn_down, even_cheeks, pushed_forward
+from scripts.asset_building.mouth_shapes import around_lips, drawn_down, even_cheeks, puffed, pushed_forward
 from scripts.asset_building.piece import Floats
 from scripts.asset_building.smile_shapes import smiles, squints
 
@@ -54,7 +54,9 @@ def sculpted(units: Floats, rest: Floats, skin: Skin) -> Floats:
         for name, function in _CORRECTIONS.items():
             result[row[name + side], ids] = function(result[row[name + side], ids], control)
     inner = row["browInnerUp"]
-    result[inner, ids] = raised_brow(units[inner, ids], control)
+    result[inner, ids] = raised_brow(units[inner, ids], control, aside=1.0)
+    puff = row["cheekPuff"]
+    result[puff, ids] = puffed(units[puff, ids], control)
     forward = row["jawForward"]
     result[forward, ids] = pushed_forward(units[forward, ids], around_lips(skin, control))
     parting = sum(share * units[row[name + side], ids] for name, share in _TONGUE_PARTS_LIPS.items() for side in _SIDES)

@@ -18,6 +18,8 @@ from scripts.asset_building.piece import Floats, Ints, grid_quads
 _LEVELS = np.array([1.18, 0.92, 0.68, 0.46, 0.26, 0.10, 0.0])
 #: Rings on the biting surface, as shares of the outline.
 _CAP = np.array([0.70, 0.34])
+#: Vertices around a crown.
+AROUND = 14
 #: How much wider than measured the crowns are, so that they touch in a curve too.
 _CONTACT = 1.015
 #: Levels at which the knots of the profiles below lie.
@@ -94,6 +96,12 @@ class CrownShape:
         result: Floats = np.maximum(1.0 - np.abs(u) ** power, 0.0) ** (1.0 / power)
         return result
 
+    def drawn_face_at(self, u: Floats, around: int = AROUND) -> Floats:
+        """Return v of the outer side at ``u`` of the polygon with ``around`` corners that is drawn for the outline."""
+        angle = (np.arange(around // 2) + 0.5) * (2.0 * np.pi / around)
+        at, v = self.outline(angle)
+        return np.asarray(np.interp(u, at[::-1], v[::-1]))
+
     def relief(self, u: Floats, v: Floats) -> Floats:
         """Return how far the biting surface lies behind the tips of the crown, in centimetres."""
         far, near = np.maximum(u, 0.0), np.maximum(-u, 0.0)
@@ -114,7 +122,7 @@ class CrownShape:
         return result
 
 
-def build_crowns(arch: Arch, frame: MouthFrame, around: int = 14) -> tuple[Floats, Ints, Floats]:
+def build_crowns(arch: Arch, frame: MouthFrame, around: int = AROUND) -> tuple[Floats, Ints, Floats]:
     """Return the fourteen crowns of a jaw: vertices (n, 3), quads (f, 4) and texture coordinates (n, 2).
 
     u of the texture counts around the crown, a column for each kind of tooth, upper and lower ones beside each other;

@@ -276,6 +276,7 @@ def test_a_picture_comes_as_an_array_and_as_a_file(face: Face, tmp_path: Path) -
         ("face.stroke([(480, 500)] * 2, [(480, 500)] * 2, shape='x')", "stroke constraint.shape"),
         ("face.stroke([(480, 500)] * 2, [(480, 500)] * 2, energy='x')", "stroke constraint.energy"),
         ("face.look(nan)", "An angle is a number"),
+        ("faceposer.load('creature').look(10)", "cannot be turned, because it has no eyeLook shapes"),
         ("face.set_weights({'jawOpen': nan})", "weight of 'jawOpen' is a number"),
         ("face.set_weights({'jawOpen': 1e300})", "weight of 'jawOpen' is a number"),
         ("face.apply_pose('anger', regions=['nose'])", "A region is one of 'brows'"),

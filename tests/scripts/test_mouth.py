@@ -13,6 +13,7 @@ from scripts.asset_building.jaw import OPENING, jaw_hinge, jaw_opening, jaw_rota
 from scripts.asset_building.mouth import JawMotion, build_mouth
 from scripts.asset_building.piece import Floats, Ints, Piece
 from scripts.asset_building.simple_mouth import build_simple_mouth
+from scripts.asset_building.starter_poses import STARTERS
 from scripts.asset_building.teeth import build_crowns
 
 FRAME = MouthFrame(np.zeros(3), 1.0)
@@ -219,15 +220,28 @@ def test_the_tongue_stays_between_the_teeth(pieces: dict[str, Piece], opening: f
         assert winding_numbers(tongue, triangles(teeth, pieces[name].quads)).max() < 0.5
 
 
+def viseme(piece: Piece, name: str) -> Floats:
+    """Return the vertices of ``piece`` in the pose ``name`` of those that come with the program, shape (n, 3)."""
+    (starter,) = (one for one in STARTERS if one.name == name)
+    moved: Floats = np.tensordot([starter.sided().get(shape, 0.0) for shape in ARKIT_SHAPES], piece.shapes, axes=1)
+    return piece.vertices + moved
+
+
+def test_the_tongue_stays_behind_the_teeth_for_l(pieces: dict[str, Piece]) -> None:
+    tongue, quads = viseme(pieces["tongue"], "L"), pieces["tongue"].quads
+    upper, lower = (viseme(pieces[name], "L") for name in ("teeth_upper", "teeth_lower"))
+    for name, teeth in (("teeth_upper", upper), ("teeth_lower", lower)):
+        assert winding_numbers(tongue, triangles(teeth, pieces[name].quads)).max() < 0.5
+        assert winding_numbers(teeth, triangles(tongue, quads)).max() < 0.5
+    # What is seen of it lies in the gap between the incisors.
+    edge_above = upper[np.abs(upper[:, 0]) < 0.4][:, 1].min()
+    edge_below = lower[np.abs(lower[:, 0]) < 0.4][:, 1].max()
+    assert edge_below < tongue[-1, 1] < edge_above + 0.2
+
+
 def test_the_tip_of_the_tongue_comes_between_the_teeth(pieces: dict[str, Piece]) -> None:
     """As for TH: with the jaw a little open the tongue fills the gap between the incisors."""
-    weights = {"jawOpen": 0.13, "tongueOut": 0.5}
-
-    def posed(name: str) -> Floats:
-        piece = pieces[name]
-        return piece.vertices + sum(w * piece.shapes[ARKIT_SHAPES.index(shape)] for shape, w in weights.items())
-
-    tongue, upper, lower = (posed(name) for name in ("tongue", "teeth_upper", "teeth_lower"))
+    tongue, upper, lower = (viseme(pieces[name], "TH") for name in ("tongue", "teeth_upper", "teeth_lower"))
     assert tongue[:, 2].max() > upper[:, 2].max() + 0.1
     there = tongue[(np.abs(tongue[:, 2] - upper[:, 2].max()) < 0.35) & (np.abs(tongue[:, 0]) < 0.4)]
     edge_above = upper[np.abs(upper[:, 0]) < 0.4][:, 1].min()
