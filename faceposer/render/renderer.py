@@ -170,6 +170,10 @@ class Renderer:
             look: Light and backdrop.
         """
         ctx, buffers = self.ctx, self._require_buffers()
+        lined = expression_lines and shading == "full" and buffers.lines.use()
+        if lined:
+            # Before any uniform is set: it may add a program that needs them.
+            self.prepare()
         target.use()
         ctx.viewport = (0, 0, *camera.size)
         target.clear(0.0, 0.0, 0.0, 0.0 if transparent else 1.0, depth=1.0)
@@ -194,9 +198,6 @@ class Renderer:
 
         ctx.enable(moderngl.DEPTH_TEST)
         ctx.depth_func = "<="
-        lined = expression_lines and shading == "full" and buffers.lines.use()
-        if lined:
-            self.prepare()
         for name, unit in buffers.lines.units.items():
             set_uniform(self._surface, name, unit)
         self._eyes.camera = camera

@@ -10,6 +10,7 @@ from PIL import Image
 import faceposer
 from faceposer.cli import main
 from faceposer.geometry.camera import Camera
+from faceposer.geometry.mesh import VertexNormals
 from faceposer.gui.app import App
 from faceposer.gui.settings import Settings, load_settings, save_settings
 from faceposer.gui.testing.scripted_user import Robot
@@ -18,8 +19,10 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.subject import Subject
 from faceposer.model.subject_file import load_subject
 from faceposer.poses.portrait import portrait_view
-from faceposer.render.offscreen import render_subject
+from faceposer.render.framebuffers import ColourTarget
+from faceposer.render.offscreen import offscreen_context, render_subject
 from faceposer.render.options import OutputOptions
+from faceposer.render.renderer import Renderer
 from tests.windows import OpenWindow
 
 pytestmark = pytest.mark.gl
@@ -187,3 +190,21 @@ def test_the_choice_is_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     app = App("low", hidden=True, threaded=False, settings=load_settings(), journal=False)
     assert not app.scene.expression_lines
     app.close()
+
+
+def test_the_first_picture_of_a_renderer_is_like_the_next(model: FaceModel, camera: Camera) -> None:
+    smile = model.instance(model.coefficients_of({"mouthSmileLeft": 1.0, "mouthSmileRight": 1.0}))
+    with offscreen_context() as ctx:
+        renderer = Renderer(ctx)
+        renderer.set_subject(model.subject)
+        renderer.update(smile, VertexNormals(model.triangles, len(smile))(smile))
+        target = ColourTarget(ctx, camera.size, 0)
+        pictures = []
+        for _ in range(2):
+            renderer.draw(target.framebuffer, camera)
+            target.resolve()
+            pictures.append(target.read().astype(int))
+        target.release()
+        renderer.release()
+    assert pictures[0].mean() > 40
+    np.testing.assert_array_equal(*pictures)
