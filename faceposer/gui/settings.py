@@ -1,6 +1,7 @@
 """What the window remembers between runs: folders, navigation, its size. Losing it costs no more than comfort."""
 
 import json
+import math
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -109,8 +110,8 @@ def _settings_from_json(data: Any) -> dict[str, Any]:
         width, height = usable["window_size"]
         usable["window_size"] = (min(max(width, 480), 16384), min(max(height, 360), 16384))
     for name, (least, most) in LIMITS.items():
-        if name in usable:
-            usable[name] = min(max(float(usable[name]), least), most)
+        if name in usable and math.isfinite(number := usable.pop(name)):
+            usable[name] = min(max(float(number), least), most)
     usable["keys"] = _checked_keys(usable.get("keys", {}))
     for name, most_paths in (("recent", MAX_RECENT), ("characters", MAX_CHARACTERS)):
         usable[name] = [path for path in usable.get(name, []) if _is_whole_path(path)][:most_paths]

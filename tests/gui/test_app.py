@@ -13,6 +13,8 @@ from faceposer.gui.testing.scripted_user import Robot
 from faceposer.session.document import Document, write_document
 from tests.windows import OpenWindow
 
+pytestmark = pytest.mark.gl
+
 LEFT_CORNER, RIGHT_CORNER = "8.3", "8.4"
 
 

@@ -15,6 +15,8 @@ from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.model.subject_file import load_subject, save_subject
 from faceposer.training.summary import arkit_shapes_of
 
+pytestmark = pytest.mark.gl
+
 
 @pytest.fixture
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:

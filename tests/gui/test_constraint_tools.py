@@ -12,6 +12,8 @@ from faceposer.gui.testing.scripted_user import Position, Robot
 from faceposer.solve.constraints.gaze import gaze_direction
 from tests.windows import OpenWindow
 
+pytestmark = pytest.mark.gl
+
 LEFT, RIGHT, NOSE = "8.3", "8.4", "9.3"
 KEYS = {"point": "Q", "distance": "D", "stroke": "S", "curve": "K", "fix": "H", "gaze": "G", "trajectory": "J"}
 

@@ -10,6 +10,8 @@ from faceposer.gui.testing.scripted_user import Robot
 from faceposer.interchange.meshes import write_posed_obj
 from tests.windows import OpenWindow
 
+pytestmark = pytest.mark.gl
+
 
 @pytest.fixture
 def robot(open_window: OpenWindow) -> Robot:

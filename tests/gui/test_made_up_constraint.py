@@ -15,6 +15,8 @@ from faceposer.session.document import Document, read_document, write_document
 from tests.made_up import MidpointConstraint, registered_constraint
 from tests.windows import OpenWindow
 
+pytestmark = pytest.mark.gl
+
 LIPS = ("2.2", "2.3")
 
 

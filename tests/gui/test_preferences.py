@@ -14,6 +14,8 @@ from faceposer.gui.settings import LIMITS, Settings, load_settings, save_setting
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.render.options import Look
 
+pytestmark = pytest.mark.gl
+
 
 @pytest.fixture
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:

@@ -12,6 +12,8 @@ from faceposer.session.document import Document
 from faceposer.tools.tool import Button
 from tests.windows import OpenWindow
 
+pytestmark = pytest.mark.gl
+
 EVENTS = 2500
 # Widgets that edit the session or its tools; others open files, menus or dialogs.
 _WIDGETS = (

@@ -16,6 +16,8 @@ from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.text import broken, shortened
 from faceposer.interchange.formats import FORMATS
 
+pytestmark = pytest.mark.gl
+
 
 def letters(text: str) -> float:
     return float(len(text))

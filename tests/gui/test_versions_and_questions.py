@@ -13,6 +13,8 @@ from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.model.subject_file import load_subject, save_subject
 from tests.versions import renumbered
 
+pytestmark = pytest.mark.gl
+
 CORNER = "8.3"
 
 

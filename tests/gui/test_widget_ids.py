@@ -29,6 +29,8 @@ from faceposer.poses.pose_file import Pose, pose_text
 from tests.gui.test_constraint_tools import make_all
 from tests.gui.widget_ids import WidgetIds, hovered_conflicts, widget_lines
 
+pytestmark = pytest.mark.gl
+
 CORNER = "8.3"
 CTRL = frozenset({"ctrl"})
 

@@ -19,6 +19,8 @@ from faceposer.render.framebuffers import ColourTarget
 from faceposer.render.offscreen import offscreen_context, plain_subject, render_subject
 from faceposer.render.renderer import Renderer
 
+pytestmark = pytest.mark.gl
+
 PEOPLE = ("man", "woman", "low")
 ALL = (*PEOPLE, "creature")
 SIZE = (400, 400)

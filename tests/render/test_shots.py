@@ -23,6 +23,8 @@ from faceposer.render.offscreen import render_subject
 from faceposer.render.options import OutputOptions
 from faceposer.render.turntable import framed_all_round, turned
 
+pytestmark = pytest.mark.gl
+
 SMALL = (96, 72)
 
 

@@ -19,6 +19,8 @@ from faceposer.render.options import OutputOptions
 from faceposer.training.capture import read_capture
 from tests.windows import OpenWindow
 
+pytestmark = pytest.mark.gl
+
 
 @pytest.fixture
 def robot(open_window: OpenWindow) -> Robot:

@@ -19,6 +19,8 @@ from faceposer.gui.features.guide.steps import STEPS, Guide, Seen
 from faceposer.gui.settings import Settings, load_settings, save_settings
 from faceposer.gui.testing.scripted_user import Robot
 
+pytestmark = pytest.mark.gl
+
 SESSION = object()
 REST = Seen(SESSION, {"8.3": -0.23, "8.4": -0.23, "4.3": 0.19}, frozenset(), (0.0, 0.0), False, 0)
 

@@ -23,6 +23,8 @@ from faceposer.session.character_library import CharacterLibrary
 from faceposer.session.opening import open_session
 from tests.windows import OpenWindow
 
+pytestmark = pytest.mark.gl
+
 SHAPES = (
     "jawOpen",
     "mouthSmileLeft",

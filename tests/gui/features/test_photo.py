@@ -16,6 +16,8 @@ from faceposer.photo.places import GUIDED
 from faceposer.render.offscreen import render_subject
 from tests.windows import OpenWindow
 
+pytestmark = pytest.mark.gl
+
 SIZE = (400, 300)
 TAKEN = Camera(np.diag([1.0, -1.0, -1.0]), np.array([4.0, -3.0, 100.0]), 800.0, SIZE)
 SMILE = {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8}

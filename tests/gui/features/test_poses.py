@@ -14,6 +14,8 @@ from faceposer.poses.applying import Array
 from faceposer.poses.pose_file import Pose, pose_text, read_pose
 from tests.windows import OpenWindow
 
+pytestmark = pytest.mark.gl
+
 LEFT_CORNER, RIGHT_CORNER = "8.3", "8.4"
 
 

@@ -12,6 +12,8 @@ from faceposer.session.document import read_document
 from faceposer.solve.problem import SPREAD
 from tests.windows import OpenWindow
 
+pytestmark = pytest.mark.gl
+
 CORNER, HAIRLINE, BRIDGE = "8.3", "11.1", "9.12"
 
 

@@ -23,6 +23,8 @@ from faceposer.session.document import Document, write_document
 from faceposer.session.opening import open_session
 from tests.windows import OpenWindow
 
+pytestmark = pytest.mark.gl
+
 LEFT_CORNER, RIGHT_CORNER, LEFT_BROW = "8.3", "8.4", "4.1"
 
 # A user who poses until the program is killed: two gestures, and a third one under way.

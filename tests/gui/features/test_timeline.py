@@ -19,6 +19,8 @@ from faceposer.progress import Progress
 from faceposer.session.document import read_document
 from tests.windows import OpenWindow
 
+pytestmark = pytest.mark.gl
+
 CORNER, BROW = "8.3", "4.1"
 CTRL, SHIFT = frozenset({"ctrl"}), frozenset({"shift"})
 

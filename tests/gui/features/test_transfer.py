@@ -12,6 +12,8 @@ from faceposer.gui.testing.scripted_user import Robot
 from faceposer.transfer.pairs import DEFAULT_PAIRS, PAPER_PAIRS, pairs_to_json
 from tests.windows import OpenWindow
 
+pytestmark = pytest.mark.gl
+
 
 @pytest.fixture
 def robot(open_window: OpenWindow) -> Robot:

@@ -12,6 +12,8 @@ from faceposer.gui.panels.action_search import ranked
 from faceposer.gui.testing.scripted_user import Robot
 from tests.windows import OpenWindow
 
+pytestmark = pytest.mark.gl
+
 ARROWS = {
     "Up": glfw.KEY_UP,
     "Down": glfw.KEY_DOWN,
