@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from faceposer.viewer.panels import export_dialog
 from PIL import Image
 
 import faceposer
 from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_io import read_mesh
+from faceposer.interchange.formats import FORMATS
 from faceposer.interchange.glb import CONTACT_NOTE, write_glb
 from faceposer.interchange.meshes import write_sequence
 from faceposer.model.performance import Performance
@@ -119,9 +119,9 @@ def test_everybody_who_writes_weights_or_targets_is_told_that_contact_is_not_in_
         said = " ".join((documented.__doc__ or "").split())
         assert re.search("[Cc]ontact (is in pictures|step)", said), documented
         assert ".glb" in said or "not in them" in said, documented
-    dialog = {suffix: purpose for suffix, _, purpose in export_dialog._FORMATS}
     for suffix in (".glb", ".csv", ".json"):
-        assert "without contact" in dialog[suffix], suffix
+        assert "without contact" in FORMATS[suffix].purpose, suffix
+        assert not FORMATS[suffix].contact
     face = faceposer.load("low")
     face.export(tmp_path / "a.glb")
     assert CONTACT_NOTE.encode() in (tmp_path / "a.glb").read_bytes()

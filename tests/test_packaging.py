@@ -119,7 +119,7 @@ def test_shaders_compile_and_assets_load_outside_the_checkout(run_installed: Run
     }
     assert {name for kind, name in lines if kind == "subject"} >= {"man", "woman"}
     poses = [name for kind, name in lines if kind == "pose"]
-    assert len(poses) == 38
+    assert len(poses) == 40
     assert {"poses Happiness", "creature Happiness"} <= set(poses)
     (package,) = (Path(name) for kind, name in lines if kind == "package")
     assert not package.is_relative_to(CHECKOUT)

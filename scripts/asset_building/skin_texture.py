@@ -213,7 +213,7 @@ def _scatter(rng: np.random.Generator, skin: SkinTexels, density: Image32) -> ND
 
 
 def _overlay(colour: Image32, skin: SkinTexels, thickness: Image32, tint: Colour) -> Image32:
-    opacity = 1.0 - np.exp(-thickness[skin.texels.is_modal])
+    opacity = 1.0 - np.exp(-thickness[skin.texels.covered])
     return blend(colour, tint, opacity)
 
 

@@ -80,7 +80,11 @@ def test_it_is_listed_with_its_icon_its_place_and_its_noun(robot: Robot, texts: 
     add(robot)
     robot.move(robot.app.widget_rects.center("point:0"))
     texts.clear()
-    robot.frames(80)
+    # The tooltip waits for a moment of the real clock.
+    for _ in range(600):
+        robot.frames()
+        if "Midpoint" in " ".join(texts):
+            break
     assert TOOL_ICONS[MidpointConstraint.icon] in texts
     assert robot.app.point_name(0) == "middle of mouth height"
     written = " ".join(texts)

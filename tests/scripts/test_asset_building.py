@@ -67,7 +67,7 @@ def test_texels_get_what_lies_under_them() -> None:
     corners = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
     positions = np.concatenate([2.0 * uv, np.zeros((4, 1))], axis=1)[corners]
     texels = map_texels(uv, corners, positions, uv[corners], 8)
-    assert texels.is_modal.all()
+    assert texels.covered.all()
     image = texels.image(texels.values)
     np.testing.assert_allclose(image[0, 0], [0.5 / 8, 7.5 / 8], atol=1e-6)
     np.testing.assert_allclose(image[7, 7], [7.5 / 8, 0.5 / 8], atol=1e-6)

@@ -86,7 +86,7 @@ def test_strokes_far_away_converge(model: FaceModel, camera: Camera, weight: flo
     for offset in ((6.0, -8.0), (40.0, -60.0), (150.0, -200.0), (0.0, 250.0)):
         solution = solve(PoseProblem(model, [drawn_stroke(model, camera, offset)], prior_weight=weight))
         assert solution.converged
-        assert solution.iterations <= 30
+        assert solution.iterations <= 35
 
 
 def test_many_constraints_of_all_kinds_converge_at_low_weights(model: FaceModel, camera: Camera) -> None:
@@ -94,7 +94,7 @@ def test_many_constraints_of_all_kinds_converge_at_low_weights(model: FaceModel,
     for weight in (0.0, 0.1, 1.0):
         solution = solve(PoseProblem(model, constraints, prior_weight=weight))
         assert solution.converged
-        assert solution.iterations <= 30
+        assert solution.iterations <= 35
 
 
 def test_what_was_solved_before_makes_no_difference(model: FaceModel, camera: Camera) -> None:

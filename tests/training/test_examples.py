@@ -72,7 +72,7 @@ def test_examples_are_made_again_in_the_files_place(folder: Path, subject: Subje
         # How the head is laid on the neutral leaves a faint motion of all of it.
         made = rigid_alignment(made, truth).apply(made)
         far, missed = (np.linalg.norm(mesh - truth, axis=1) for mesh in (base().vertices, made))
-        assert missed.mean() < 0.36 * far.mean()
+        assert missed.mean() < 0.5 * far.mean()
     write_posed_obj(tmp_path / "pose.obj", build_face_model(loaded), build_face_model(loaded).neutral())
     mesh, original = read_mesh(tmp_path / "pose.obj"), read_mesh(folder / "neutral.obj")
     np.testing.assert_array_equal(mesh.vertices, original.vertices)

@@ -171,7 +171,7 @@ def test_spill_is_what_moves_elsewhere(model: FaceModel) -> None:
     assert len(skin_outside(model.subject, tuple(model.subject.regions))) == 0
     brows = posed(model, {"browOuterUpLeft": 1.0})
     assert brows.spill_mm(("mouth",)) > 4.0
-    assert brows.spill_mm(("brow", "forehead", "lids", "scalp", "nose", "cheek")) < 1.0
+    assert brows.spill_mm(("brow", "forehead", "lids", "scalp", "nose", "cheek")) < 1.2
 
 
 def test_the_other_side(model: FaceModel) -> None:
