@@ -187,6 +187,9 @@ def _temporary(path: Path) -> Path:
 
 def _remove_stale(path: Path) -> None:
     """Remove temporary files and folders of ``path`` whose program is gone."""
+    if _TEMPORARY.fullmatch(path.parent.name):
+        # A temporary folder of our own, in which a sequence of thousands of files would be looked through for each.
+        return
     prefix = f".{path.name}."
     with suppress(OSError), os.scandir(path.parent) as entries:
         for entry in entries:

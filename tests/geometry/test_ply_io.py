@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_io import read_mesh
@@ -61,7 +62,6 @@ def test_texture_coordinates_of_corners(tmp_path: Path, form: str) -> None:
 
 @pytest.mark.parametrize("binary", [True, False])
 def test_files_of_another_writer(tmp_path: Path, binary: bool) -> None:
-    trimesh = pytest.importorskip("trimesh")
     ball = trimesh.creation.icosphere(2)
     encoding = "binary" if binary else "ascii"
     ball.export(tmp_path / "a.ply", encoding=encoding, vertex_normal=True)

@@ -7,9 +7,9 @@ import pytest
 from imgui_bundle import imgui
 
 from faceposer.gui.app import App
+from faceposer.gui.commands import about_text
 from faceposer.gui.features.export.feature import ExportFeature
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
-from faceposer.gui.menus import about_text
 from faceposer.gui.panels.constraints import EMPTY_TEXTS
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot

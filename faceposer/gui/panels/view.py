@@ -5,6 +5,15 @@ from imgui_bundle import imgui
 from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.basic import action_button, button_width, choice, heading, tooltip
 
+# Actions that have a box, and its label.
+_SWITCHES = (
+    ("wireframe", "Wireframe"),
+    ("expression-lines", "Expression lines"),
+    ("contact", "Contact"),
+    ("points", "Show constraints"),
+    ("range-marks", "Show range marks"),
+)
+
 
 def draw_view_panel(context: EditorContext) -> None:
     """Draw the part."""
@@ -23,27 +32,17 @@ def draw_view_panel(context: EditorContext) -> None:
     tips = (f"Skin, eyes and teeth as they are  ({key})", f"Plain clay, to judge the shape  ({key})")
     chosen = choice(context.widget_rects, "shading", ("Full", "Clay"), int(context.shading == "clay"), tips)
     context.shading = "clay" if chosen else "full"
-    _, context.wireframe = imgui.checkbox("Wireframe", context.wireframe)
-    context.widget_rects.record("wireframe")
-    tooltip(context.actions["wireframe"].tooltip)
-    action = context.actions["expression-lines"]
-    if imgui.checkbox("Expression lines", context.settings.expression_lines)[0]:
+    for action, label in _SWITCHES:
+        _switch(context, action, label)
+
+
+def _switch(context: EditorContext, name: str, label: str) -> None:
+    """Draw the box of the action ``name``, which is on or off."""
+    action = context.actions[name]
+    if imgui.checkbox(label, action.checked is not None and action.checked())[0]:
         action.run()
-    context.widget_rects.record("expression-lines")
+    context.widget_rects.record(name)
     tooltip(action.tooltip)
-    changed, _ = imgui.checkbox("Contact", context.session.document.contact)
-    context.widget_rects.record("contact")
-    tooltip(context.actions["contact"].tooltip)
-    if changed:
-        context.actions["contact"].run()
-    _, context.points_shown = imgui.checkbox("Show constraints", context.points_shown)
-    context.widget_rects.record("points-shown")
-    tooltip(context.actions["points"].tooltip)
-    marks = context.actions["range-marks"]
-    if imgui.checkbox("Show range marks", context.settings.range_marks)[0]:
-        marks.run()
-    context.widget_rects.record("range-marks")
-    tooltip(marks.tooltip)
 
 
 def draw_output_panel(context: EditorContext) -> None:
