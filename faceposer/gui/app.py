@@ -464,6 +464,7 @@ class App:
         self.scene.release()
         self.gui.close()
         self.window.close()
+        self.features.join()
 
 
 def run(what: str, exit_after_first_frame: bool = False) -> int:

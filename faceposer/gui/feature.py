@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 
 from imgui_bundle import imgui
 
@@ -127,6 +128,9 @@ class Feature:
 
     def close(self) -> None:
         """End what runs and free what it holds; the program ends."""
+
+    def join(self) -> None:
+        """Wait for what still runs beside, once the window is gone."""
 
 
 class Features:
@@ -263,6 +267,12 @@ class Features:
         return any(feature.draw_around_dialogs(draw_dialogs) for feature in self._features)
 
     def close(self) -> None:
-        """End all."""
+        """End all, the last first, whatever one of them raises: unsaved work must be kept in any case."""
+        with ExitStack() as stack:
+            for feature in self._features:
+                stack.callback(feature.close)
+
+    def join(self) -> None:
+        """Wait for what still runs."""
         for feature in self._features:
-            feature.close()
+            feature.join()

@@ -210,9 +210,13 @@ class ImportCharacterFeature(Feature):
             self.context.open_file(path)
 
     def close(self) -> None:
-        """Stop what is under way and wait for it, so that it can clear away what it has begun."""
+        """Cancel what is under way."""
         if self.training is not None:
             self.training.cancel()
+
+    def join(self) -> None:
+        """Wait for the end of what was cancelled, so that it can clear away what it has begun."""
+        if self.training is not None:
             self.training.join()
 
 
