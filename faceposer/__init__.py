@@ -14,8 +14,8 @@ if TYPE_CHECKING:
         Performance,
         Pose,
         Trajectories,
+        characters,
         load,
-        subjects,
     )
 
 __all__ = [
@@ -26,13 +26,15 @@ __all__ = [
     "Performance",
     "Pose",
     "Trajectories",
+    "characters",
     "load",
-    "subjects",
 ]
 
 
 def __getattr__(name: str) -> Any:
     # The commands import this package too, and most of them need nothing of the interface.
+    if name == "subjects":  # the earlier name of this function
+        name = "characters"
     if name in __all__:
         from faceposer import api
 

@@ -45,8 +45,8 @@ if str(ROOT) not in sys.path:
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.picking import SurfacePoint, surface_positions
+from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.subject_file import load_subject
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
@@ -61,9 +61,9 @@ FEATURES = ("8.3", "8.4", "2.1", "4.1", "4.2", "5.3", "8.1", "3.3")
 
 def pins(model: FaceModel, camera: Camera, count: int) -> list[PointConstraint]:
     """Return ``count`` points that lie where they are on the neutral face."""
-    features = model.subject.feature_points
+    features = model.character.feature_points
     anchors = [SurfacePoint.at_vertex(model.triangles, features[name]) for name in FEATURES[:count]]
-    pixels = camera.project(surface_positions(model.subject.vertices, model.triangles, anchors))
+    pixels = camera.project(surface_positions(model.character.vertices, model.triangles, anchors))
     return [PointConstraint(a, (float(u), float(v)), camera) for a, (u, v) in zip(anchors, pixels, strict=True)]
 
 
@@ -76,7 +76,7 @@ def mouse_path(constraints: list[PointConstraint], moves: int) -> Iterator[list[
 
 def drag_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
     """Measure a live drag from the mouse move to vertices and normals."""
-    normals_of = VertexNormals(model.triangles, len(model.subject.vertices))
+    normals_of = VertexNormals(model.triangles, len(model.character.vertices))
     rows = []
     for count in (1, 8):
         p, times = model.neutral(), []
@@ -144,7 +144,7 @@ def main() -> None:
     """Run all measurements and print them."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", type=Path, help="write the rows to this file")
-    parser.add_argument("--subject", default="man", help="subject to measure on (default: man)")
+    parser.add_argument("--character", default="man", help="character to measure on (default: man)")
     parser.add_argument("--moves", type=int, default=400, help="mouse moves per drag (default: 400)")
     parser.add_argument("--no-examples", action="store_true", help="leave out 'scaling/examples-...', which learns")
     parser.add_argument("--trials", type=int, default=60, help="trials of each row of rivals (default: 60; 0 for none)")
@@ -153,8 +153,8 @@ def main() -> None:
 
     # First, so that a missing display does not cost the minutes of all the rest.
     start = [] if options.no_start else [start_row(5)]
-    model = build_face_model(load_subject(options.subject))
-    vertices = model.subject.vertices
+    model = build_face_model(load_character(options.character))
+    vertices = model.character.vertices
     camera = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0)).camera(SIZE)
     rows = drag_rows(model, camera, options.moves)
     rows += solve_rows(model, camera, options.moves)
@@ -166,7 +166,7 @@ def main() -> None:
     normals_of = VertexNormals(model.triangles, len(vertices))
     rows += mesh_rows(model, options.moves, [("normals", lambda: normals_of(vertices))])
     if options.trials > 0:
-        rows += rival_rows(options.subject, options.trials)
+        rows += rival_rows(options.character, options.trials)
     rows += start
 
     print(f"{len(vertices)} vertices, {model.n_coefficients} coefficients, {THREADS} thread")

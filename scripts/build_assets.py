@@ -1,4 +1,4 @@
-"""Builds ``assets/subjects/*.npz`` from CC0 data, or checks that what is committed is what would be built.
+"""Builds ``assets/characters/*.npz`` from CC0 data, or checks that what is committed is what would be built.
 
 Run from the root of a checkout::
 
@@ -22,11 +22,11 @@ if str(ROOT) not in sys.path:
 
 from faceposer.geometry.obj_io import write_obj
 from faceposer.geometry.polygon_mesh import Group
-from faceposer.model.subject import Subject
-from faceposer.model.subject_file import load_subject, save_subject
+from faceposer.model.character import Character
+from faceposer.model.character_file import load_character, save_character
 from faceposer.progress import Progress
 from faceposer.training.examples import ExampleOptions
-from faceposer.training.known_face import mesh_of, subject_from_frames
+from faceposer.training.known_face import character_from_frames, mesh_of
 from scripts.asset_building.builder import Builder
 from scripts.asset_building.creature import build_creature
 from scripts.asset_building.creature_expressions import EXPRESSIONS
@@ -40,8 +40,8 @@ _LENGTH_TOLERANCE, _COLOUR_TOLERANCE = 1e-3, 1.5
 _WEIGHT_TOLERANCE = 1e-2
 
 
-def differences(built: Subject, stored: Subject) -> list[str]:
-    """Return what differs between two subjects beyond rounding, a few words each."""
+def differences(built: Character, stored: Character) -> list[str]:
+    """Return what differs between two characters beyond rounding, a few words each."""
     names = ("name", "title", "parts", "shape_names", "feature_points", "feature_titles", "credits")
     found = [name for name in names if getattr(built, name) != getattr(stored, name)]
     for name in ("polygons", "polygon_uvs", "vertices", "uv", "shapes", "shape_limits"):
@@ -67,7 +67,7 @@ def _look_alike(one: bytes, other: bytes) -> bool:
     return pixels[0].shape == pixels[1].shape and bool(np.abs(pixels[0] - pixels[1]).mean() < _COLOUR_TOLERANCE)
 
 
-def write_examples(folder: Path, neutral: Subject, examples: NDArray[np.float32]) -> None:
+def write_examples(folder: Path, neutral: Character, examples: NDArray[np.float32]) -> None:
     """Write the neutral face and the ``examples``, shape (E, N, 3), as OBJ files named after `EXPRESSIONS`."""
     folder.mkdir(parents=True, exist_ok=True)
     groups = [Group(part.name, part.polygons, part.material) for part in neutral.parts]
@@ -78,12 +78,12 @@ def write_examples(folder: Path, neutral: Subject, examples: NDArray[np.float32]
     print(f"{folder}: neutral.obj and {len(examples)} examples of {len(neutral.vertices)} vertices")
 
 
-def learn_creature(builder: Builder) -> Subject:
+def learn_creature(builder: Builder) -> Character:
     """Return the creature as it is learned from its neutral face and its examples."""
     neutral, examples = build_creature(builder)
     options = ExampleOptions(neutral.name, neutral.title, credits=neutral.credits)
     frames = [neutral.vertices, *examples]
-    return subject_from_frames(frames, len(frames), mesh_of(neutral), neutral, "fifty examples", options, Progress())
+    return character_from_frames(frames, len(frames), mesh_of(neutral), neutral, "fifty examples", options, Progress())
 
 
 def main() -> int:
@@ -91,7 +91,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--wheel", type=Path, help="the source wheel, if it is already here")
     parser.add_argument("--cache", type=Path, default=ROOT / "build" / "source", help="folder for the download")
-    parser.add_argument("--output", type=Path, default=ROOT / "assets" / "subjects", help="folder of the results")
+    parser.add_argument("--output", type=Path, default=ROOT / "assets" / "characters", help="folder of the results")
     parser.add_argument("--check", action="store_true", help="compare with what is there instead of writing")
     parser.add_argument(
         "--examples", type=Path, metavar="DIR", help="write only the creature's examples: neutral.obj and one OBJ each"
@@ -102,15 +102,15 @@ def main() -> int:
         write_examples(options.examples, *build_creature(builder))
         return 0
     n_different = 0
-    for subject in (*map(builder.subject, RECIPES), build_low(builder), learn_creature(builder)):
-        path = options.output / f"{subject.name}.npz"
+    for character in (*map(builder.character, RECIPES), build_low(builder), learn_creature(builder)):
+        path = options.output / f"{character.name}.npz"
         if options.check:
-            found = differences(subject, load_subject(path))
+            found = differences(character, load_character(path))
             n_different += len(found)
             print(f"{path}: {'differs in ' + ', '.join(sorted(found)) if found else 'as built'}")
         else:
-            save_subject(path, subject)
-            print(f"{path}: {len(subject.vertices)} vertices, {len(subject.polygons)} polygons")
+            save_character(path, character)
+            print(f"{path}: {len(character.vertices)} vertices, {len(character.polygons)} polygons")
     return int(n_different > 0)
 
 

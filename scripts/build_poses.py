@@ -22,9 +22,9 @@ ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
-from faceposer.api import load, subjects
+from faceposer.api import characters, load
+from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.subject_file import load_subject
 from faceposer.poses.portrait import portrait_view
 from faceposer.poses.pose_file import Pose, pose_text, read_pose
 from faceposer.solve.weight_fit import fit_weights
@@ -48,7 +48,7 @@ def people_poses() -> dict[str, Pose]:
 
 def creature_poses(builder: Builder) -> dict[str, Pose]:
     """Return the poses for the goblin, by their files."""
-    model = build_face_model(load_subject("creature"))
+    model = build_face_model(load_character("creature"))
     expressions = {one.stem: {**one.weights, **one.creature} for one in STARTERS}
     neutral, faces = build_creature(builder, expressions)
     poses = {}
@@ -60,14 +60,14 @@ def creature_poses(builder: Builder) -> dict[str, Pose]:
 
 def _nearest(model: FaceModel, offsets: NDArray[np.float64]) -> dict[str, float]:
     """Return the weights within their limits whose face comes nearest to ``offsets`` from neutral, shape (N, 3)."""
-    shapes = model.subject.shapes.reshape(len(model.subject.shapes), -1).astype(np.float64)
+    shapes = model.character.shapes.reshape(len(model.character.shapes), -1).astype(np.float64)
     weights = np.linalg.solve(model.gram, shapes @ offsets.ravel())
     return fit_weights(model, model.coefficients_of(weights))
 
 
-def _pose(one: Starter, weights: dict[str, float], subject: str) -> Pose:
+def _pose(one: Starter, weights: dict[str, float], character: str) -> Pose:
     rounded = {name: round(weight, _DECIMALS) for name, weight in weights.items()}
-    return Pose(one.name, {name: weight for name, weight in rounded.items() if weight}, subject, (one.tag,), one.note)
+    return Pose(one.name, {name: weight for name, weight in rounded.items() if weight}, character, (one.tag,), one.note)
 
 
 def differences(built: Pose, path: Path) -> str:
@@ -75,7 +75,12 @@ def differences(built: Pose, path: Path) -> str:
     if not path.is_file():
         return "is missing"
     stored = read_pose(path)
-    if (built.name, built.subject, built.tags, built.note) != (stored.name, stored.subject, stored.tags, stored.note):
+    if (built.name, built.character, built.tags, built.note) != (
+        stored.name,
+        stored.character,
+        stored.tags,
+        stored.note,
+    ):
         return "differs in its words"
     names = built.weights.keys() | stored.weights.keys()
     far = max(abs(built.weights.get(name, 0.0) - stored.weights.get(name, 0.0)) for name in names)
@@ -84,10 +89,10 @@ def differences(built: Pose, path: Path) -> str:
 
 def draw_sheet(path: Path) -> None:
     """Draw the poses on all faces that come with the program, two rows for each."""
-    sheet = Image.new("RGB", (_ACROSS * _SIDE, 2 * len(subjects()) * _SIDE))
-    for i, subject in enumerate(subjects()):
-        face = load(subject)
-        camera = portrait_view(face.subject).camera((_SIDE, _SIDE))
+    sheet = Image.new("RGB", (_ACROSS * _SIDE, 2 * len(characters()) * _SIDE))
+    for i, character in enumerate(characters()):
+        face = load(character)
+        camera = portrait_view(face.character).camera((_SIDE, _SIDE))
         for k, one in enumerate(STARTERS):
             face.apply_pose(one.name)
             picture = Image.fromarray(face.render(view=camera))

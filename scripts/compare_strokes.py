@@ -44,10 +44,10 @@ if str(ROOT) not in sys.path:
 from faceposer.evaluation.feature_lines import FEATURE_LINES, feature_line, of_length, width_of
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.strokes import resampled, smoothed
+from faceposer.model.character import ARKIT_SHAPES
+from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel, build_face_model, gram_of_weights
 from faceposer.model.shape_names import weight_map
-from faceposer.model.subject import ARKIT_SHAPES
-from faceposer.model.subject_file import load_subject
 from faceposer.solve.constraints.stroke import StrokeConstraint, StrokeEnergy, as_pixels
 from faceposer.solve.constraints.stroke_terms import StrokeDistanceTerm
 from faceposer.solve.map_solver import solve
@@ -140,13 +140,13 @@ def make_trials(
 ) -> Iterator[Trial]:
     """Yield ``poses`` trials, one line after another, each from another frame in which its line moves."""
     rng = np.random.default_rng([seed, SITUATIONS.index(situation), pixels])
-    subject = model.subject
-    jaw = subject.shape_names.index("jawOpen")
+    character = model.character
+    jaw = character.shape_names.index("jawOpen")
     far = situation == "far"
     lines = ["lip_lower"] if far else list(FEATURE_LINES)
     sources = {}
     for name in lines:
-        way = resampled(feature_line(model, subject.vertices, camera, FEATURE_LINES[name]), 4.0)
+        way = resampled(feature_line(model, character.vertices, camera, FEATURE_LINES[name]), 4.0)
         points, met = model.pick(model.neutral(), camera, way)
         stroke = StrokeConstraint(as_pixels(way), as_pixels(way), width_of(way, pixels), camera)
         sources[name] = stroke.resolved(model, model.neutral()), points, way[met]
@@ -158,13 +158,13 @@ def make_trials(
         stroke, points, rest = sources[name]
         if far and frames[frame, jaw] < WIDE_OPEN:
             continue
-        truth = subject.vertices + np.tensordot(frames[frame].astype(np.float32), subject.shapes, axes=1)
+        truth = character.vertices + np.tensordot(frames[frame].astype(np.float32), character.shapes, axes=1)
         line = camera.project(points.positions(truth, model.triangles))
         if np.hypot(*(line - rest).T).mean() < MOVES_PX:
             continue
         done += 1
         target = as_pixels(target_of(line, situation, rng))
-        yield Trial(replace(stroke, target=target), truth, subject.regions[REGIONS[name]])
+        yield Trial(replace(stroke, target=target), truth, character.regions[REGIONS[name]])
 
 
 def judge(model: FaceModel, name: str, method: Method, trials: list[Trial]) -> dict[str, object]:
@@ -178,7 +178,7 @@ def judge(model: FaceModel, name: str, method: Method, trials: list[Trial]) -> d
         truth = trial.truth[trial.region]
         reached = model.instance(solution.coefficients)[trial.region]
         errors.append(float(np.linalg.norm(reached - truth, axis=1).mean()))
-        neutral = model.subject.vertices[trial.region]
+        neutral = model.character.vertices[trial.region]
         neutral_errors.append(float(np.linalg.norm(neutral - truth, axis=1).mean()))
         # The same measure for all, whatever they minimise.
         pixels.append(trial.stroke.residual_px(model, solution.coefficients))
@@ -197,7 +197,7 @@ def main() -> None:
     """Train, test and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", type=Path, help="write the rows to this file")
-    parser.add_argument("--subject", default="man", help="face to pose (default: man)")
+    parser.add_argument("--character", default="man", help="face to pose (default: man)")
     parser.add_argument("--poses", type=int, default=80, help="test frames per situation (default: 80)")
     parser.add_argument("--examples", type=int, default=Recipe().n_examples, help="to learn the prior from")
     parser.add_argument("--seed", type=int, default=0, help="of frames and noise (default: 0)")
@@ -209,13 +209,13 @@ def main() -> None:
 
     recipe = replace(Recipe(), n_examples=options.examples)
     train, test = (clean(read_capture(Path(folder) / take), recipe) for take in (TRAIN, TEST))
-    subject = load_subject(options.subject)
-    lift = weight_map(subject.shape_names, ARKIT_SHAPES)
+    character = load_character(options.character)
+    lift = weight_map(character.shape_names, ARKIT_SHAPES)
     if not lift.any(axis=0).all():
-        sys.exit(f"The frames do not fit the subject '{subject.name}': it lacks some of ARKit's 52 shapes.")
-    metric = gram_of_weights(load_subject("man"), ARKIT_SHAPES)
-    model = build_face_model(subject, learn_from_frames(train, ARKIT_SHAPES, recipe, metric=metric))
-    camera = OrbitView.preset(subject.vertices.min(axis=0), subject.vertices.max(axis=0)).camera(SIZE)
+        sys.exit(f"The frames do not fit the character '{character.name}': it lacks some of ARKit's 52 shapes.")
+    metric = gram_of_weights(load_character("man"), ARKIT_SHAPES)
+    model = build_face_model(character, learn_from_frames(train, ARKIT_SHAPES, recipe, metric=metric))
+    camera = OrbitView.preset(character.vertices.min(axis=0), character.vertices.max(axis=0)).camera(SIZE)
 
     methods = METHODS | (CONSTANTS if options.constants else {})
     rows = []
@@ -232,7 +232,7 @@ def main() -> None:
                 )
                 print(f"    {name:29}{values}{found['ms']:7.1f}{found['evaluations']:7.0f}", flush=True)
     if options.json:
-        data = {"subject": options.subject, "train": TRAIN, "test": TEST, "rows": rows}
+        data = {"subject": options.character, "train": TRAIN, "test": TEST, "rows": rows}
         options.json.write_text(json.dumps(data, indent=1) + "\n")
 
 

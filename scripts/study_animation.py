@@ -46,10 +46,10 @@ from faceposer.animation.trajectories import Trajectories
 from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.takes import FOLDS
 from faceposer.geometry.picking import SurfacePoints
+from faceposer.model.character import ARKIT_SHAPES
+from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
-from faceposer.model.subject import ARKIT_SHAPES
-from faceposer.model.subject_file import load_subject
 from faceposer.solve.constraints.fixed import PX_PER_CM
 from faceposer.solve.problem import PoseProblem
 from faceposer.training.capture import read_capture
@@ -76,17 +76,17 @@ class Study:
 
     @cached_property
     def _face(self) -> Array:
-        regions = self.model.subject.regions
+        regions = self.model.character.regions
         return np.unique(np.concatenate([regions[name] for name in regions if name not in STILL]))
 
     @cached_property
     def _brows(self) -> Array:
-        regions = self.model.subject.regions
+        regions = self.model.character.regions
         return np.isin(self._face, np.concatenate([regions["brow_left"], regions["brow_right"]]))
 
     @cached_property
     def _true_shapes(self) -> Array:
-        shapes = self.model.subject.shapes[:, self._face]
+        shapes = self.model.character.shapes[:, self._face]
         return 10.0 * shapes.reshape(len(shapes), -1).astype(np.float32)
 
     @cached_property
@@ -96,9 +96,9 @@ class Study:
 
     def tracked(self, weights: Array, noise_px: float, seed: int = 0, in_space: bool = False) -> Trajectories:
         """Return the trajectories of the seven points in the true frames with rig ``weights``, (F, S)."""
-        ids = [self.model.subject.feature_points[name] for name in SEVEN]
-        at_rest = self.model.subject.vertices[ids].astype(np.float64)
-        places = at_rest + np.einsum("fs,snd->fnd", weights, self.model.subject.shapes[:, ids].astype(np.float64))
+        ids = [self.model.character.feature_points[name] for name in SEVEN]
+        at_rest = self.model.character.vertices[ids].astype(np.float64)
+        places = at_rest + np.einsum("fs,snd->fnd", weights, self.model.character.shapes[:, ids].astype(np.float64))
         rng = np.random.default_rng(seed)
         points = SurfacePoints.at_vertices(ids)
         if in_space:
@@ -276,7 +276,7 @@ def shown(name: str, found: dict[str, float]) -> str:
 
 def study(folder: Path) -> dict[str, Any]:
     """Print the tables and return what is in them."""
-    setting = StudyContext.of(load_subject("man"), [read_capture(folder / TRAIN).with_shapes(ARKIT_SHAPES)])
+    setting = StudyContext.of(load_character("man"), [read_capture(folder / TRAIN).with_shapes(ARKIT_SHAPES)])
     studied = Study(setting)
     first, lively = liveliest(studied, folder / TEST)
     runs = [weights for _, weights in jump_free_runs(setting, folder / TEST, N_FRAMES)]
@@ -308,7 +308,7 @@ def tune(folder: Path) -> dict[str, Any]:
     folds = []
     for (begin, end), tested in FOLDS.values():
         part = slice(round(begin * len(take.weights)), round(end * len(take.weights)))
-        setting = StudyContext.of(load_subject("man"), [replace(take, weights=take.weights[part])])
+        setting = StudyContext.of(load_character("man"), [replace(take, weights=take.weights[part])])
         runs = [weights for _, weights in jump_free_runs(setting, folder / TRAIN, N_FRAMES, tested)]
         folds.append((Study(setting), runs))
     result: dict[str, Any] = {}
@@ -340,9 +340,9 @@ def tune(folder: Path) -> dict[str, Any]:
 def filmstrip(folder: Path, path: Path, n_pictures: int = 8) -> None:
     """Draw frames of the liveliest run, truth above and ours below, with targets in green and their points in blue."""
     from faceposer.geometry.camera import OrbitView
-    from faceposer.render.offscreen import render_subject
+    from faceposer.render.offscreen import render_character
 
-    setting = StudyContext.of(load_subject("man"), [read_capture(folder / TRAIN).with_shapes(ARKIT_SHAPES)])
+    setting = StudyContext.of(load_character("man"), [read_capture(folder / TRAIN).with_shapes(ARKIT_SHAPES)])
     studied = Study(setting)
     model = studied.model
     _, weights = liveliest(studied, folder / TEST)
@@ -353,8 +353,8 @@ def filmstrip(folder: Path, path: Path, n_pictures: int = 8) -> None:
     columns = []
     for frame in np.linspace(0, N_FRAMES - 1, n_pictures + 2).round().astype(int)[1:-1]:
         pose = performance.coefficients[frame]
-        true = Image.fromarray(render_subject(model.subject, setting.vertices_of(weights[frame]), camera))
-        ours = Image.fromarray(render_subject(model.subject, model.instance(pose), camera))
+        true = Image.fromarray(render_character(model.character, setting.vertices_of(weights[frame]), camera))
+        ours = Image.fromarray(render_character(model.character, model.instance(pose), camera))
         draw = ImageDraw.Draw(ours)
         # The pixels of the study's picture, in the plane of each point, seen in this one.
         own = model.positions_at(tracks.points, pose)

@@ -48,7 +48,7 @@ ALLOWED_MM = 0.1
 SEED = 0
 # Consecutive frames, and steps of a straight path, along which steadiness is measured; and paths.
 _FRAMES, _STEPS, _PATHS = 600, 60, 10
-# A move that shows, in the subject's unit: smaller ones tell of rounding only.
+# A move that shows, in the character's unit: smaller ones tell of rounding only.
 _SHOWS = 1e-4
 
 
@@ -56,7 +56,7 @@ def library(model: FaceModel) -> tuple[Array, list[str]]:
     """Return the poses of the library that fit the face at all ``STRENGTHS``, shape (n, r), and their names."""
     poses, names = [], []
     for entry in starter_poses():
-        if entry.pose is not None and applying.weights_on(entry.pose, model.subject) is not None:
+        if entry.pose is not None and applying.weights_on(entry.pose, model.character) is not None:
             for strength in STRENGTHS:
                 poses.append(applying.applied(model, model.neutral(), entry.pose, float(strength)))
                 names.append(f"{entry.pose.name} {100 * strength:.0f} %")

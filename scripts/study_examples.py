@@ -42,7 +42,7 @@ from faceposer.progress import Progress
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
-from faceposer.training.examples import ExampleOptions, subject_from_sequence
+from faceposer.training.examples import ExampleOptions, character_from_sequence
 
 COUNTS = (1, 2, 4, 8, 16)
 NOISE_PX, MOVES_PX = 1.5, 1.0
@@ -62,20 +62,20 @@ def learned(frames: list[np.ndarray], sequence: MeshSequence, options: ExampleOp
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "frames.npz"
         write_frames(path, [mesh.vertices, *frames], len(frames) + 1, len(mesh.vertices))
-        return build_face_model(subject_from_sequence(frames_of(path, mesh, "neutral"), "", options, Progress()))
+        return build_face_model(character_from_sequence(frames_of(path, mesh, "neutral"), "", options, Progress()))
 
 
 def constraints_of(
     model: FaceModel, truth: np.ndarray, camera: Camera, count: int, rng: np.random.Generator
 ) -> list[PointConstraint] | None:
     """Return ``count`` moving visible points of the example ``truth``, (N, 3), or None if there are not as many."""
-    vertices, triangles = model.subject.vertices, model.subject.triangles
+    vertices, triangles = model.character.vertices, model.character.triangles
     normals = VertexNormals(triangles, len(vertices))(vertices)
     facing = np.einsum("nd,nd->n", normals, camera.center - vertices) > 0.2 * np.linalg.norm(camera.center)
     pixels = camera.project(truth)
     moving = np.hypot(*(pixels - camera.project(vertices)).T) > MOVES_PX
     skin = np.zeros(len(vertices), dtype=bool)
-    skin[slice(*max(model.subject.parts, key=lambda part: part.vertices[1] - part.vertices[0]).vertices)] = True
+    skin[slice(*max(model.character.parts, key=lambda part: part.vertices[1] - part.vertices[0]).vertices)] = True
     candidates = np.flatnonzero(facing & moving & skin)
     if len(candidates) < count:
         return None
@@ -104,13 +104,13 @@ def main() -> None:
         kept = [frames[i] for i in np.setdiff1d(order, left_out)]
         for name, (settings, weight) in METHODS.items():
             model = learned(kept, sequence, replace(ExampleOptions("a", "A"), **settings))  # type: ignore[arg-type]
-            subject = model.subject
-            assert subject.origin is not None
-            skin = slice(*max(subject.parts, key=lambda part: part.vertices[1] - part.vertices[0]).vertices)
-            camera = OrbitView.preset(subject.vertices.min(axis=0), subject.vertices.max(axis=0)).camera(SIZE)
+            character = model.character
+            assert character.origin is not None
+            skin = slice(*max(character.parts, key=lambda part: part.vertices[1] - part.vertices[0]).vertices)
+            camera = OrbitView.preset(character.vertices.min(axis=0), character.vertices.max(axis=0)).camera(SIZE)
             for i in left_out.tolist():
-                truth = subject.vertices + subject.origin.subject_vertices(frames[i], len(subject.vertices))
-                neutral_error = float(np.linalg.norm(truth - subject.vertices, axis=1)[skin].mean())
+                truth = character.vertices + character.origin.character_vertices(frames[i], len(character.vertices))
+                neutral_error = float(np.linalg.norm(truth - character.vertices, axis=1)[skin].mean())
                 for count in COUNTS:
                     for repeat in range(options.repeats):
                         rng = np.random.default_rng([i, count, repeat])

@@ -40,8 +40,8 @@ def cost_per_pose(name: str, repeats: int) -> None:
     face = load(name)
     line_heights.cache_clear()
     map_ms = milliseconds(line_heights)
-    prepare_ms = min(milliseconds(lambda: expression_lines(face.subject)) for _ in range(5))
-    lines = expression_lines(face.subject)
+    prepare_ms = min(milliseconds(lambda: expression_lines(face.character)) for _ in range(5))
+    lines = expression_lines(face.character)
     if lines is None:
         print(f"{name}: its feature points do not tell where lines would lie")
         return
@@ -58,10 +58,10 @@ def cost_per_frame(name: str, repeats: int) -> None:
     """Print what the lines of the character ``name`` cost a frame."""
     face = load(name)
     normals = VertexNormals(face.triangles, len(face.vertices))
-    camera = portrait_view(face.subject).camera(SIZE)
+    camera = portrait_view(face.character).camera(SIZE)
     with offscreen_context() as ctx:
         renderer = Renderer(ctx)
-        renderer.set_subject(face.subject)
+        renderer.set_character(face.character)
         target = ColourTarget(ctx, SIZE, min(SAMPLES, ctx.max_samples))
 
         def draw(shown: bool) -> None:

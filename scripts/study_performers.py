@@ -107,14 +107,14 @@ class DataSet:
     def __init__(self, name: str, source: Source, trials: int, folder: Path) -> None:
         self.name = name
         self.setting, frames = source.load()
-        self._learn(folder, json.dumps(source.identity(self.setting.subject), sort_keys=True))
+        self._learn(folder, json.dumps(source.identity(self.setting.character), sort_keys=True))
         maker = TrialMaker(self.setting)
         self._trials = {cell: list(maker.trials(cell, frames, trials, SEED)) for cell in CELLS}
         self._truths = {
             cell: [self.setting.vertices_of(trial.weights) for trial in of_cell]
             for cell, of_cell in self._trials.items()
         }
-        neutral = self.setting.subject.vertices
+        neutral = self.setting.character.vertices
         self._neutral = {cell: [_distance(neutral, of) for of in truths] for cell, truths in self._truths.items()}
 
     def _learn(self, folder: Path, identity: str) -> None:
@@ -168,7 +168,7 @@ def _distance(vertices: Any, truth: Any) -> float:
     return float(np.linalg.norm(np.asarray(vertices) - truth, axis=1).mean())
 
 
-def sources(folder: Path, subject: str, recipe: Recipe, others: bool, look: bool) -> dict[str, Source]:
+def sources(folder: Path, character: str, recipe: Recipe, others: bool, look: bool) -> dict[str, Source]:
     """Return the data sets by name."""
     found = {}
     files = {name: folder / file for name, file in PERFORMERS}
@@ -176,11 +176,11 @@ def sources(folder: Path, subject: str, recipe: Recipe, others: bool, look: bool
     names = tuple(files) if others else ("alex",)
     for number in FOLDS:
         found[f"fold{number}"] = Source(
-            subject, learned, (), recipe, fold=number, performers=names, within="alex" if others else None
+            character, learned, (), recipe, fold=number, performers=names, within="alex" if others else None
         )
-    found |= leave_one_out([Performer(name, (path,)) for name, path in files.items()], subject, recipe)
+    found |= leave_one_out([Performer(name, (path,)) for name, path in files.items()], character, recipe)
     if look:
-        found[TAKE_4] = Source(subject, learned, (folder / LOOKED_AT,), recipe, performers=names)
+        found[TAKE_4] = Source(character, learned, (folder / LOOKED_AT,), recipe, performers=names)
     return found
 
 
@@ -244,7 +244,7 @@ def main() -> None:
         "--only", nargs="+", metavar="NAME", help="these variants or techniques (default: all variants)"
     )
     parser.add_argument("--data", nargs="+", metavar="NAME", help="these data sets (default: all)")
-    parser.add_argument("--subject", default="man", help="face to pose (default: man)")
+    parser.add_argument("--character", default="man", help="face to pose (default: man)")
     parser.add_argument("--trials", type=int, default=40, help="of each cell (default: 40)")
     parser.add_argument("--examples", type=int, default=Recipe().n_examples, help="augmented examples to learn from")
     parser.add_argument("--base", metavar="NAME", help="variant to compare with (default: the first)")
@@ -255,7 +255,7 @@ def main() -> None:
     if folder is None:
         parser.error("set FACEPOSER_CAPTURES to the folder with the captures")
     recipe = Recipe(n_examples=options.examples)
-    data = sources(Path(folder), options.subject, recipe, options.others, options.look)
+    data = sources(Path(folder), options.character, recipe, options.others, options.look)
     keys = options.data or list(data)
     variants, names = chosen_variants(options.variants, options.only, options.base)
     if unknown := [key for key in keys if key not in data]:

@@ -33,11 +33,11 @@ from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.takes import Source
 from faceposer.evaluation.trials import Cell, Trial, TrialMaker
+from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.local_moments import LocalMoments, RigDensity
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.shape_names import makers
-from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
 from faceposer.training.expressions import Recipe, fit_statistics
@@ -176,13 +176,13 @@ def _apart(setting: StudyContext) -> FaceModel:
 
 def _examples(setting: StudyContext, number: int) -> FaceModel:
     """Return the model with examples of the take in place of draws from the mixture."""
-    subject = setting.subject
-    moving = [i for i, name in enumerate(subject.shape_names) if makers(name, ARKIT_SHAPES)]
+    character = setting.character
+    moving = [i for i, name in enumerate(character.shape_names) if makers(name, ARKIT_SHAPES)]
     chosen = np.random.default_rng(0).choice(len(setting.examples), number, replace=False)
     examples = setting.rig_weights(setting.examples[chosen])[:, moving]
     width = len(setting.model.rig_density.regions)
     if examples.shape[1] != width:
-        raise SystemExit("the studied subject must move by each of ARKit's shapes")
+        raise SystemExit("the studied character must move by each of ARKit's shapes")
     return _model(setting, given=examples)
 
 
@@ -190,7 +190,7 @@ def _analyzers(setting: StudyContext, number: int, factors: int) -> FaceModel:
     recipe = replace(setting.recipe, n_components=number, n_factors=factors)
     statistics = setting.statistics
     fitted = fit_statistics(setting.examples, ARKIT_SHAPES, recipe, "", statistics.coupling)
-    return build_face_model(setting.subject, fitted)
+    return build_face_model(setting.character, fitted)
 
 
 #: Each returns a model and the weight of its prior.

@@ -114,9 +114,9 @@ def trained(name: str, paths: dict[str, Path], options: argparse.Namespace) -> R
         status = process.wait()
     if status:
         sys.exit(f"{' '.join(command)} ended with {status}")
-    from faceposer.model.subject_file import load_subject
+    from faceposer.model.character_file import load_character
 
-    summary = load_subject(str(output)).summary or {}
+    summary = load_character(str(output)).summary or {}
     return {
         "seconds": round(time.perf_counter() - began, 1),
         "cpu_seconds": round(cpu_seconds() - used, 1),

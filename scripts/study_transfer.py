@@ -39,11 +39,11 @@ if str(ROOT) not in sys.path:
 from faceposer.errors import FacePoserError
 from faceposer.evaluation.takes import steady
 from faceposer.geometry.mesh_io import read_mesh
+from faceposer.model.character import ARKIT_SHAPES
+from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
 from faceposer.model.shape_names import weight_map
-from faceposer.model.subject import ARKIT_SHAPES
-from faceposer.model.subject_file import load_subject
 from faceposer.training.expressions import Recipe, clean
 from faceposer.transfer.distances import DistanceTransfer
 from faceposer.transfer.pairs import DEFAULT_PAIRS, PAPER_PAIRS
@@ -76,32 +76,32 @@ def ways(source: FaceModel, target: FaceModel) -> dict[str, Transfer]:
 
 def flat(model: FaceModel) -> FaceModel:
     """Return ``model`` without depth: distances are those that one sees from the front, coefficients stay the same."""
-    vertices, basis = model.subject.vertices.copy(), model.basis.copy()
+    vertices, basis = model.character.vertices.copy(), model.basis.copy()
     vertices[:, 2] = 0.0
     basis[:, 2::3] = 0.0
-    return replace(model, basis=basis, subject=replace(model.subject, vertices=vertices))
+    return replace(model, basis=basis, character=replace(model.character, vertices=vertices))
 
 
 def judged(model: FaceModel) -> NDArray[np.intp]:
     """Return the vertices that errors are measured at: the skin without what only the creature has."""
-    part = next(part for part in model.subject.parts if part.material == "skin")
+    part = next(part for part in model.character.parts if part.material == "skin")
     skin = np.arange(*part.vertices)
-    if model.subject.shape_names[0] in ARKIT_SHAPES:
+    if model.character.shape_names[0] in ARKIT_SHAPES:
         return skin
-    ears = [ids for name, ids in model.subject.regions.items() if name.startswith("ear")]
+    ears = [ids for name, ids in model.character.regions.items() if name.startswith("ear")]
     return np.setdiff1d(skin, np.concatenate(ears)) if ears else skin
 
 
 def weights_on(model: FaceModel, frame: Array) -> Array:
     """Return ``frame``, weights of ``ARKIT_SHAPES``, in the order of the model's shapes."""
-    weights: Array = weight_map(model.subject.shape_names, ARKIT_SHAPES) @ frame
+    weights: Array = weight_map(model.character.shape_names, ARKIT_SHAPES) @ frame
     return weights
 
 
 def relative(model: FaceModel, poses: list[Array], truths: list[Array]) -> float:
     """Return the error of ``poses`` against vertices ``truths``, relative to the neutral face."""
     ids = judged(model)
-    rest = model.subject.vertices[ids]
+    rest = model.character.vertices[ids]
     off = sum(
         float(np.linalg.norm(model.instance(p)[ids] - t[ids], axis=1).mean())
         for p, t in zip(poses, truths, strict=True)
@@ -111,7 +111,7 @@ def relative(model: FaceModel, poses: list[Array], truths: list[Array]) -> float
 
 def rig_vertices(model: FaceModel, weights: Array) -> Array:
     """Return the vertices of the rig with ``weights``, without the model's subspace."""
-    return model.subject.vertices + np.tensordot(weights, model.subject.shapes.astype(np.float64), 1)
+    return model.character.vertices + np.tensordot(weights, model.character.shapes.astype(np.float64), 1)
 
 
 def known_rigs(man: FaceModel, targets: dict[str, FaceModel], frames: Array) -> dict[str, dict[str, float]]:
@@ -235,11 +235,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--capture", type=Path, required=True, metavar="CSV", help="take that the prior did not see")
     parser.add_argument("--examples", type=Path, metavar="DIR", help="the creature's examples")
-    parser.add_argument("--subject", action="append", default=[], metavar="NPZ", help="further character")
+    parser.add_argument("--character", action="append", default=[], metavar="NPZ", help="further character")
     parser.add_argument("--frames", type=int, default=100, help="frames of the take to try (default: 100)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all numbers here too")
     options = parser.parse_args()
-    models = {n: build_face_model(load_subject(n)) for n in ("man", "woman", "low", "creature", *options.subject)}
+    models = {n: build_face_model(load_character(n)) for n in ("man", "woman", "low", "creature", *options.character)}
     man, creature = models["man"], models["creature"]
     others = {Path(name).stem: model for name, model in models.items() if model is not man}
     rigs = {name: model for name, model in others.items() if model is not creature}

@@ -23,10 +23,10 @@ from pathlib import Path
 import numpy as np
 
 from faceposer.evaluation.takes import steady
+from faceposer.model.character import ARKIT_SHAPES
+from faceposer.model.character_file import load_character
 from faceposer.model.expression_statistics import load_expression_statistics
 from faceposer.model.face_model import gram_of_weights
-from faceposer.model.subject import ARKIT_SHAPES
-from faceposer.model.subject_file import load_subject
 from faceposer.resources import asset_path
 from faceposer.training.capture import read_capture
 from faceposer.training.expressions import Recipe, learn
@@ -50,7 +50,7 @@ def main() -> None:
         sys.exit("Set FACEPOSER_CAPTURES to the folder with the capture files.")
     began = time.perf_counter()
     # What regions tell of each other is judged by what can be seen of it on a face; the man's is an ordinary one.
-    metric = gram_of_weights(load_subject("man"), ARKIT_SHAPES)
+    metric = gram_of_weights(load_character("man"), ARKIT_SHAPES)
     statistics = learn(
         [read_capture(Path(folder) / TAKE)],
         credits=CREDITS,

@@ -25,9 +25,9 @@ if str(ROOT) not in sys.path:
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import OrbitView
 from faceposer.gui.widgets.theme import FONTS
+from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.subject_file import load_subject
-from faceposer.render.offscreen import render_subject
+from faceposer.render.offscreen import render_character
 from faceposer.transfer.pairs import PRESETS, Pair
 from faceposer.transfer.transfer import make_transfer
 
@@ -78,7 +78,7 @@ SIDE = 300
 
 def pictures(pairs: tuple[Pair, ...]) -> list[list[NDArray[np.uint8] | None]]:
     """Return a row of pictures for each expression: the man's, then each target's by distances and by weights."""
-    models = {name: build_face_model(load_subject(name)) for name in ("man", *TARGETS)}
+    models = {name: build_face_model(load_character(name)) for name in ("man", *TARGETS)}
     man = models["man"]
     rows: list[list[NDArray[np.uint8] | None]] = []
     for weights in EXPRESSIONS.values():
@@ -97,10 +97,10 @@ def pictures(pairs: tuple[Pair, ...]) -> list[list[NDArray[np.uint8] | None]]:
 
 
 def _picture(model: FaceModel, pose: NDArray[np.float64]) -> NDArray[np.uint8]:
-    subject = model.subject
-    skin = subject.vertices[list(subject.feature_points.values())]
+    character = model.character
+    skin = character.vertices[list(character.feature_points.values())]
     low, high = skin.min(axis=0), skin.max(axis=0)
-    return render_subject(subject, model.instance(pose), OrbitView.preset(low, high).camera((SIDE, SIDE)))
+    return render_character(character, model.instance(pose), OrbitView.preset(low, high).camera((SIDE, SIDE)))
 
 
 def sheet(rows: list[list[NDArray[np.uint8] | None]]) -> Image.Image:

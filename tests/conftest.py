@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import moderngl
 import pytest
 
+from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.subject_file import load_subject
 from faceposer.render.ffmpeg import bundled_ffmpeg
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @pytest.fixture(scope="session")
 def man() -> FaceModel:
     """The shipped man with the shipped prior."""
-    return build_face_model(load_subject("man"))
+    return build_face_model(load_character("man"))
 
 
 @pytest.fixture
@@ -43,19 +43,19 @@ def model(man: FaceModel) -> FaceModel:
 @pytest.fixture(scope="session")
 def woman() -> FaceModel:
     """The shipped woman."""
-    return build_face_model(load_subject("woman"))
+    return build_face_model(load_character("woman"))
 
 
 @pytest.fixture(scope="session")
 def low() -> FaceModel:
     """The head of few triangles, which is quick to draw and to write."""
-    return build_face_model(load_subject("low"))
+    return build_face_model(load_character("low"))
 
 
 @pytest.fixture(scope="session")
 def creature() -> FaceModel:
     """The goblin, learned from examples alone."""
-    return build_face_model(load_subject("creature"))
+    return build_face_model(load_character("creature"))
 
 
 @pytest.fixture

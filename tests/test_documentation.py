@@ -10,7 +10,7 @@ import pytest
 from faceposer.animation import trajectory_io
 from faceposer.evaluation import study
 from faceposer.interchange import weights_json
-from faceposer.model import subject_file
+from faceposer.model import character_file
 from faceposer.photo import pins_file
 from faceposer.poses import pose_file
 from faceposer.session import autosave, document
@@ -22,7 +22,7 @@ NAMES = [page.relative_to(ROOT).as_posix() for page in PAGES]
 ARCHITECTURE = ROOT / "docs" / "architecture.md"
 #: Names of file formats, which look like modules.
 FORMATS = {
-    *(module.FORMAT for module in (autosave, document, pairs, pins_file, pose_file, study, subject_file)),
+    *(module.FORMAT for module in (autosave, document, pairs, pins_file, pose_file, study, character_file)),
     *(module.FORMAT for module in (trajectory_io, weights_json)),
     "faceposer.marker-map",
 }

@@ -112,9 +112,9 @@ def test_pose_and_save_by_pointer_and_keys(display: str, tmp_path: Path) -> None
     session = open_session(str(saved["ctrl+s"]))
     assert len(session.document.constraints) == 2
     solved = session.model.surface(session.coefficients)
-    height = float(np.ptp(session.model.subject.vertices[:, 1]))
+    height = float(np.ptp(session.model.character.vertices[:, 1]))
     assert np.abs(read_mesh(saved["ctrl+e"]).vertices - solved).max() < 1e-5 * height
-    names = session.model.subject.shape_names
+    names = session.model.character.shape_names
     weights = dict(zip(names, session.model.weights_of(session.coefficients), strict=True))
     assert weights["mouthSmileLeft"] > 0.2
     assert max(weights["browInnerUpLeft"], weights["browInnerUpRight"]) > 0.2

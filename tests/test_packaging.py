@@ -15,11 +15,11 @@ import pytest
 CHECKOUT = Path(__file__).resolve().parent.parent
 Run = Callable[..., str]
 
-# Compiles each vertex shader with the fragment shader of its name, loads each subject with its model, and each pose.
+# Compiles each vertex shader with the fragment shader of its name, loads each character with its model, and each pose.
 USE_EVERYTHING = """
 from pathlib import Path
 import faceposer
-from faceposer.model.subject_file import available_subjects
+from faceposer.model.character_file import available_characters
 from faceposer.poses.library import starter_poses
 from faceposer.session.opening import open_session
 from faceposer.render.offscreen import offscreen_context
@@ -30,9 +30,9 @@ with offscreen_context() as ctx:
     for vertex in sorted(shaders.glob("*.vert")):
         load_program(ctx, vertex.name, vertex.with_suffix(".frag").name).release()
         print("shader", vertex.stem)
-for name, _ in available_subjects():
+for name, _ in available_characters():
     assert len(open_session(name).model.basis) > 0
-    print("subject", name)
+    print("character", name)
 for entry in starter_poses():
     assert entry.pose is not None, entry.problem
     print("pose", entry.path.parent.name, entry.pose.name)
@@ -107,8 +107,8 @@ def test_installed_program_tells_its_version(run_installed: Run) -> None:
     assert run_installed("faceposer", "--version").strip() == f"Face Poser {version}"
 
 
-def test_installed_program_lists_its_subjects(run_installed: Run) -> None:
-    assert {line.split()[0] for line in run_installed("faceposer", "subjects").splitlines()} >= {"man", "woman"}
+def test_installed_program_lists_its_characters(run_installed: Run) -> None:
+    assert {line.split()[0] for line in run_installed("faceposer", "characters").splitlines()} >= {"man", "woman"}
 
 
 @pytest.mark.gl
@@ -117,7 +117,7 @@ def test_shaders_compile_and_assets_load_outside_the_checkout(run_installed: Run
     assert {name for kind, name in lines if kind == "shader"} == {
         path.stem for path in (CHECKOUT / "shaders").glob("*.vert")
     }
-    assert {name for kind, name in lines if kind == "subject"} >= {"man", "woman"}
+    assert {name for kind, name in lines if kind == "character"} >= {"man", "woman"}
     poses = [name for kind, name in lines if kind == "pose"]
     assert len(poses) == 40
     assert {"poses Happiness", "creature Happiness"} <= set(poses)

@@ -19,7 +19,7 @@ from faceposer.geometry.marker_io import MarkerMotion, read_markers
 from faceposer.geometry.marker_map import MarkerMap
 from faceposer.geometry.marker_meshes import check_names, displacements_of_markers
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 from faceposer.solve.constraints import codec
 
 FORMAT = "faceposer.trajectories"
@@ -74,7 +74,7 @@ class _TrajectoriesFile(JsonDocument, kw_only=True):
 class _Options:
     """What is known besides the file; see ``read_trajectories``."""
 
-    subject: Subject
+    character: Character
     camera: Camera | None
     marker_map: MarkerMap | None
     points: Sequence[str] | None
@@ -83,18 +83,18 @@ class _Options:
 
 def read_trajectories(
     path: Path,
-    subject: Subject,
+    character: Character,
     *,
     camera: Camera | None = None,
     marker_map: MarkerMap | None = None,
     points: Sequence[str] | None = None,
     rate: float | None = None,
 ) -> Trajectories:
-    """Return the trajectories in the file ``path``, for the face of ``subject``.
+    """Return the trajectories in the file ``path``, for the face of ``character``.
 
     Args:
         path: JSON, C3D or CSV.
-        subject: Whose feature points, vertices and triangles the file speaks of.
+        character: Whose feature points, vertices and triangles the file speaks of.
         camera: The camera of a table of pixels; it goes before that of a JSON file.
         marker_map: Where on the face each point is; without it, points are named for feature points or vertices. With
             it, places in space are those of a performer, and are laid on the face.
@@ -104,7 +104,7 @@ def read_trajectories(
     Raises:
         FacePoserError: If the file cannot be used, naming it, the place and the remedy.
     """
-    options = _Options(subject, camera, marker_map, points, rate)
+    options = _Options(character, camera, marker_map, points, rate)
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise FacePoserError(
@@ -114,13 +114,13 @@ def read_trajectories(
         if marker_map is not None:
             raise FacePoserError(f"'{path}' says itself where its points are; leave the marker map out.")
         trajectories = read_json(
-            path, "trajectories", lambda data: trajectories_from_json(data, subject, camera, rate), _MAX_BYTES
+            path, "trajectories", lambda data: trajectories_from_json(data, character, camera, rate), _MAX_BYTES
         )
         if trajectories.camera is None:
-            places = trajectories.points.positions(subject.vertices, subject.triangles)
-            _check_near(path, trajectories.positions, places, subject, "give them in the face's centimetres")
+            places = trajectories.points.positions(character.vertices, character.triangles)
+            _check_near(path, trajectories.positions, places, character, "give them in the face's centimetres")
         else:
-            _check_before(path, trajectories.camera, subject)
+            _check_before(path, trajectories.camera, character)
         return trajectories if points is None else trajectories.subset(_known(points, trajectories.names, path))
     if suffix == ".csv":
         table = _pixels(path)
@@ -129,8 +129,8 @@ def read_trajectories(
     return _in_space(path, read_markers(path), options)
 
 
-def read_camera(path: Path, subject: Subject) -> Camera:
-    """Return the camera in the JSON file ``path``, or the view of ``subject`` that it names.
+def read_camera(path: Path, character: Character) -> Camera:
+    """Return the camera in the JSON file ``path``, or the view of ``character`` that it names.
 
     Raises:
         FacePoserError: If the file cannot be read or has no camera.
@@ -138,13 +138,13 @@ def read_camera(path: Path, subject: Subject) -> Camera:
 
     def parsed(data: Any) -> Camera:
         inner = data["camera"] if isinstance(data, dict) and "camera" in data else data
-        return camera_from_json(inner, "camera", subject)
+        return camera_from_json(inner, "camera", character)
 
     return read_json(path, "camera", parsed, _MAX_BYTES)
 
 
-def camera_from_json(data: Any, where: str, subject: Subject) -> Camera:
-    """Return the camera that ``data`` describes: its numbers, or a view that frames ``subject`` and a size.
+def camera_from_json(data: Any, where: str, character: Character) -> Camera:
+    """Return the camera that ``data`` describes: its numbers, or a view that frames ``character`` and a size.
 
     Raises:
         FacePoserError: If it is wrong; ``where`` names the place.
@@ -153,12 +153,12 @@ def camera_from_json(data: Any, where: str, subject: Subject) -> Camera:
         return convert(data, codec.CameraJson, where).camera()
     form = convert(data, _ViewJson, where)
     width, height = map(int, form.size)
-    vertices = subject.vertices
+    vertices = character.vertices
     return OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0), form.view).camera((width, height))
 
 
 def trajectories_from_json(
-    data: Any, subject: Subject, camera: Camera | None = None, rate: float | None = None
+    data: Any, character: Character, camera: Camera | None = None, rate: float | None = None
 ) -> Trajectories:
     """Return the trajectories that ``data`` describes; ``camera`` and ``rate`` go before what it says itself.
 
@@ -168,7 +168,7 @@ def trajectories_from_json(
     check_header(data, FORMAT, VERSION)
     form = convert(data, _TrajectoriesFile)
     if camera is None and "camera" in data:
-        camera = camera_from_json(form.camera, "camera", subject)
+        camera = camera_from_json(form.camera, "camera", character)
     names: list[str] = []
     anchors, columns = [], []
     for i, point in enumerate(form.points):
@@ -176,7 +176,7 @@ def trajectories_from_json(
         if point.name in names:
             raise FacePoserError(f"{where}.name must be text that no other point has.")
         names.append(point.name)
-        anchors.append(_anchor(point, where, subject))
+        anchors.append(_anchor(point, where, character))
         columns.append(_column(point.positions, camera is not None, f"{where}.positions"))
         if len(columns[-1]) != len(columns[0]):
             raise FacePoserError(
@@ -187,7 +187,7 @@ def trajectories_from_json(
         raise FacePoserError("No point has a position in any frame.")
     points = SurfacePoints.of(anchors)
     try:
-        points.check(subject.triangles)
+        points.check(character.triangles)
     except ValueError as error:
         raise FacePoserError(f"points: {error}.") from error
     weights = np.array([point.weight for point in form.points])
@@ -215,18 +215,18 @@ def trajectories_to_json(trajectories: Trajectories) -> dict[str, Any]:
     return data
 
 
-def _anchor(point: _PointJson, where: str, subject: Subject) -> SurfacePoint | int:
+def _anchor(point: _PointJson, where: str, character: Character) -> SurfacePoint | int:
     if point.anchor is None:
-        found = _vertex_named(point.name, subject)
+        found = _vertex_named(point.name, character)
         if found is None:
-            raise FacePoserError(f"{where} has no anchor, and its name is no feature point of {subject.name}.")
+            raise FacePoserError(f"{where} has no anchor, and its name is no feature point of {character.name}.")
         return found
     if isinstance(point.anchor, dict) and "feature" in point.anchor:
         name = convert(point.anchor, _FeatureJson, f"{where}.anchor").feature
-        found = _vertex_named(name, subject)
+        found = _vertex_named(name, character)
         if found is None:
             raise FacePoserError(
-                f"{where}.anchor.feature is {shown(name)}, which is no feature point of {subject.name}."
+                f"{where}.anchor.feature is {shown(name)}, which is no feature point of {character.name}."
             )
         return found
     return convert(point.anchor, codec.AnchorJson, f"{where}.anchor").anchor()
@@ -240,26 +240,26 @@ def _column(positions: list[Any], in_picture: bool, where: str) -> NDArray[np.fl
     return np.array([(np.nan,) * 3 if row is None else row for row in places])
 
 
-def _anchor_named(name: str, subject: Subject, path: Path) -> int:
-    vertex = _vertex_named(name, subject)
+def _anchor_named(name: str, character: Character, path: Path) -> int:
+    vertex = _vertex_named(name, character)
     if vertex is None:
         raise FacePoserError(
-            f"'{path}' has {name}, which is no feature point of {subject.name}; call points 8.3, 'left mouth corner' "
+            f"'{path}' has {name}, which is no feature point of {character.name}; call points 8.3, 'left mouth corner' "
             "or 'vertex 12', say which to take with --points, or give their places with --markers."
         )
     return vertex
 
 
-def _vertex_named(name: str, subject: Subject) -> int | None:
+def _vertex_named(name: str, character: Character) -> int | None:
     """Return the vertex of the feature point with this number or title, or the vertex with this number."""
-    if name in subject.feature_points:
-        return int(subject.feature_points[name])
-    for number, title in subject.feature_titles.items():
-        if title.casefold() == name.strip().casefold() and number in subject.feature_points:
-            return int(subject.feature_points[number])
+    if name in character.feature_points:
+        return int(character.feature_points[name])
+    for number, title in character.feature_titles.items():
+        if title.casefold() == name.strip().casefold() and number in character.feature_points:
+            return int(character.feature_points[number])
     match = re.fullmatch(r"v(?:ertex)?[ _]?(\d{1,9})", name.strip(), re.IGNORECASE)
     vertex = int(match[1]) if match else -1
-    return vertex if 0 <= vertex < len(subject.vertices) else None
+    return vertex if 0 <= vertex < len(character.vertices) else None
 
 
 def _known(wanted: Sequence[str], names: Sequence[str], path: Path) -> tuple[str, ...]:
@@ -283,7 +283,7 @@ def _pixels(path: Path) -> MarkerTable | None:
 def _in_picture(path: Path, table: MarkerTable, options: "_Options") -> Trajectories:
     if options.camera is None:
         raise FacePoserError(f"'{path}' has places in a picture; give the camera that made it (--camera).")
-    _check_before(path, options.camera, options.subject)
+    _check_before(path, options.camera, options.character)
     names, anchors = _places(path, table.names, options)
     positions = table.positions[:, [table.names.index(name) for name in names]]
     return _checked(path, names, anchors, positions, options.rate or _known_rate(table.rate), options.camera)
@@ -293,12 +293,12 @@ def _in_space(path: Path, motion: MarkerMotion, options: "_Options") -> Trajecto
     if options.marker_map is not None:
         check_names(motion, options.marker_map)
     names, anchors = _places(path, motion.names, options)
-    subject = options.subject
-    places = anchors.positions(subject.vertices, subject.triangles)
+    character = options.character
+    places = anchors.positions(character.vertices, character.triangles)
     if options.marker_map is None:
         # In the space of the face, whose unit is the centimetre.
         positions = motion.subset(names).positions * (motion.unit_scale or 1.0)
-        _check_near(path, positions, places, subject, "give a marker map with --markers to have them laid on it")
+        _check_near(path, positions, places, character, "give a marker map with --markers to have them laid on it")
     else:
         find_held = len(options.marker_map.places) >= _ENOUGH_TO_FIND_HELD
         mapped = options.marker_map.subset(names)
@@ -314,36 +314,36 @@ def _known_rate(rate: float | None) -> float | None:
     return nearest if abs(nearest - rate) < _ROUNDED * nearest else rate
 
 
-def _check_before(path: Path, camera: Camera, subject: Subject) -> None:
-    if not (camera.to_camera(subject.vertices)[:, 2] > 0.0).all():
+def _check_before(path: Path, camera: Camera, character: Character) -> None:
+    if not (camera.to_camera(character.vertices)[:, 2] > 0.0).all():
         raise FacePoserError(
-            f"The camera of '{path}' has the face of {subject.name} behind it or all around it; check its rotation and "
+            f"The camera of '{path}' has the face of {character.name} behind it or all around it; check its rotation and "
             "translation."
         )
 
 
-def _check_near(path: Path, positions: Array, places: Array, subject: Subject, remedy: str) -> None:
+def _check_near(path: Path, positions: Array, places: Array, character: Character, remedy: str) -> None:
     off = np.linalg.norm(positions - places, axis=2)
     known = off[np.isfinite(off)]
-    if known.size and np.median(known) > _NEAR * subject.height:
+    if known.size and np.median(known) > _NEAR * character.height:
         raise FacePoserError(
-            f"The points in '{path}' lie {np.median(known):.3g} cm from their places on {subject.name}, so they are "
+            f"The points in '{path}' lie {np.median(known):.3g} cm from their places on {character.name}, so they are "
             f"not in its space; {remedy}."
         )
 
 
 def _places(path: Path, names: Sequence[str], options: "_Options") -> tuple[tuple[str, ...], SurfacePoints]:
     """Return the names of the points to take, and where these are on the face."""
-    subject, marker_map = options.subject, options.marker_map
+    character, marker_map = options.character, options.marker_map
     wanted = tuple(names) if marker_map is None else tuple(marker_map.places)
     if options.points is not None:
         wanted = _known(options.points, wanted, path)
     if marker_map is None:
-        return wanted, SurfacePoints.of([_anchor_named(name, subject, path) for name in wanted])
+        return wanted, SurfacePoints.of([_anchor_named(name, character, path) for name in wanted])
     for name in wanted:
         _known([name], names, path)
     chosen = marker_map.subset(wanted)
-    return wanted, chosen.surface_points(subject.vertices, subject.triangles, subject.feature_points)
+    return wanted, chosen.surface_points(character.vertices, character.triangles, character.feature_points)
 
 
 def _checked(

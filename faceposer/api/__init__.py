@@ -1,7 +1,7 @@
 """Face Poser in Python: load a face, say what pulls at it, solve, take vertices and weights (docs/api.md)."""
 
 from faceposer.animation.trajectories import Trajectories
-from faceposer.api.face import Face, load, subjects
+from faceposer.api.face import Face, characters, load
 from faceposer.errors import FacePoserError, FacePoserWarning
 from faceposer.geometry.camera import Camera
 from faceposer.model.performance import Performance
@@ -15,6 +15,6 @@ __all__ = [
     "Performance",
     "Pose",
     "Trajectories",
+    "characters",
     "load",
-    "subjects",
 ]

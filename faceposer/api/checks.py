@@ -120,7 +120,7 @@ def performance_of(performance: Performance, model: FaceModel) -> Performance:
     wanted, found = len(model.neutral()), performance.coefficients.shape[1]
     if found != wanted:
         raise FacePoserError(
-            f"The motion has {found} coefficients and '{model.subject.title}' has {wanted}: it is of another face, "
+            f"The motion has {found} coefficients and '{model.character.title}' has {wanted}: it is of another face, "
             "which transfer_to takes it from."
         )
     if not np.isfinite(performance.coefficients).all():

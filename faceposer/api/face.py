@@ -16,10 +16,10 @@ from faceposer.errors import FacePoserError, FacePoserWarning
 from faceposer.geometry.camera import VIEW_ANGLES, Camera, ViewName
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.strokes import StrokeShape
+from faceposer.model.character import Character
+from faceposer.model.character_file import available_characters
 from faceposer.model.face_model import FaceModel
 from faceposer.model.framing import face_view
-from faceposer.model.subject import Subject
-from faceposer.model.subject_file import available_subjects
 from faceposer.poses import applying, library
 from faceposer.poses.pose_file import Pose, checked_name, read_pose
 from faceposer.session.opening import open_session
@@ -44,7 +44,7 @@ _LARGEST_SHAPE = 1000.0
 
 
 def load(what: PathName) -> "Face":
-    """Return a face: a shipped subject by its name ("man"), a subject's file (.npz), or a saved session (.json).
+    """Return a face: a shipped character by its name ("man"), a character's file (.npz), or a saved session (.json).
 
     A session that was made on another version of its character is made to fit, with a ``FacePoserWarning`` that says
     what was done and what may be off (docs/session-format.md).
@@ -58,9 +58,9 @@ def load(what: PathName) -> "Face":
     return Face(session)
 
 
-def subjects() -> list[str]:
-    """Return the names of the subjects that come with the program."""
-    return [name for name, _ in available_subjects()]
+def characters() -> list[str]:
+    """Return the names of the characters that come with the program."""
+    return [name for name, _ in available_characters()]
 
 
 class Face(InMotion):
@@ -85,13 +85,18 @@ class Face(InMotion):
 
     @property
     def model(self) -> FaceModel:
-        """The subject with its subspace and its prior."""
+        """The character with its subspace and its prior."""
         return self.session.model
 
     @property
-    def subject(self) -> Subject:
+    def character(self) -> Character:
         """The character."""
-        return self.model.subject
+        return self.model.character
+
+    @property
+    def subject(self) -> Character:
+        """The character; an earlier name of this attribute."""
+        return self.character
 
     @property
     def coefficients(self) -> Array:
@@ -100,7 +105,7 @@ class Face(InMotion):
 
     @property
     def vertices(self) -> NDArray[np.float32]:
-        """The vertices as they are shown and exported, shape (N, 3), in the subject's unit (centimetres) and order."""
+        """The vertices as they are shown and exported, shape (N, 3), in centimetres, in the character's order."""
         return self.session.vertices
 
     @property
@@ -143,7 +148,7 @@ class Face(InMotion):
         """Return the camera that frames the face from ``view`` in a picture of ``size``, (width, height) in pixels."""
         checks.one_of(view, tuple(VIEW_ANGLES), "A view")
         width, height = checks.picture_size(size)
-        return face_view(self.subject, view, width / height).camera((width, height))
+        return face_view(self.character, view, width / height).camera((width, height))
 
     def pixel(self, place: Place, camera: Camera | None = None) -> tuple[float, float]:
         """Return where ``camera`` shows ``place`` in the present pose."""
@@ -218,7 +223,7 @@ class Face(InMotion):
 
     def fix(self, what: str | ArrayLike, weight: float = 1.0) -> FixedConstraint:
         """Hold ``what`` where it is now: a region ("left brow"), a feature point, or indices of vertices, (n,)."""
-        ids = fixed_vertices(self.subject, what)
+        ids = fixed_vertices(self.character, what)
         return self._add(FixedConstraint(SurfacePoints.at_vertices(ids), weight=weight), "Fix vertices")
 
     def look(self, yaw: float = 0.0, pitch: float = 0.0) -> GazeConstraint:
@@ -230,9 +235,9 @@ class Face(InMotion):
         told = [i for i, constraint in enumerate(self.constraints) if isinstance(constraint, GazeConstraint)]
         angles = tuple(checks.number(angle, -180.0, 180.0, "An angle") for angle in (yaw, pitch))
         gaze = GazeConstraint((angles[0], angles[1])).within_reach()
-        if not gaze.weights().keys() & set(self.subject.shape_names):
+        if not gaze.weights().keys() & set(self.character.shape_names):
             raise FacePoserError(
-                f"The eyes of '{self.subject.title}' cannot be turned, because it has no eyeLook shapes; set others."
+                f"The eyes of '{self.character.title}' cannot be turned, because it has no eyeLook shapes; set others."
             )
         if not told:
             return self._add(gaze, "Turn the eyes")
@@ -298,7 +303,7 @@ class Face(InMotion):
         try:
             start = self.model.coefficients_of(weights)
         except KeyError as error:
-            raise FacePoserError(f"'{self.subject.title}' has no shape '{error.args[0]}'.") from error
+            raise FacePoserError(f"'{self.character.title}' has no shape '{error.args[0]}'.") from error
         self._start_from(start, "Set the weights")
 
     def apply_pose(
@@ -390,14 +395,14 @@ class Face(InMotion):
             transparent: Leave the background out; the shape is (height, width, 4) then, with straight alpha.
         """
         from faceposer.render.images import write_png
-        from faceposer.render.offscreen import render_subject
+        from faceposer.render.offscreen import render_character
 
         checks.one_of(shading, ("full", "clay"), "The shading")
         if path is not None and Path(path).suffix.lower() != ".png":
             raise FacePoserError(f"The picture '{path}' must end in '.png'.")
         camera = view if isinstance(view, Camera) else self.camera(view, size)
-        picture = render_subject(
-            self.subject,
+        picture = render_character(
+            self.character,
             self.vertices,
             camera,
             shading=shading,
@@ -422,7 +427,7 @@ class Face(InMotion):
         try:
             resolved = constraint.resolved(self.model, self.coefficients)
         except ValueError as error:
-            raise FacePoserError(f"The constraint does not fit '{self.subject.title}': {error}.") from error
+            raise FacePoserError(f"The constraint does not fit '{self.character.title}': {error}.") from error
         self.session.add_constraint(resolved, label)
         return resolved
 
@@ -438,8 +443,8 @@ class Face(InMotion):
         entries = [
             entry
             for entry in (*own, *library.starter_poses())
-            if entry.pose is not None and applying.weights_on(entry.pose, self.subject) is not None
+            if entry.pose is not None and applying.weights_on(entry.pose, self.character) is not None
         ]
-        pose = library.found(entries, text, f"for '{self.subject.title}'").pose
+        pose = library.found(entries, text, f"for '{self.character.title}'").pose
         assert pose is not None
         return pose

@@ -76,7 +76,7 @@ class InMotion:
         if camera is not None:
             checks.known_camera(camera)
         if not isinstance(trajectories, Trajectories):
-            read = read_trajectories(Path(trajectories), model.subject, camera=camera)
+            read = read_trajectories(Path(trajectories), model.character, camera=camera)
             trajectories, _ = read.without_jumps()
         return follow(
             model,
@@ -89,16 +89,16 @@ class InMotion:
         )
 
     def transfer_to(
-        self, subject: str | PathLike[str], method: Method = "distances", pairs: Sequence[Pair] | None = None
+        self, character: str | PathLike[str], method: Method = "distances", pairs: Sequence[Pair] | None = None
     ) -> Self:
         """Return another face with this one's pose and animation (docs/transfer.md).
 
         Args:
-            subject: A shipped subject by its name, or a subject's file.
+            character: A shipped character by its name, or a character's file.
             method: By "distances" between feature points, or by ARKit's "weights".
             pairs: The distances that are kept; the program's own list if None.
         """
-        session, name = self.session, fspath(subject)
+        session, name = self.session, fspath(character)
         checks.one_of(method, get_args(Method), "The method")
         if pairs is not None and not all(isinstance(pair, Pair) for pair in pairs):
             raise FacePoserError("Pairs are faceposer.transfer.pairs.Pair, of two feature points each.")

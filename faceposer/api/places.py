@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
+from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_names import feature_vertex, region_vertices
-from faceposer.model.subject import Subject
 from faceposer.solve.constraints.stroke import as_pixels
 
 #: A place on a face: what people call it, the index of a vertex, a surface point, or the pixel that shows it.
@@ -25,34 +25,34 @@ def point_at(model: FaceModel, p: ArrayLike, place: Place, camera: Camera) -> Su
         FacePoserError: If there is no such place.
     """
     if isinstance(place, str):
-        return feature_vertex(model.subject, place)
+        return feature_vertex(model.character, place)
     if isinstance(place, SurfacePoint):
         try:
             SurfacePoints.of([place]).check(model.triangles)
         except ValueError as error:
-            raise FacePoserError(f"The place is not on '{model.subject.title}': {error}.") from error
+            raise FacePoserError(f"The place is not on '{model.character.title}': {error}.") from error
         return place
     if isinstance(place, (int, np.integer)):
-        return int(_vertices(model.subject, [place])[0])
+        return int(_vertices(model.character, [place])[0])
     points, met = model.pick(p, camera, pixels_of([place]))
     if not met[0]:
         raise FacePoserError(f"The camera does not see the face at the pixel ({place[0]:g}, {place[1]:g}).")
     return points[0]
 
 
-def fixed_vertices(subject: Subject, what: str | ArrayLike) -> NDArray[np.int64]:
+def fixed_vertices(character: Character, what: str | ArrayLike) -> NDArray[np.int64]:
     """Return the vertices that ``what`` means: a region, else a feature point, by name, or indices, shape (n,).
 
     Raises:
         FacePoserError: If there are no such places.
     """
     if not isinstance(what, str):
-        return _vertices(subject, what)
+        return _vertices(character, what)
     try:
-        return region_vertices(subject, what).astype(np.int64)
+        return region_vertices(character, what).astype(np.int64)
     except FacePoserError as no_region:
         try:
-            return np.array([feature_vertex(subject, what)])
+            return np.array([feature_vertex(character, what)])
         except FacePoserError:
             raise no_region from None
 
@@ -72,11 +72,13 @@ def pixels_of(points: Pixels) -> tuple[tuple[float, float], ...]:
     return as_pixels(array)
 
 
-def _vertices(subject: Subject, indices: ArrayLike) -> NDArray[np.int64]:
+def _vertices(character: Character, indices: ArrayLike) -> NDArray[np.int64]:
     array = np.atleast_1d(np.asarray(indices))
     if array.ndim != 1 or not len(array) or array.dtype.kind not in "iu":
         raise FacePoserError("Vertices are given by their numbers, at least one.")
-    outside = array[(array < 0) | (array >= len(subject.vertices))]
+    outside = array[(array < 0) | (array >= len(character.vertices))]
     if len(outside):
-        raise FacePoserError(f"'{subject.title}' has the vertices 0 to {len(subject.vertices) - 1}, not {outside[0]}.")
+        raise FacePoserError(
+            f"'{character.title}' has the vertices 0 to {len(character.vertices) - 1}, not {outside[0]}."
+        )
     return array.astype(np.int64)

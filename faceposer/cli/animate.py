@@ -20,7 +20,7 @@ def add_parser(commands: Any) -> None:
         description="Pose a face in every frame so that points of it follow trajectories in a picture or in space, "
         "smoothly and like a real face (docs/animation.md), and write the animation.",
     )
-    parser.add_argument("subject", metavar="SUBJECT", help="name or file (.npz) of the face")
+    parser.add_argument("character", metavar="CHARACTER", help="name or file (.npz) of the face")
     parser.add_argument("trajectories", type=Path, metavar="TRAJECTORIES", help="file of .csv, .json or .c3d")
     parser.add_argument(
         "-o",
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
     from faceposer.interchange.formats import check_writable
 
     check_writable(options.output, lambda form: form.animated)
-    check_apart(options.output, options.subject, options.trajectories, options.camera, options.markers)
+    check_apart(options.output, options.character, options.trajectories, options.camera, options.markers)
     import numpy as np
 
     from faceposer.animation.following import follow, residuals
@@ -69,11 +69,11 @@ def run(options: argparse.Namespace) -> int:
     from faceposer.session.opening import load_model
     from faceposer.solve.problem import RECORDED_SPREAD
 
-    model = load_model(options.subject)
+    model = load_model(options.character)
     trajectories = read_trajectories(
         options.trajectories,
-        model.subject,
-        camera=None if options.camera is None else read_camera(options.camera, model.subject),
+        model.character,
+        camera=None if options.camera is None else read_camera(options.camera, model.character),
         marker_map=None if options.markers is None else read_marker_map(options.markers),
         points=options.points,
         rate=options.rate,

@@ -32,7 +32,8 @@ def add_parser(commands: Any) -> None:
         "when the same command is given again.",
     )
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder of the study's files")
-    parser.add_argument("--subject", default="man", metavar="NAME|FILE", help="face to pose (default: man)")
+    parser.add_argument("--character", default="man", metavar="NAME|FILE", help="character to pose (default: man)")
+    parser.add_argument("--subject", dest="character", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     takes = parser.add_argument_group("performances")
     takes.add_argument(
         "--capture",
@@ -158,7 +159,7 @@ def run(options: argparse.Namespace) -> int:
     region_names = () if options.regions == ("none",) else None if options.regions == ("all",) else options.regions
     cells, lacking = cells_of(
         TrialMaker(setting),
-        setting.subject,
+        setting.character,
         options.kinds,
         COUNTS | dict(options.counts),
         REGION_COUNTS | dict(options.region_counts),
@@ -174,10 +175,10 @@ def run(options: argparse.Namespace) -> int:
             from faceposer.evaluation.performers import PerformersStudy
 
             of_performers = PerformersStudy(sources, plan, options.output, command)
-            found = of_performers.run(setting.subject, jobs, progress.of, options.restart)
+            found = of_performers.run(setting.character, jobs, progress.of, options.restart)
         else:
             study = Study(sources[""], plan, options.output, command)
-            outcome = study.run(setting.subject, jobs, progress.show, options.restart)
+            outcome = study.run(setting.character, jobs, progress.show, options.restart)
     except KeyboardInterrupt:
         progress.clear()
         print(f"Stopped; the same command goes on from '{options.output}'.", file=sys.stderr)
@@ -199,9 +200,9 @@ def _sources(options: argparse.Namespace, recipe: Any) -> dict[str, Any]:
     if options.performer:
         _check_performers(options)
         performers = [Performer(name, paths) for name, paths in options.performer]
-        return dict(leave_one_out(performers, options.subject, recipe, options.sparse))
+        return dict(leave_one_out(performers, options.character, recipe, options.sparse))
     captures, tests = _captures(options, _TRAIN), _tests(options)
-    return {"": Source(options.subject, captures, tests, recipe, options.fold, options.sparse)}
+    return {"": Source(options.character, captures, tests, recipe, options.fold, options.sparse)}
 
 
 def _tables(rows: Any) -> str:

@@ -32,7 +32,7 @@ Write a face as other programs read it. The suffix of OUT says how:
 {formats}
 
 What is written is the session's: its animation, if its timeline has keys and the format holds one, otherwise its pose;
-the neutral face of a subject; or what --pose or --animation says. docs/interchange.md says what each format holds."""
+the neutral face of a character; or what --pose or --animation says. docs/interchange.md says what each format holds."""
 
 _EXAMPLES = """\
 examples:
@@ -57,7 +57,7 @@ def add_parser(commands: Any) -> None:
     )
     # The table of formats is heavy to import; only the help of this command needs it here.
     parser.format_help = lambda: _described(parser)
-    parser.add_argument("what", metavar="SUBJECT|SESSION", help="name or path of a subject, or a session file")
+    parser.add_argument("what", metavar="CHARACTER|SESSION", help="name or path of a character, or a session file")
     parser.add_argument("-o", "--output", type=Path, metavar="OUT", required=True, help="file or folder to write")
     motion = parser.add_mutually_exclusive_group()
     motion.add_argument(

@@ -32,7 +32,7 @@ def add_parser(commands: Any) -> None:
         help="pose a face after a photo",
         description="Find the camera of a photo by pins, pose the face after it and write the session.",
     )
-    parser.add_argument("what", metavar="SUBJECT|SESSION", help="the face; a session keeps what it has")
+    parser.add_argument("what", metavar="CHARACTER|SESSION", help="the face; a session keeps what it has")
     parser.add_argument("photo", type=Path, metavar="PHOTO", help="JPEG, PNG or another common picture")
     parser.add_argument("--pins", type=Path, metavar="PINS.json", required=True, help="pins (docs/photo.md)")
     parser.add_argument("-o", "--output", type=Path, metavar="SESSION.json", required=True, help="session to write")
@@ -85,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
         session.replace(document if options.no_pose else with_expression(document, model, photo))
     session.wait()
     after = residuals_px(photo, model, session.coefficients)
-    _tell(pins, off, after, model.subject.feature_titles)
+    _tell(pins, off, after, model.character.feature_titles)
     how = "given" if options.focal else "by EXIF" if file.focal else "found, or likely"
     print(f"focal length {camera.focal:.0f} px, {focal_in_mm(camera.focal, file.size):.0f} mm on 35 mm film ({how})")
     if options.render is not None:
@@ -139,10 +139,10 @@ def _picture(session: "Session", photo: "Photo") -> "NDArray[np.uint8]":
 
     from faceposer.geometry.picture_view import PictureView
     from faceposer.photo.reading import read_photo
-    from faceposer.render.offscreen import render_subject
+    from faceposer.render.offscreen import render_character
 
     assert photo.camera is not None
-    subject = session.model.subject
+    character = session.model.character
     vertices = session.vertices
     pixels = photo.camera.project(vertices)
     lower, upper = pixels.min(axis=0), pixels.max(axis=0)
@@ -150,5 +150,5 @@ def _picture(session: "Session", photo: "Photo") -> "NDArray[np.uint8]":
     view = PictureView.whole(photo.camera, (0.0, 0.0, 0.0)).showing(lower - margin, upper + margin, _PANEL)
     camera, layer = view.camera(_PANEL), read_photo(Path(photo.path), 4096)
     layers = ((1.0, 1.0), (1.0, 1.0 - photo.opacity))
-    shown = [render_subject(subject, vertices, camera, photo=(layer, photo.camera, *both)) for both in layers]
-    return np.hstack([*shown, render_subject(subject, vertices, camera)])
+    shown = [render_character(character, vertices, camera, photo=(layer, photo.camera, *both)) for both in layers]
+    return np.hstack([*shown, render_character(character, vertices, camera)])

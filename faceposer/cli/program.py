@@ -12,14 +12,14 @@ from typing import Any, NoReturn, Protocol
 
 from faceposer.cli import (
     animate,
+    character,
+    characters,
     demo,
     evaluate,
     export,
     photo,
     render,
     solve,
-    subject,
-    subjects,
     train,
     transfer,
     window,
@@ -50,16 +50,19 @@ _DRAWING = ("moderngl", "glfw", "imgui_bundle")
 COMMANDS: tuple[Command, ...] = (
     solve,
     render,
-    subjects,
+    characters,
     demo,
     train,
-    subject,
+    character,
     animate,
     transfer,
     photo,
     export,
     evaluate,
 )
+
+#: Earlier names of commands, which scripts may still use.
+_RENAMED = {"subject": character.NAME, "subjects": characters.NAME}
 
 _USAGE = """\
 examples:
@@ -68,10 +71,10 @@ examples:
   faceposer smile.json                       ... with a saved session
   faceposer solve smile.json -o smile.obj    pose without a window
   faceposer render woman -o woman.png        draw without a window
-  faceposer subjects                         list the faces that come with the program
+  faceposer characters                       list the characters that come with the program
   faceposer demo -o DIR                      watch the program being used, as files
   faceposer train --rig me.glb -o me.npz     make a character of your own; also --examples, --markers
-  faceposer subject info me.npz              say what is in a subject file; also check, rename
+  faceposer character info me.npz            say what is in a character file; also check, rename
   faceposer export smile.json -o smile.glb   to other programs and back: meshes, weights, pictures, films
   faceposer animate man lips.csv --camera camera.json -o lips.json
                                              let the face follow trajectories of a few points
@@ -118,6 +121,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _run(words: list[str]) -> int:
+    if words and words[0] in _RENAMED:
+        words = [_RENAMED[words[0]], *words[1:]]
     command = next((command for command in COMMANDS if words and words[0] == command.NAME), None)
     if command is None:
         return window.run(_window_parser().parse_args(words))

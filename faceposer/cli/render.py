@@ -16,9 +16,9 @@ _MOST_PIXELS = 8192
 def add_parser(commands: Any) -> None:
     """Add the parser of ``render`` to ``commands``."""
     parser = commands.add_parser(
-        "render", help="draw a face", description="Draw a subject, a session or a mesh as PNG."
+        "render", help="draw a face", description="Draw a character, a session or a mesh as PNG."
     )
-    parser.add_argument("what", metavar="SUBJECT|SESSION|MESH", help="name of a subject, session file or mesh file")
+    parser.add_argument("what", metavar="CHARACTER|SESSION|MESH", help="name of a character, session file or mesh file")
     parser.add_argument("-o", "--output", type=Path, metavar="OUT.png", required=True, help="picture to write")
     parser.add_argument("--view", choices=_VIEWS, default="front", help="where to look from (default: front)")
     parser.add_argument(

@@ -17,7 +17,7 @@ def add_parser(commands: Any) -> None:
         NAME,
         help="make a character of your own from a rig, example meshes or markers",
         description="Learn a character from a rig, from example meshes or from the motion of markers "
-        "(docs/training.md), and write it as one subject file.",
+        "(docs/training.md), and write it as one character file.",
     )
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument(
@@ -25,7 +25,7 @@ def add_parser(commands: Any) -> None:
     )
     source.add_argument("--examples", type=Path, metavar="DIR|NPZ", help="meshes of one topology")
     source.add_argument("--markers", type=Path, metavar="C3D|CSV", help="motion of markers on a performer's face")
-    parser.add_argument("-o", "--output", type=Path, metavar="OUT.npz", required=True, help="subject to write")
+    parser.add_argument("-o", "--output", type=Path, metavar="OUT.npz", required=True, help="character to write")
     parser.add_argument(
         "--capture",
         type=Path,
@@ -36,7 +36,7 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("--neutral", type=Path, metavar="MESH", help="neutral mesh, if its name does not say so")
     parser.add_argument("--marker-map", type=Path, metavar="JSON", help="where on the scan each marker is")
-    parser.add_argument("--scan", metavar="MESH|SUBJECT", default="man", help="what markers move (default: man)")
+    parser.add_argument("--scan", metavar="MESH|CHARACTER", default="man", help="what markers move (default: man)")
     parser.add_argument(
         "--regions",
         type=_regions,
@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
     check_apart(options.output, options.examples, options.scan)
     if options.summary is not None and options.summary.exists() and not options.summary.is_dir():
         raise FacePoserError(f"'{options.summary}' is a file; give a folder for the summary.")
-    from faceposer.model.subject_file import save_subject
+    from faceposer.model.character_file import save_character
     from faceposer.training.request import TrainingRequest, plain_name, train
     from faceposer.training.summary import text_of_summary, write_summary
 
@@ -98,12 +98,12 @@ def run(options: argparse.Namespace) -> int:
     )
     line = ProgressLine()
     try:
-        subject = train(request, line.progress)
+        character = train(request, line.progress)
     finally:
         line.clear()
-    save_subject(options.output, subject)
+    save_character(options.output, character)
     if options.summary is not None:
-        write_summary(options.summary, subject)
-    print(text_of_summary(subject))
+        write_summary(options.summary, character)
+    print(text_of_summary(character))
     print(f"{options.output} written; open it with: faceposer {options.output}")
     return 0

@@ -39,7 +39,7 @@ def add_parser(commands: Any) -> None:
         metavar="SOURCE",
         help="session, capture (.csv, .txt), weights (.json, .glb) or posed mesh (.obj, .ply)",
     )
-    parser.add_argument("target", metavar="SUBJECT", help="the face that gets the expression: a name or an .npz file")
+    parser.add_argument("target", metavar="CHARACTER", help="the face that gets the expression: a name or an .npz file")
     parser.add_argument(
         "-o",
         "--output",
@@ -52,8 +52,8 @@ def add_parser(commands: Any) -> None:
     add_materials_option(parser)
     parser.add_argument(
         "--from",
-        dest="subject",
-        metavar="SUBJECT",
+        dest="character",
+        metavar="CHARACTER",
         help="whose weights or mesh a source is that is no session (default: man)",
     )
     parser.add_argument(
@@ -169,15 +169,15 @@ def _source(options: argparse.Namespace) -> _Source:
             f"({', '.join(MESHES)})."
         )
     if suffix == ".json" and not _holds_weights(path):
-        if options.subject is not None or options.frames is not None or options.rate is not None:
+        if options.character is not None or options.frames is not None or options.rate is not None:
             raise FacePoserError(
-                f"'{path}' is a session, which names its subject and its rate; leave out --from, --frames and --rate."
+                f"'{path}' is a session, which names its character and its rate; leave out --from, --frames and --rate."
             )
         session = open_with_remark(str(path))
         session.wait()
         still = Performance(session.coefficients[None], _USUAL_RATE)
         return _Source(session.model, session.animation.performance or still, still, session.document)
-    model = load_model(options.subject or "man")
+    model = load_model(options.character or "man")
     if suffix in MESHES:
         pose = read_pose(path, model)
         print(f"{path}: {pose.note}")
@@ -207,14 +207,14 @@ def _holds_weights(path: Path) -> bool:
 
 def _write_session(options: argparse.Namespace, source: _Source, transfer: "Transfer", target: "FaceModel") -> None:
     """Write the session of another face, with all that can be carried over."""
-    from faceposer.session.document import subject_from, write_document
+    from faceposer.session.document import character_from, write_document
     from faceposer.session.transferred import transferred
 
     assert source.document is not None
     pose = source.document.coefficients
     assert pose is not None
-    subject = subject_from(options.target, options.output.parent)
-    document = transferred(source.document, pose, transfer, subject, target)
+    character = character_from(options.target, options.output.parent)
+    document = transferred(source.document, pose, transfer, character, target)
     document = replace(document, contact=document.contact and options.contact)
     write_document(options.output, document.stamped(target))
     keys = 0 if document.keyframes is None else len(document.keyframes.keys)
@@ -224,7 +224,7 @@ def _write_session(options: argparse.Namespace, source: _Source, transfer: "Tran
 
 def _write(
     path: Path,
-    subject: str,
+    character: str,
     model: "FaceModel",
     performance: "Performance",
     line: ProgressLine,
@@ -233,14 +233,14 @@ def _write(
     """Write one pose as a session or as any other file holds it, more as an animation."""
     from faceposer.interchange.formats import write
     from faceposer.render.options import OutputOptions
-    from faceposer.session.document import Document, subject_from, write_document
+    from faceposer.session.document import Document, character_from, write_document
 
     pose = performance.coefficients[0]
     output_options = OutputOptions(contact=options.contact, materials=options.materials)
     if len(performance) > 1:
         write(path, model, performance, output_options, line.progress)
     elif path.suffix.lower() == ".json":
-        document = Document(subject_from(subject, path.parent), contact=options.contact)
+        document = Document(character_from(character, path.parent), contact=options.contact)
         write_document(path, document.starting_from(pose).posed(pose).stamped(model))
     else:
         write(path, model, pose, output_options)

@@ -27,9 +27,9 @@ def feature_line(model: FaceModel, vertices: ArrayLike, camera: Camera, names: S
     """Return the pixels, shape (n, 2), at which ``camera`` shows the feature points ``names`` of ``vertices``, (N, 3).
 
     Raises:
-        KeyError: If the subject has no such feature point.
+        KeyError: If the character has no such feature point.
     """
-    ids = [model.subject.feature_points[name] for name in names]
+    ids = [model.character.feature_points[name] for name in names]
     return camera.project(np.asarray(vertices)[ids])
 
 

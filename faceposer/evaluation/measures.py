@@ -54,14 +54,14 @@ class Evaluator:
 
     @cached_property
     def _regions(self) -> dict[str, NDArray[np.intp]]:
-        return region_vertices(self._setting.subject)
+        return region_vertices(self._setting.character)
 
     @cached_property
     def _probes(self) -> NDArray[np.intp]:
         """Vertices of the skin, shape (n,), that some shape moves, evenly spread over their order."""
-        subject = self._setting.subject
-        skin = skin_vertices(subject)
-        motion = np.abs(subject.shapes[:, skin].astype(np.float32)).max(axis=(0, 2))
+        character = self._setting.character
+        skin = skin_vertices(character)
+        motion = np.abs(character.shapes[:, skin].astype(np.float32)).max(axis=(0, 2))
         moving = skin[motion > 0.05 * motion.max()]
         chosen: NDArray[np.intp] = moving[np.linspace(0, len(moving) - 1, _PROBES).round().astype(np.intp)]
         return chosen
@@ -70,7 +70,7 @@ class Evaluator:
     def _real(self) -> Array:
         """The probes of real frames relative to the neutral face, shape (F', 3 n)."""
         frames = self._frames[np.unique(np.linspace(0, len(self._frames) - 1, _REAL_FRAMES).round().astype(np.intp))]
-        shapes = self._setting.subject.shapes[:, self._probes].astype(np.float64)
+        shapes = self._setting.character.shapes[:, self._probes].astype(np.float64)
         return frames @ shapes.reshape(len(shapes), -1)
 
     @cached_property
@@ -84,7 +84,7 @@ class Evaluator:
 
     def naturalness(self, vertices: ArrayLike) -> tuple[float, float]:
         """Return the distance of ``vertices``, (N, 3), to the nearest real frame, and their log-density."""
-        neutral = self._setting.subject.vertices
+        neutral = self._setting.character.vertices
         probes = (np.asarray(vertices, dtype=np.float64) - neutral)[self._probes].ravel()
         squared = ((self._real - probes) ** 2).sum(axis=1)
         # The nearest by mean distance is among the nearest by squared distance.
@@ -103,7 +103,7 @@ class Evaluator:
         setting = self._setting
         truth, vertices = setting.shown(setting.vertices_of(trial.weights)), setting.shown(vertices)
         error = np.linalg.norm(np.asarray(vertices) - truth, axis=1)
-        neutral = np.linalg.norm(setting.subject.vertices - truth, axis=1)
+        neutral = np.linalg.norm(setting.character.vertices - truth, axis=1)
         to_real, log_likelihood = self.naturalness(vertices)
         return Score(
             float(error.mean()),
@@ -117,13 +117,13 @@ class Evaluator:
 
 
 def residual_px(setting: StudyContext, constraint: Constraint, vertices: ArrayLike) -> float:
-    """Return how many pixels ``constraint`` is from being met by any ``vertices``, shape (N, 3), of the subject.
+    """Return how many pixels ``constraint`` is from being met by any ``vertices``, shape (N, 3), of the character.
 
     Raises:
         TypeError: If it is none of those that are evaluated.
     """
     if not isinstance(constraint, PointConstraint | DistanceConstraint | StrokeConstraint):
         raise TypeError(f"constraints of the kind '{constraint.kind}' are not evaluated")
-    points = constraint.points.positions(np.asarray(vertices, dtype=np.float64), setting.subject.triangles)
+    points = constraint.points.positions(np.asarray(vertices, dtype=np.float64), setting.character.triangles)
     pixels = constraint.camera.project(points)
     return constraint.residual_of(pixels)

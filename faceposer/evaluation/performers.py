@@ -16,7 +16,7 @@ from faceposer.evaluation.study import FORMAT, RESULTS, TABLE, TABLES, VERSION, 
 from faceposer.evaluation.tables import error_tables, share_tables, time_table
 from faceposer.evaluation.takes import Source, Sparse
 from faceposer.files.atomic import write_text
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 from faceposer.training.expressions import Recipe
 
 #: The name of the rows over all performers.
@@ -47,7 +47,7 @@ class Performer:
 
 
 def leave_one_out(
-    performers: Sequence[Performer], subject: str, recipe: Recipe, sparse: Sparse = "auto"
+    performers: Sequence[Performer], character: str, recipe: Recipe, sparse: Sparse = "auto"
 ) -> dict[str, Source]:
     """Return by name what each performer is tested with: the takes of all others to learn from.
 
@@ -72,7 +72,7 @@ def leave_one_out(
     for performer in performers:
         others = [(other.name, path) for other in performers if other is not performer for path in other.takes]
         sources[performer.name] = Source(
-            subject,
+            character,
             tuple(path for _, path in others),
             performer.takes,
             recipe,
@@ -133,11 +133,13 @@ class PerformersStudy:
         """Return the study in which the performer ``name`` is left out."""
         return Study(self.sources[name], self.plan, self.folder / name, self.command)
 
-    def run(self, subject: Subject, jobs: int, show: Callable[[str], Show], restart: bool = False) -> PerformersOutcome:
+    def run(
+        self, character: Character, jobs: int, show: Callable[[str], Show], restart: bool = False
+    ) -> PerformersOutcome:
         """Do what is left to do, and write what came of it.
 
         Args:
-            subject: The face.
+            character: The face.
             jobs: Number of processes.
             show: Returns what is told of the progress of a performer's study.
             restart: Whether to throw away all trials.
@@ -148,7 +150,7 @@ class PerformersStudy:
         """
         outcomes = {}
         for name in self.sources:
-            outcomes[name] = self.study(name).run(subject, jobs, show(name), restart)
+            outcomes[name] = self.study(name).run(character, jobs, show(name), restart)
             if not outcomes[name].rows:
                 raise FacePoserError(
                     f"The takes of the performer '{name}' have too few frames in which the face moves to be tested on; "
@@ -164,12 +166,12 @@ class PerformersStudy:
             "version": VERSION,
             "command": self.command,
             "machine": machine(jobs),
-            "settings": {name: self.study(name).settings(subject) for name in self.sources},
+            "settings": {name: self.study(name).settings(character) for name in self.sources},
             "left_out": skipped,
             "rows": found.rows,
         }
         write_text(self.folder / RESULTS, json.dumps(about, indent=1, ensure_ascii=False) + "\n", "result")
         write_text(self.folder / TABLE, csv_of(found.rows), "table")
-        head = f"# {subject.name}\n\n    {self.command}\n\n"
+        head = f"# {character.name}\n\n    {self.command}\n\n"
         write_text(self.folder / TABLES, head + found.tables(), "table")
         return found

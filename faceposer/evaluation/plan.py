@@ -7,7 +7,7 @@ from faceposer.errors import FacePoserError
 from faceposer.evaluation.methods.method import Method
 from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.trials import STROKE_LINES, Cell, TrialMaker, region_vertices
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 
 #: The techniques that are compared unless others are asked for, those of them that the program has.
 DEFAULT_METHODS = (
@@ -104,32 +104,32 @@ def known_methods(names: Sequence[str] | None) -> tuple[str, ...]:
 
 def cells_of(
     maker: TrialMaker,
-    subject: Subject,
+    character: Character,
     kinds: Sequence[str],
     counts: Mapping[str, Sequence[int]],
     region_counts: Mapping[str, Sequence[int]],
     noises: Sequence[float],
     regions: Sequence[str] | None,
 ) -> tuple[tuple[Cell, ...], tuple[str, ...]]:
-    """Return the cells of a study on ``subject``, and a sentence for each sort of cells that it has no place for.
+    """Return the cells of a study on ``character``, and a sentence for each sort of cells that it has no place for.
 
     Args:
         maker: Of trials on the face.
-        subject: The face.
+        character: The face.
         kinds: Of constraints.
         counts: Of constraints anywhere on the face, by kind.
         region_counts: Of constraints in one region only, by kind.
         noises: Standard deviations of the hand, in pixels.
-        regions: Regions that are alone to have constraints; None for all that the subject has.
+        regions: Regions that are alone to have constraints; None for all that the character has.
 
     Raises:
-        FacePoserError: If the subject lacks a region that is asked for, or has no place for any constraint.
+        FacePoserError: If the character lacks a region that is asked for, or has no place for any constraint.
     """
-    present = region_vertices(subject)
+    present = region_vertices(character)
     for region in regions or ():
         if region not in present:
             raise FacePoserError(
-                f"The subject '{subject.name}' has no region '{region}'; choose from "
+                f"The character '{character.name}' has no region '{region}'; choose from "
                 f"{', '.join(present) or '(none)'}, or leave out --regions."
             )
     cells = [Cell(kind, count, noise) for noise in noises for kind in kinds for count in counts[kind]]

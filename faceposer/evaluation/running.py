@@ -47,7 +47,7 @@ class Bench:
 
     Attributes:
         setting: The face and what may be learned.
-        frames: Frames to test on, as weights of the subject's shapes, shape (F, S).
+        frames: Frames to test on, as weights of the character's shapes, shape (F, S).
     """
 
     setting: StudyContext

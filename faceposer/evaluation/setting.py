@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera, OrbitView
+from faceposer.model.character import ARKIT_SHAPES, Character
+from faceposer.model.character_file import load_character
 from faceposer.model.contact.step import ContactStep
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.face_model import FaceModel, build_face_model, gram_of_weights
 from faceposer.model.shape_names import weight_map
-from faceposer.model.subject import ARKIT_SHAPES, Subject
-from faceposer.model.subject_file import load_subject
 from faceposer.training.capture import Capture
 from faceposer.training.expressions import Recipe, augment, clean, fit_statistics, learn
 
@@ -29,7 +29,7 @@ class StudyContext:
     """A face, a camera, and what may be learned from.
 
     Attributes:
-        subject: The face to pose; its shapes have ARKit's names.
+        character: The face to pose; its shapes have ARKit's names.
         captures: Performances to learn from.
         recipe: How the prior that ships is learned from them.
         camera: View in which all constraints are given.
@@ -37,7 +37,7 @@ class StudyContext:
         contact: Whether faces are measured after the contact step, those of techniques and true ones alike.
     """
 
-    subject: Subject
+    character: Character
     captures: tuple[Capture, ...]
     recipe: Recipe
     camera: Camera
@@ -47,31 +47,31 @@ class StudyContext:
     @classmethod
     def of(
         cls,
-        subject: Subject,
+        character: Character,
         captures: Sequence[Capture],
         recipe: Recipe | None = None,
         performers: Sequence[str] = (),
     ) -> "StudyContext":
-        """Return the setting with a front view of all of the ``subject``.
+        """Return the setting with a front view of all of the ``character``.
 
         Args:
-            subject: The face.
+            character: The face.
             captures: Performances to learn from.
             recipe: How; that of the shipped prior if None.
             performers: Name of the performer of each of the ``captures``; if left out, all are of one.
 
         Raises:
-            FacePoserError: If the subject has none of ARKit's shapes.
+            FacePoserError: If the character has none of ARKit's shapes.
         """
-        if not set(subject.shape_names) & set(ARKIT_SHAPES):
+        if not set(character.shape_names) & set(ARKIT_SHAPES):
             raise FacePoserError(
-                f"The subject '{subject.name}' has none of the 52 ARKit shapes, which the captures speak of; "
+                f"The character '{character.name}' has none of the 52 ARKit shapes, which the captures speak of; "
                 "evaluate with one that has."
             )
-        vertices = subject.vertices
+        vertices = character.vertices
         camera = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0)).camera(SIZE)
         performers = tuple(performers) or ("",) * len(captures)
-        return cls(subject, tuple(captures), recipe or Recipe(), camera, performers)
+        return cls(character, tuple(captures), recipe or Recipe(), camera, performers)
 
     @cached_property
     def frames(self) -> Array:
@@ -98,18 +98,18 @@ class StudyContext:
         for capture, name in zip(self.captures, self.performers, strict=True):
             takes[name].append(capture)
         first, *others = takes.values()
-        metric = gram_of_weights(load_subject("man"), ARKIT_SHAPES)
+        metric = gram_of_weights(load_character("man"), ARKIT_SHAPES)
         return learn(first, self.recipe, metric=metric, others=others)
 
     @cached_property
     def model(self) -> FaceModel:
         """The face with the prior as it ships, but learned from ``captures`` alone."""
-        return build_face_model(self.subject, self.statistics)
+        return build_face_model(self.character, self.statistics)
 
     @cached_property
     def full(self) -> FaceModel:
         """The face with all its dimensions, principal components of plain squared distance first."""
-        return build_face_model(self.subject, self.plain(self.frames), len(self.subject.shape_names), "plain")
+        return build_face_model(self.character, self.plain(self.frames), len(self.character.shape_names), "plain")
 
     def shown(self, vertices: ArrayLike) -> NDArray[np.float32]:
         """Return what measures see of ``vertices``, shape (N, 3): they, or what the contact step makes of them."""
@@ -118,7 +118,7 @@ class StudyContext:
 
     @cached_property
     def _contact_step(self) -> ContactStep:
-        return ContactStep.of(self.subject)
+        return ContactStep.of(self.character)
 
     def plain(self, examples: Array) -> ExpressionStatistics:
         """Return the moments of ``examples``, shape (n, 52), with one Gaussian for a density."""
@@ -144,14 +144,14 @@ class StudyContext:
         return {}
 
     def rig_weights(self, frames: Array) -> Array:
-        """Return ``frames`` of ARKit's weights, shape (F, 52), as weights of the subject's shapes, (F, S)."""
-        weights: Array = frames @ weight_map(self.subject.shape_names, ARKIT_SHAPES).T
+        """Return ``frames`` of ARKit's weights, shape (F, 52), as weights of the character's shapes, (F, S)."""
+        weights: Array = frames @ weight_map(self.character.shape_names, ARKIT_SHAPES).T
         return weights
 
     def vertices_of(self, weights: Array) -> NDArray[np.float32]:
         """Return the vertices, (N, 3), of the face with the rig ``weights``, shape (S,)."""
-        subject = self.subject
-        shapes = np.ascontiguousarray(subject.shapes, dtype=np.float32).reshape(len(subject.shapes), -1)
+        character = self.character
+        shapes = np.ascontiguousarray(character.shapes, dtype=np.float32).reshape(len(character.shapes), -1)
         offsets = weights.astype(np.float32) @ shapes
-        moved: NDArray[np.float32] = subject.vertices + offsets.reshape(-1, 3)
+        moved: NDArray[np.float32] = character.vertices + offsets.reshape(-1, 3)
         return moved

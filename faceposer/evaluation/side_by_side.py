@@ -17,7 +17,7 @@ from faceposer.evaluation.study import Outcome, Study
 from faceposer.evaluation.tables import targets
 from faceposer.evaluation.trials import Cell, Trial, TrialMaker
 from faceposer.render.images import write_png
-from faceposer.render.offscreen import render_subject
+from faceposer.render.offscreen import render_character
 from faceposer.resources import fonts_folder
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.point import PointConstraint
@@ -156,7 +156,7 @@ class _Sheet:
         return path
 
     def _face(self, vertices: ArrayLike, trial: Trial) -> Image.Image:
-        picture = Image.fromarray(render_subject(self._setting.subject, vertices, self._setting.camera))
+        picture = Image.fromarray(render_character(self._setting.character, vertices, self._setting.camera))
         pen = ImageDraw.Draw(picture)
         for constraint in trial.constraints:
             self._mark(pen, constraint, vertices)
@@ -166,7 +166,7 @@ class _Sheet:
         """Draw where ``constraint`` pulls to, and where ``vertices`` have its points."""
         if not isinstance(constraint, PointConstraint | DistanceConstraint | StrokeConstraint):
             return
-        points = constraint.points.positions(np.asarray(vertices, dtype=np.float64), self._setting.subject.triangles)
+        points = constraint.points.positions(np.asarray(vertices, dtype=np.float64), self._setting.character.triangles)
         pixels = [(float(u), float(v)) for u, v in constraint.camera.project(points)]
         if isinstance(constraint, StrokeConstraint):
             for pixel in pixels[::4]:

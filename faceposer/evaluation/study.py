@@ -23,7 +23,7 @@ from faceposer.evaluation.tables import error_tables, other_tables, time_table
 from faceposer.evaluation.takes import Source
 from faceposer.evaluation.trial_log import Scores, TrialLog
 from faceposer.files.atomic import write_text
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 
 #: Files of a study.
 LOG, RESULTS, TABLE, TABLES = "trials.jsonl", "results.json", "results.csv", "tables.md"
@@ -66,16 +66,16 @@ class Study:
     folder: Path
     command: str
 
-    def settings(self, subject: Subject) -> dict[str, Any]:
+    def settings(self, character: Character) -> dict[str, Any]:
         """Return all that scores depend on but the cell, for JSON: with other settings they are another study's."""
         return {
-            **self.source.identity(subject),
+            **self.source.identity(character),
             "picture": list(SIZE),
             "parameters": {name: dict(kind.parameters) for name, kind in METHODS.items()},
             "program_sha256": program_checksum(),
         }
 
-    def run(self, subject: Subject, jobs: int, show: Show, restart: bool = False) -> Outcome:
+    def run(self, character: Character, jobs: int, show: Show, restart: bool = False) -> Outcome:
         """Do what is left to do, and write what came of it.
 
         Raises:
@@ -87,7 +87,7 @@ class Study:
             raise FacePoserError(
                 f"The folder '{self.folder}' cannot be made ({error.strerror}); choose another with --output."
             ) from error
-        settings = self.settings(subject)
+        settings = self.settings(character)
         log = TrialLog(self.folder / LOG, settings, restart)
         skipped = run_plan(self.source, self.plan, log, jobs, show)
         rows = rows_of(log.scores, self.plan)
@@ -106,7 +106,7 @@ class Study:
         return Outcome(rows, skipped, log.scores)
 
     def _tables(self, rows: Sequence[Row]) -> str:
-        head = f"# {self.source.subject}\n\n    {self.command}\n\n"
+        head = f"# {self.source.character}\n\n    {self.command}\n\n"
         return head + "\n".join(text for text in (error_tables(rows), time_table(rows), other_tables(rows)) if text)
 
 

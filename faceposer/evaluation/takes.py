@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.evaluation.setting import StudyContext
-from faceposer.model.subject import ARKIT_SHAPES, Subject
-from faceposer.model.subject_file import load_subject
+from faceposer.model.character import ARKIT_SHAPES, Character
+from faceposer.model.character_file import load_character
 from faceposer.training.capture import Capture, read_capture
 from faceposer.training.expressions import Recipe, clean
 
@@ -43,7 +43,7 @@ class Source:
     """What a study learns from and is tested on, by name.
 
     Attributes:
-        subject: Name or file of the face.
+        character: Name or file of the face.
         captures: Files to learn from.
         tests: Files to test on; those to learn from if there is a ``fold``.
         recipe: How the shipped prior is learned.
@@ -56,7 +56,7 @@ class Source:
         contact: Whether faces are measured after the contact step.
     """
 
-    subject: str
+    character: str
     captures: tuple[Path, ...]
     tests: tuple[Path, ...]
     recipe: Recipe
@@ -68,12 +68,12 @@ class Source:
     contact: bool = False
 
     def load(self) -> tuple[StudyContext, Array]:
-        """Return the setting, and the frames to test on as weights of the subject's shapes, shape (F, S).
+        """Return the setting, and the frames to test on as weights of the character's shapes, shape (F, S).
 
         Raises:
-            FacePoserError: If a file cannot be read, or the subject has none of ARKit's shapes.
+            FacePoserError: If a file cannot be read, or the character has none of ARKit's shapes.
         """
-        subject = load_subject(self.subject)
+        character = load_character(self.character)
         # Each take is cleaned as it needs; the recipe then finds nothing left to drop.
         recipe = replace(self.recipe, jump=_NO_JUMP)
         learned = [steady(path, self.recipe.jump, self.sparse) for path in self.captures]
@@ -84,25 +84,25 @@ class Source:
             split = [self.within in (None, name) for name in self._owners]
             tests = [_part(take, second) for take, parts in zip(learned, split, strict=True) if parts]
             learned = [_part(take, first) if parts else take for take, parts in zip(learned, split, strict=True)]
-        setting = replace(StudyContext.of(subject, learned, recipe, self.performers), contact=self.contact)
+        setting = replace(StudyContext.of(character, learned, recipe, self.performers), contact=self.contact)
         return setting, setting.rig_weights(np.concatenate([clean(take, recipe) for take in tests]))
 
     @property
     def _owners(self) -> tuple[str, ...]:
         return self.performers or ("",) * len(self.captures)
 
-    def identity(self, subject: Subject) -> dict[str, object]:
+    def identity(self, character: Character) -> dict[str, object]:
         """Return what tells this source from another, for JSON: checksums of what is in the files, not their names.
 
         Raises:
             FacePoserError: If a file cannot be read.
         """
         digest = hashlib.sha256()
-        for array in (subject.vertices, subject.polygons, subject.shapes):
+        for array in (character.vertices, character.polygons, character.shapes):
             digest.update(np.ascontiguousarray(array).tobytes())
         tests = self.captures if self.fold is not None else self.tests
         return {
-            "subject": subject.name,
+            "subject": character.name,
             "subject_sha256": digest.hexdigest(),
             "performer_left_out": self.left_out,
             "captures": [

@@ -12,7 +12,7 @@ from faceposer.evaluation.setting import StudyContext
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.geometry.strokes import resampled, smoothed
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import Constraint
@@ -26,7 +26,7 @@ COUNTS: dict[str, tuple[int, ...]] = {
     "distance": (1, 2, 4, 8),
     "stroke": (150, 300, 450, 900),
 }
-#: The subject's regions that make up each region of the judgement; together they are the face without ears and neck.
+#: The character's regions that make up each region of the judgement; together they are the face without ears and neck.
 FACE_REGIONS: dict[str, tuple[str, ...]] = {
     "brows": ("brow_left", "brow_right", "forehead"),
     "lids": ("lids_left", "lids_right", "eye_left", "eye_right"),
@@ -90,8 +90,8 @@ class TrialMaker:
 
     @cached_property
     def regions(self) -> dict[str, NDArray[np.intp]]:
-        """Vertex ids of each of ``FACE_REGIONS`` that the subject has."""
-        return region_vertices(self._setting.subject)
+        """Vertex ids of each of ``FACE_REGIONS`` that the character has."""
+        return region_vertices(self._setting.character)
 
     @cached_property
     def _visible(self) -> NDArray[np.intp]:
@@ -100,7 +100,7 @@ class TrialMaker:
     def places(self, cell: Cell) -> NDArray[np.intp]:
         """Return the vertices between which the trials of ``cell`` choose."""
         if cell.constraint == "distance":
-            features = np.array(sorted(self._setting.subject.feature_points.values()), dtype=np.intp)
+            features = np.array(sorted(self._setting.character.feature_points.values()), dtype=np.intp)
             # Feature points lie on edges and in corners, half hidden: what faces the camera is seen well enough.
             places = features if len(features) >= 4 else self._visible[::30]
         elif cell.region == "brows":
@@ -115,7 +115,7 @@ class TrialMaker:
     def lacking(self, cell: Cell) -> str | None:
         """Return a sentence where the face has no place for the constraints of ``cell``, else None."""
         where = f" within the {cell.region}" if cell.region is not None else ""
-        name = self._setting.subject.name
+        name = self._setting.character.name
         if cell.constraint == "stroke":
             if self._names(cell):
                 return None
@@ -146,16 +146,16 @@ class TrialMaker:
 
     def _in_turn(self, frames: Array, vertices: Sequence[int], rng: np.random.Generator) -> Iterator[tuple[int, Array]]:
         """Yield random frames with the pixels of ``vertices`` in them, shape (n, 2)."""
-        subject, camera = self._setting.subject, self._setting.camera
+        character, camera = self._setting.character, self._setting.camera
         ids = np.asarray(vertices, dtype=np.intp)
-        shapes = np.ascontiguousarray(subject.shapes[:, ids], dtype=np.float64)
+        shapes = np.ascontiguousarray(character.shapes[:, ids], dtype=np.float64)
         for frame in rng.permutation(len(frames)):
-            yield int(frame), camera.project(subject.vertices[ids] + np.tensordot(frames[frame], shapes, axes=1))
+            yield int(frame), camera.project(character.vertices[ids] + np.tensordot(frames[frame], shapes, axes=1))
 
     def _points(self, cell: Cell, frames: Array, poses: int, rng: np.random.Generator) -> Iterator[Trial]:
         setting = self._setting
         places = self.places(cell)
-        rest = setting.camera.project(setting.subject.vertices[places])
+        rest = setting.camera.project(setting.character.vertices[places])
         enough = int(_SHARE_MOVES * len(places))
         if cell.region is None:
             enough = min(_ANCHORS_MOVE, enough)
@@ -181,7 +181,7 @@ class TrialMaker:
         setting = self._setting
         places = self.places(cell)
         first, second = np.triu_indices(len(places), 1)
-        rest = setting.camera.project(setting.subject.vertices[places])
+        rest = setting.camera.project(setting.character.vertices[places])
         at_rest = np.hypot(*(rest[first] - rest[second]).T)
         done = 0
         for frame, pixels in self._in_turn(frames, places.tolist(), rng):
@@ -207,9 +207,9 @@ class TrialMaker:
         """The points along each line that the face has, and the pixels of these and of the whole way."""
         setting, model, lines = self._setting, self._setting.full, {}
         for name in (name for names in STROKE_LINES.values() for name in names):
-            if not set(FEATURE_LINES[name]) <= setting.subject.feature_points.keys():
+            if not set(FEATURE_LINES[name]) <= setting.character.feature_points.keys():
                 continue
-            line = feature_line(model, setting.subject.vertices, setting.camera, FEATURE_LINES[name])
+            line = feature_line(model, setting.character.vertices, setting.camera, FEATURE_LINES[name])
             way = resampled(line, _STEP)
             points, met = model.pick(model.neutral(), setting.camera, way)
             if met.any():
@@ -247,33 +247,33 @@ class TrialMaker:
                 return
 
 
-def region_vertices(subject: Subject) -> dict[str, NDArray[np.intp]]:
-    """Return the vertex ids of each of ``FACE_REGIONS`` of which the ``subject`` has some part, each shape (n,)."""
+def region_vertices(character: Character) -> dict[str, NDArray[np.intp]]:
+    """Return the vertex ids of each of ``FACE_REGIONS`` of which the ``character`` has some part, each shape (n,)."""
     found = {}
     for name, parts in FACE_REGIONS.items():
-        present = [subject.regions[part] for part in parts if part in subject.regions]
+        present = [character.regions[part] for part in parts if part in character.regions]
         if present:
             found[name] = np.unique(np.concatenate(present)).astype(np.intp)
     return found
 
 
-def skin_vertices(subject: Subject) -> NDArray[np.intp]:
-    """Return the vertices of the ``subject``'s skin, shape (n,): its parts of that material, all if there is none."""
-    runs = [np.arange(*part.vertices) for part in subject.parts if part.material == "skin"]
-    return np.concatenate(runs).astype(np.intp) if runs else np.arange(len(subject.vertices), dtype=np.intp)
+def skin_vertices(character: Character) -> NDArray[np.intp]:
+    """Return the vertices of the ``character``'s skin, shape (n,): its parts of that material, all if there is none."""
+    runs = [np.arange(*part.vertices) for part in character.parts if part.material == "skin"]
+    return np.concatenate(runs).astype(np.intp) if runs else np.arange(len(character.vertices), dtype=np.intp)
 
 
 def visible_vertices(setting: StudyContext) -> NDArray[np.intp]:
     """Return the vertices of the skin, shape (n,), that the camera sees on the neutral face, well turned to it."""
-    subject, camera = setting.subject, setting.camera
-    vertices = subject.vertices
-    normals = VertexNormals(subject.triangles, len(vertices))(vertices)
+    character, camera = setting.character, setting.camera
+    vertices = character.vertices
+    normals = VertexNormals(character.triangles, len(vertices))(vertices)
     towards = camera.center - vertices
     facing = np.einsum("nd,nd->n", normals, towards) > 0.2 * np.linalg.norm(towards, axis=1)
-    skin = skin_vertices(subject)
+    skin = skin_vertices(character)
     candidates = skin[facing[skin]]
     points, met = setting.full.pick(setting.full.neutral(), camera, camera.project(vertices[candidates]))
     seen = candidates[met]
     # What is met first lies in front of a hidden vertex.
-    offsets = points.positions(vertices, subject.triangles) - vertices[seen]
-    return seen[np.linalg.norm(offsets, axis=1) < 0.02 * subject.height]
+    offsets = points.positions(vertices, character.triangles) - vertices[seen]
+    return seen[np.linalg.norm(offsets, axis=1) < 0.02 * character.height]

@@ -65,7 +65,7 @@ class Fold:
             trials = all_of_cell[: method.max_trials]
             if cell.constraint in method.kinds and trials:
                 found = [method.vertices(method.solve(trial.constraints)) for trial in trials]
-                neutral = [self.setting.subject.vertices] * len(trials)
+                neutral = [self.setting.character.vertices] * len(trials)
                 errors.append(self._sum(trials, found) / self._sum(trials, neutral))
         return errors
 

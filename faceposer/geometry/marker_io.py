@@ -64,7 +64,7 @@ class MarkerMotion:
 def read_markers(path: Path) -> MarkerMotion:
     """Return the motion in a C3D or CSV file, told apart by the name's ending; docs/training.md has the forms of CSV.
 
-    Markers keep their names but for a subject's name before a colon, where they are told apart without it. Unlabelled
+    Markers keep their names but for a character's name before a colon, where they are told apart without it. Unlabelled
     points are left out. A marker that is exactly at the origin was not seen: several programs write that.
 
     Raises:

@@ -125,7 +125,7 @@ class SurfacePoints:
             return
         face, vertex = int(self.faces.max()), int(-1 - self.faces.min())
         if face >= len(triangles):
-            raise ValueError(f"triangle {face} does not exist; the subject has {len(triangles)}")
+            raise ValueError(f"triangle {face} does not exist; the character has {len(triangles)}")
         if vertex > int(np.max(triangles, initial=-1)):
             raise ValueError(f"vertex {vertex} belongs to no triangle")
 

@@ -80,7 +80,7 @@ class App:
         settings: Settings | None = None,
         journal: bool | None = None,
     ) -> None:
-        """Open ``what``, a subject or a session, in a window.
+        """Open ``what``, a character or a session, in a window.
 
         Args:
             what: Name or path.
@@ -468,7 +468,7 @@ class App:
 
 
 def run(what: str, exit_after_first_frame: bool = False) -> int:
-    """Open ``what``, a subject or a session, in a window and return the exit status once the user has closed it.
+    """Open ``what``, a character or a session, in a window and return the exit status once the user has closed it.
 
     Args:
         what: Name or path.

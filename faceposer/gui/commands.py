@@ -137,8 +137,8 @@ class Commands:
 
     def about(self) -> None:
         """Show who made what."""
-        subject = self._context.session.model.subject
-        self._context.dialogs.ask(Question("Face Poser", about_text(subject.title, subject.credits)))
+        character = self._context.session.model.character
+        self._context.dialogs.ask(Question("Face Poser", about_text(character.title, character.credits)))
 
 
 def about_text(character: str, credits: str) -> str:

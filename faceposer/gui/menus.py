@@ -38,7 +38,7 @@ def _tool_actions(context: Shell, do: Commands, free: Callable[[], bool]) -> lis
         return lambda: context.toolbox.chosen.name == name
 
     def usable(name: str) -> Callable[[], bool]:
-        return lambda: free() and (name != "gaze" or eyes_of(context.session.model.subject) is not None)
+        return lambda: free() and (name != "gaze" or eyes_of(context.session.model.character) is not None)
 
     tools = [
         Action(

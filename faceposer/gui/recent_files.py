@@ -11,7 +11,7 @@ _MOST_LETTERS = 64
 
 
 class RecentFiles:
-    """Sessions and subjects' files, newest first."""
+    """Sessions and characters' files, newest first."""
 
     def __init__(self, context: EditorContext) -> None:
         """Serve ``context``."""

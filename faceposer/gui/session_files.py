@@ -17,7 +17,7 @@ from faceposer.session.opening import open_session
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
 
-# Of what can be opened by its path: sessions and subjects.
+# Of what can be opened by its path: sessions and characters.
 SUFFIXES = (".json", ".npz")
 
 
@@ -52,13 +52,13 @@ class SessionFiles:
     def title(self) -> str:
         """Name of the document, with an asterisk if a save would keep something that its file does not have."""
         session = self._context.session
-        name = session.path.name if session.path else f"{session.model.subject.title} (not saved)"
+        name = session.path.name if session.path else f"{session.model.character.title} (not saved)"
         return f"{name}{'*' if session.dirty else ''} - Face Poser"
 
     # Opening
 
     def open_dialog(self) -> None:
-        """Ask for a session or a subject and open it."""
+        """Ask for a session or a character and open it."""
         self._context.ask_for_file(
             FileRequest(
                 "open",
@@ -71,7 +71,7 @@ class SessionFiles:
         )
 
     def open(self, what: str) -> None:
-        """Open the subject or session ``what``, after asking about changes that are not saved.
+        """Open the character or session ``what``, after asking about changes that are not saved.
 
         Of the session that is open already, one can only want what its file holds, and to save would write over that.
         """
@@ -110,9 +110,9 @@ class SessionFiles:
         if Path(what).suffix.lower() in SUFFIXES:
             self.recent.add(Path(what))
         context = self._context
-        subject = context.session.document.subject
-        if Path(subject).suffix.lower() == CHARACTER_SUFFIX and not context.characters.holds(subject):
-            path = str(Path(subject).expanduser().absolute())
+        character = context.session.document.character
+        if Path(character).suffix.lower() == CHARACTER_SUFFIX and not context.characters.holds(character):
+            path = str(Path(character).expanduser().absolute())
             others = [known for known in context.settings.characters if known != path]
             context.settings.characters = [path, *others][:MAX_CHARACTERS]
 
@@ -121,7 +121,7 @@ class SessionFiles:
 
         Changes that are not saved are asked about first.
         """
-        self.open(character or self._context.session.document.subject)
+        self.open(character or self._context.session.document.character)
 
     def new_with(self) -> list[Action]:
         """Return an action for each character, which begins a new session with it."""
@@ -173,7 +173,7 @@ class SessionFiles:
         """Ask where and save the session there."""
         context = self._context
         start = (
-            context.session.path or last_folder(context.settings) / f"{_stem(context.session.document.subject)}.json"
+            context.session.path or last_folder(context.settings) / f"{_stem(context.session.document.character)}.json"
         )
         request = FileRequest(
             "save", "Save the session", "Sessions", (".json",), start, lambda path: self._save(path, then)
@@ -209,7 +209,7 @@ class SessionFiles:
         session = context.session
         last = Path(context.settings.export_path)
         folder = last.parent if context.settings.export_path and last.parent.is_dir() else last_folder(context.settings)
-        stem = session.path.stem if session.path else _stem(session.document.subject)
+        stem = session.path.stem if session.path else _stem(session.document.character)
         start = self.export_path or folder / f"{stem}.obj"
         context.ask_for_file(
             FileRequest(
@@ -275,5 +275,5 @@ class SessionFiles:
         )
 
 
-def _stem(subject: str) -> str:
-    return Path(subject).stem
+def _stem(character: str) -> str:
+    return Path(character).stem

@@ -80,7 +80,7 @@ class Viewport:
     def framed(self, name: str = "front") -> OrbitView:
         """Return the view ``name`` in which the face fills the rectangle, however narrow that is."""
         width, height = self.size
-        return face_view(self._scene.subject, name, width / height if min(width, height) > 1 else 1.0)
+        return face_view(self._scene.character, name, width / height if min(width, height) > 1 else 1.0)
 
     def look(self, name: str) -> None:
         """Turn to the direction ``name`` around what is looked at; the view through a photo is left."""

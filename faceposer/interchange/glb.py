@@ -17,10 +17,10 @@ from faceposer.files.atomic import atomic_file
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.interchange.gltf_builder import INDICES, VERTICES, GltfBuilder
 from faceposer.interchange.surfaces import base_colour, is_png, opacity, roughness
+from faceposer.model.character import Character, Part
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.model.shape_names import halves_of, whole_of
-from faceposer.model.subject import Part, Subject
 from faceposer.progress import Progress
 
 METRES_PER_UNIT = 0.01
@@ -36,7 +36,7 @@ class _Surface:
     """The corners of a part as glTF wants them: one vertex for each pair of position and texture coordinate.
 
     Attributes:
-        source: The subject's vertex of each, shape (V,).
+        source: The character's vertex of each, shape (V,).
         uv: Their texture coordinates, v down, shape (V, 2); None where the part has no layout.
         indices: Of the corners of triangles, shape (3 T,).
     """
@@ -58,7 +58,7 @@ def write_glb(
 
     Args:
         path: The file.
-        model: Whose subject's parts, textures and shapes are written.
+        model: Whose character's parts, textures and shapes are written.
         motion: A pose, shape (r,), which becomes the default weights; or a performance, which becomes an animation of
             the weights, linear between its frames, with its first frame as the default.
         progress: Reported to.
@@ -67,25 +67,25 @@ def write_glb(
         FacePoserError: If the file cannot be written, or would be too large.
     """
     frames = motion.weights(model) if isinstance(motion, Performance) else model.weights_of(motion)[None]
-    subject, frames = _with_wholes(model.subject, frames)
-    builder = GltfBuilder(_asset(subject))
-    normals = VertexNormals(subject.triangles, len(subject.vertices))
-    at_rest = normals(subject.vertices)
-    turned = _normal_offsets(subject, normals, at_rest, progress or Progress())
-    materials = _Materials(builder, subject)
+    character, frames = _with_wholes(model.character, frames)
+    builder = GltfBuilder(_asset(character))
+    normals = VertexNormals(character.triangles, len(character.vertices))
+    at_rest = normals(character.vertices)
+    turned = _normal_offsets(character, normals, at_rest, progress or Progress())
+    materials = _Materials(builder, character)
     nodes, moving = [], []
-    for part in subject.parts:
-        surface = _surface(subject, part)
-        moves = bool(np.any(subject.shapes[:, part.vertices[0] : part.vertices[1]]))
-        primitive = _primitive(builder, subject, surface, at_rest)
+    for part in character.parts:
+        surface = _surface(character, part)
+        moves = bool(np.any(character.shapes[:, part.vertices[0] : part.vertices[1]]))
+        primitive = _primitive(builder, character, surface, at_rest)
         primitive["material"] = materials.of(part)
         mesh: dict[str, Any] = {"name": part.name, "primitives": [primitive]}
         if moves:
-            primitive["targets"] = _targets(builder, subject, surface, turned)
-            mesh |= {"weights": frames[0].tolist(), "extras": {"targetNames": list(subject.shape_names)}}
+            primitive["targets"] = _targets(builder, character, surface, turned)
+            mesh |= {"weights": frames[0].tolist(), "extras": {"targetNames": list(character.shape_names)}}
         nodes.append(builder.add("nodes", {"name": part.name, "mesh": builder.add("meshes", mesh)}))
         moving += [nodes[-1]] if moves else []
-    head = builder.add("nodes", {"name": subject.title or subject.name, "children": nodes})
+    head = builder.add("nodes", {"name": character.title or character.name, "children": nodes})
     builder.root["scene"] = builder.add("scenes", {"nodes": [head]})
     if isinstance(motion, Performance) and moving:
         _animate(builder, moving, frames, motion.rate)
@@ -93,13 +93,13 @@ def write_glb(
         temporary.write_bytes(builder.to_bytes())
 
 
-def _with_wholes(subject: Subject, frames: NDArray[np.float64]) -> tuple[Subject, NDArray[np.float64]]:
-    """Return the ``subject`` with the whole of each shape that it has in halves, and weights of it, (F, S), to match.
+def _with_wholes(character: Character, frames: NDArray[np.float64]) -> tuple[Character, NDArray[np.float64]]:
+    """Return the ``character`` with the whole of each shape that it has in halves, and weights of it, (F, S), to match.
 
     The whole, which is the halves' sum, bears what both halves have in common, and the halves what is left.
     """
-    names, shapes, weights = list(subject.shape_names), [*subject.shapes], [*frames.T]
-    for whole in dict.fromkeys(map(whole_of, subject.shape_names)):
+    names, shapes, weights = list(character.shape_names), [*character.shapes], [*frames.T]
+    for whole in dict.fromkeys(map(whole_of, character.shape_names)):
         halves = [names.index(half) for half in halves_of(whole) if half in names]
         if len(halves) < 2 or whole in names:
             continue
@@ -111,43 +111,43 @@ def _with_wholes(subject: Subject, frames: NDArray[np.float64]) -> tuple[Subject
         shapes.append(shapes[halves[0]] + shapes[halves[1]])
         weights.append(common)
     limits = np.tile(np.array([0.0, 1.0], dtype=np.float32), (len(names), 1))
-    limits[: len(subject.shape_limits)] = subject.shape_limits
-    return replace(subject, shape_names=tuple(names), shapes=np.stack(shapes), shape_limits=limits), np.stack(
+    limits[: len(character.shape_limits)] = character.shape_limits
+    return replace(character, shape_names=tuple(names), shapes=np.stack(shapes), shape_limits=limits), np.stack(
         weights, 1
     )
 
 
-def _asset(subject: Subject) -> dict[str, Any]:
+def _asset(character: Character) -> dict[str, Any]:
     try:
         version = metadata.version("faceposer")
     except metadata.PackageNotFoundError:
         version = ""
     asset: dict[str, Any] = {"generator": f"Face Poser {version}".strip(), "extras": {"contact": CONTACT_NOTE}}
-    return asset | {"copyright": " ".join(subject.credits.split())} if subject.credits.strip() else asset
+    return asset | {"copyright": " ".join(character.credits.split())} if character.credits.strip() else asset
 
 
-def _normal_offsets(subject: Subject, normals: VertexNormals, at_rest: Floats, progress: Progress) -> list[Floats]:
+def _normal_offsets(character: Character, normals: VertexNormals, at_rest: Floats, progress: Progress) -> list[Floats]:
     """Return how far each shape turns the normals, (N, 3) each."""
     offsets = []
-    for number, shape in enumerate(subject.shapes):
-        progress.at("Writing", number / len(subject.shapes))
-        offsets.append(normals(subject.vertices + shape) - at_rest)
+    for number, shape in enumerate(character.shapes):
+        progress.at("Writing", number / len(character.shapes))
+        offsets.append(normals(character.vertices + shape) - at_rest)
     return offsets
 
 
-def _surface(subject: Subject, part: Part) -> _Surface:
+def _surface(character: Character, part: Part) -> _Surface:
     """Return the corners of ``part``; vertices at the seams of its texture are doubled."""
-    run = slice(*subject.part_triangles(part))
-    vertices, uvs = subject.triangles[run].ravel(), subject.triangle_uvs[run].ravel()
-    pairs, indices = np.unique(vertices * np.int64(len(subject.uv)) + uvs, return_inverse=True)
-    source, uv_ids = np.divmod(pairs, len(subject.uv))
-    uv = subject.uv[uv_ids].astype(np.float32)
+    run = slice(*character.part_triangles(part))
+    vertices, uvs = character.triangles[run].ravel(), character.triangle_uvs[run].ravel()
+    pairs, indices = np.unique(vertices * np.int64(len(character.uv)) + uvs, return_inverse=True)
+    source, uv_ids = np.divmod(pairs, len(character.uv))
+    uv = character.uv[uv_ids].astype(np.float32)
     uv[:, 1] = 1.0 - uv[:, 1]
     return _Surface(source.astype(np.intp), uv if np.ptp(uv_ids) else None, indices.ravel())
 
 
-def _primitive(builder: GltfBuilder, subject: Subject, surface: _Surface, at_rest: Floats) -> dict[str, Any]:
-    positions = METRES_PER_UNIT * subject.vertices[surface.source]
+def _primitive(builder: GltfBuilder, character: Character, surface: _Surface, at_rest: Floats) -> dict[str, Any]:
+    positions = METRES_PER_UNIT * character.vertices[surface.source]
     directions = at_rest[surface.source]
     # Where all triangles about a vertex have no area, any direction will do, but the standard wants one.
     directions[np.linalg.norm(directions, axis=1) < 0.5] = (0.0, 0.0, 1.0)
@@ -161,11 +161,13 @@ def _primitive(builder: GltfBuilder, subject: Subject, surface: _Surface, at_res
     return {"attributes": attributes, "indices": builder.accessor(surface.indices, kind, INDICES)}
 
 
-def _targets(builder: GltfBuilder, subject: Subject, surface: _Surface, turned: list[Floats]) -> list[dict[str, int]]:
+def _targets(
+    builder: GltfBuilder, character: Character, surface: _Surface, turned: list[Floats]
+) -> list[dict[str, int]]:
     """Return a morph target for each shape; those that move nothing of this part share their zeros."""
     still: int | None = None
     targets = []
-    for shape, turn in zip(subject.shapes, turned, strict=True):
+    for shape, turn in zip(character.shapes, turned, strict=True):
         offsets = METRES_PER_UNIT * shape[surface.source]
         if not offsets.any():
             if still is None:
@@ -182,16 +184,16 @@ def _targets(builder: GltfBuilder, subject: Subject, surface: _Surface, turned: 
 
 
 class _Materials:
-    """The materials of a subject, each written when the first part asks for it."""
+    """The materials of a character, each written when the first part asks for it."""
 
-    def __init__(self, builder: GltfBuilder, subject: Subject) -> None:
+    def __init__(self, builder: GltfBuilder, character: Character) -> None:
         self._builder = builder
-        self._subject = subject
+        self._character = character
         self._written: dict[str, int] = {}
 
     def of(self, part: Part) -> int:
         """Return the number of the material of ``part``."""
-        name = part.name if part.name in self._subject.textures else part.material
+        name = part.name if part.name in self._character.textures else part.material
         if name not in self._written:
             self._written[name] = self._write(name, part.material)
         return self._written[name]
@@ -203,7 +205,7 @@ class _Materials:
             "roughnessFactor": roughness(material),
         }
         entry: dict[str, Any] = {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True}
-        picture = self._subject.textures.get(name)
+        picture = self._character.textures.get(name)
         if picture is None:
             surface["baseColorFactor"] = [*base_colour(material), opacity(material)]
             if opacity(material) < 1.0:

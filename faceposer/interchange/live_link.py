@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file
+from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.model.shape_names import weight_map
-from faceposer.model.subject import ARKIT_SHAPES
 
 Array = NDArray[np.float64]
 
@@ -48,18 +48,18 @@ HEADER: tuple[str, ...] = (
 def arkit_weights(model: FaceModel, coefficients: Array) -> Array:
     """Return the weights of the 52 ``ARKIT_SHAPES`` nearest to the poses ``coefficients``, (F, r), within their limits.
 
-    Shape (F, 52). Shapes that the subject lacks are 0; of a shape that it has in halves, the mean is taken.
+    Shape (F, 52). Shapes that the character lacks are 0; of a shape that it has in halves, the mean is taken.
 
     Raises:
-        FacePoserError: If the subject has none of ARKit's shapes.
+        FacePoserError: If the character has none of ARKit's shapes.
     """
     # SciPy's optimisers are slow to import, and the window reads the table of formats at its start.
     from faceposer.solve.weight_fit import fit_weights_of_frames
 
-    lift = weight_map(ARKIT_SHAPES, model.subject.shape_names)
+    lift = weight_map(ARKIT_SHAPES, model.character.shape_names)
     if not lift.any():
         raise FacePoserError(
-            f"{model.subject.title} has none of ARKit's 52 shapes, which a CSV of Live Link Face is about; write its "
+            f"{model.character.title} has none of ARKit's 52 shapes, which a CSV of Live Link Face is about; write its "
             "own weights as .json, or its shapes as .glb."
         )
     weights: Array = np.clip(fit_weights_of_frames(model, coefficients), 0.0, 1.0) @ lift.T
@@ -72,7 +72,7 @@ def write_live_link(path: Path, model: FaceModel, performance: Performance) -> N
     The head does not turn. The eyes turn as the weights of their gaze say.
 
     Raises:
-        FacePoserError: If the subject has none of ARKit's shapes, or the file cannot be written.
+        FacePoserError: If the character has none of ARKit's shapes, or the file cannot be written.
     """
     weights = arkit_weights(model, performance.coefficients)
     order = [ARKIT_SHAPES.index(name) for name in _CHANNELS]

@@ -126,12 +126,12 @@ def sequence_steps(
 
 def _library(folder: Path, stem: str, model: FaceModel) -> dict[str, bytes]:
     """Return the files of the material library ``stem`` for ``folder``; none if the character has no materials."""
-    looks = materials_of(model.subject)
+    looks = materials_of(model.character)
     return library_files(folder, stem, looks, _comment(model)) if looks.materials else {}
 
 
 def _obj_files(model: FaceModel, library: str) -> _WriteFrame:
-    """Return what writes the subject's vertices, (N, 3), into an OBJ file of the folder of a sequence."""
+    """Return what writes the character's vertices, (N, 3), into an OBJ file of the folder of a sequence."""
     content = _obj_frames(model, library)
 
     def write(path: Path, vertices: NDArray[np.floating]) -> None:
@@ -141,32 +141,32 @@ def _obj_files(model: FaceModel, library: str) -> _WriteFrame:
 
 
 def _obj_frames(model: FaceModel, library: str) -> Callable[[NDArray[np.floating]], bytes]:
-    """Return what gives the content of an OBJ file with the subject's vertices, (N, 3), and the library's name."""
-    subject = model.subject
-    origin = subject.origin
-    normals = VertexNormals(subject.triangles, len(subject.vertices))
-    groups, comment = materials_of(subject).groups, _comment(model)
+    """Return what gives the content of an OBJ file with the character's vertices, (N, 3), and the library's name."""
+    character = model.character
+    origin = character.origin
+    normals = VertexNormals(character.triangles, len(character.vertices))
+    groups, comment = materials_of(character).groups, _comment(model)
     if origin is None:
-        whole = ObjWriter(subject.polygons, subject.uv, subject.polygon_uvs, True, groups, comment, library)
+        whole = ObjWriter(character.polygons, character.uv, character.polygon_uvs, True, groups, comment, library)
         return lambda vertices: whole.text(vertices, normals(vertices)).encode(errors="replace")
     has_uvs = len(origin.polygon_uvs) > 0
     uv, polygon_uvs = (origin.uv, origin.polygon_uvs) if has_uvs else (None, None)
     writer = ObjWriter(origin.polygons, uv, polygon_uvs, True, groups, comment, library)
     return lambda vertices: writer.text(
-        origin.vertices_of(vertices - subject.vertices), origin.normals_of(normals(vertices))
+        origin.vertices_of(vertices - character.vertices), origin.normals_of(normals(vertices))
     ).encode(errors="replace")
 
 
 def _ply_frames(model: FaceModel) -> _WriteFrame:
-    """Return what writes the subject's vertices, (N, 3), as PLY."""
-    subject, comment = model.subject, _comment(model)
-    origin = subject.origin
-    normals = VertexNormals(subject.triangles, len(subject.vertices))
+    """Return what writes the character's vertices, (N, 3), as PLY."""
+    character, comment = model.character, _comment(model)
+    origin = character.origin
+    normals = VertexNormals(character.triangles, len(character.vertices))
     if origin is None:
-        return lambda path, vertices: write_ply(path, vertices, subject.polygons, normals(vertices), comment)
+        return lambda path, vertices: write_ply(path, vertices, character.polygons, normals(vertices), comment)
     return lambda path, vertices: write_ply(
         path,
-        origin.vertices_of(vertices - subject.vertices),
+        origin.vertices_of(vertices - character.vertices),
         origin.polygons,
         origin.normals_of(normals(vertices)),
         comment,
@@ -174,4 +174,4 @@ def _ply_frames(model: FaceModel) -> _WriteFrame:
 
 
 def _comment(model: FaceModel) -> str:
-    return " ".join(f"Face Poser: {model.subject.title}. {model.subject.credits}".split())
+    return " ".join(f"Face Poser: {model.character.title}. {model.character.credits}".split())

@@ -12,8 +12,8 @@ from pathlib import Path
 from faceposer.geometry.mtl_io import MtlMaterial, mtl_text, writable_name
 from faceposer.geometry.polygon_mesh import Group
 from faceposer.interchange.surfaces import base_colour, is_png, opacity, roughness
+from faceposer.model.character import Character, Part
 from faceposer.model.origin import Origin
-from faceposer.model.subject import Part, Subject
 
 # Strength of highlights, as grey level; lashes have none.
 _SPECULAR: dict[str, float] = {"skin": 0.15, "eye": 0.5, "teeth": 0.4, "gums": 0.3, "tongue": 0.25, "lashes": 0.0}
@@ -39,38 +39,38 @@ class ObjMaterials:
     pictures: dict[str, bytes]
 
 
-def materials_of(subject: Subject) -> ObjMaterials:
-    """Return the materials of ``subject``; none if its own file names none."""
+def materials_of(character: Character) -> ObjMaterials:
+    """Return the materials of ``character``; none if its own file names none."""
     found: dict[str, MtlMaterial] = {}
     pictures: dict[str, bytes] = {}
-    if subject.origin is None:
-        groups = tuple(Group(part.name, part.polygons, _material_name(subject, part)) for part in subject.parts)
+    if character.origin is None:
+        groups = tuple(Group(part.name, part.polygons, _material_name(character, part)) for part in character.parts)
         owners: Iterator[tuple[Group, Part | None, bool]] = (
-            (group, part, True) for group, part in zip(groups, subject.parts, strict=True)
+            (group, part, True) for group, part in zip(groups, character.parts, strict=True)
         )
     else:
-        groups = subject.origin.groups
-        owners = _owners(subject, subject.origin)
+        groups = character.origin.groups
+        owners = _owners(character, character.origin)
     for group, part, has_picture in owners:
         name = group.material
         if not name or (name in found and (name in pictures or not has_picture)):
             continue
-        key = "" if part is None else part.name if part.name in subject.textures else part.material
-        picture = subject.textures.get(key) if has_picture else None
+        key = "" if part is None else part.name if part.name in character.textures else part.material
+        picture = character.textures.get(key) if has_picture else None
         found[name] = _material(name, "skin" if part is None else part.material, picture)
         if picture is not None:
             pictures[name] = picture
     return ObjMaterials(groups, tuple(found.values()), pictures)
 
 
-def _material_name(subject: Subject, part: Part) -> str:
+def _material_name(character: Character, part: Part) -> str:
     """Return the name of the material of ``part``: its own where it has a picture of its own."""
-    if part.name not in subject.textures or part.name == part.material:
+    if part.name not in character.textures or part.name == part.material:
         return part.material
     return f"{part.material}_{part.name}"
 
 
-def _owners(subject: Subject, origin: Origin) -> Iterator[tuple[Group, Part | None, bool]]:
+def _owners(character: Character, origin: Origin) -> Iterator[tuple[Group, Part | None, bool]]:
     """Yield each group of the file, the part that it is in, and whether the picture of the part is laid out for it.
 
     A part that joins several of the file's materials has the picture of its first, and eyes that had no picture have
@@ -80,12 +80,12 @@ def _owners(subject: Subject, origin: Origin) -> Iterator[tuple[Group, Part | No
     for group in origin.groups:
         ids = origin.vertex_ids[origin.polygons[slice(*group.polygons)].max(axis=1)]
         inside = ids[ids >= 0][:1].tolist()
-        part = next((p for p in subject.parts if inside and p.vertices[0] <= inside[0] < p.vertices[1]), None)
+        part = next((p for p in character.parts if inside and p.vertices[0] <= inside[0] < p.vertices[1]), None)
         if part is None:
             yield group, None, False
             continue
         own = first.setdefault(part.name, group.material) == group.material
-        laid_out = int(subject.polygon_uvs[slice(*part.polygons)].max(initial=-1)) < len(origin.uv)
+        laid_out = int(character.polygon_uvs[slice(*part.polygons)].max(initial=-1)) < len(origin.uv)
         yield group, part, own and laid_out and len(origin.polygon_uvs) > 0
 
 

@@ -56,7 +56,7 @@ class ReadPerformance:
 
 
 def read_pose(path: Path, model: FaceModel, frame: int = 0) -> ReadPose:
-    """Return the pose in a mesh of the subject's topology (.obj, .ply), or in one frame of weights (``WEIGHTS``).
+    """Return the pose in a mesh of the character's topology (.obj, .ply), or in one frame of weights (``WEIGHTS``).
 
     Args:
         path: The file.
@@ -89,16 +89,16 @@ def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
     Raises:
         FacePoserError: If the mesh, called ``name``, has another topology or is no pose of this face.
     """
-    subject, origin = model.subject, model.subject.origin
-    wanted = len(subject.vertices) if origin is None else len(origin.neutral)
+    character, origin = model.character, model.character.origin
+    wanted = len(character.vertices) if origin is None else len(origin.neutral)
     if len(mesh.vertices) != wanted:
         raise FacePoserError(
-            f"'{name}' has {len(mesh.vertices)} vertices, and {subject.title} has {wanted}; give a mesh that was "
+            f"'{name}' has {len(mesh.vertices)} vertices, and {character.title} has {wanted}; give a mesh that was "
             "exported from this face, with no vertex added, merged or left out."
         )
     vertices = mesh.vertices
     if origin is not None:
-        vertices = subject.vertices + origin.subject_vertices(mesh.vertices, len(subject.vertices))
+        vertices = character.vertices + origin.character_vertices(mesh.vertices, len(character.vertices))
     fit = _Fit(model)
     coefficients, off = fit.nearest(vertices)
     typical = _root_mean_square(off)
@@ -109,9 +109,9 @@ def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
         if moved:
             coefficients, off, typical = laid, laid_off, _root_mean_square(laid_off)
     most = float(off.max())
-    if typical > _MOST_OFF * subject.height:
+    if typical > _MOST_OFF * character.height:
         raise FacePoserError(
-            f"'{name}' is no pose of {subject.title}: its vertices are {_MILLIMETRES * typical:.0f} mm off; export it "
+            f"'{name}' is no pose of {character.title}: its vertices are {_MILLIMETRES * typical:.0f} mm off; export it "
             "with the order of vertices that it had."
         )
     note = f"The pose is {_MILLIMETRES * typical:.2f} mm off the mesh, at most {_MILLIMETRES * most:.2f} mm."
@@ -130,13 +130,13 @@ class _Fit:
 
     def nearest(self, vertices: Array) -> tuple[Array, Array]:
         """Return the pose nearest to ``vertices``, (N, 3), as (r,), and how far off each of them stays, (N,)."""
-        flat = (vertices - self._model.subject.vertices).ravel()
+        flat = (vertices - self._model.character.vertices).ravel()
         coefficients: Array = self._factor @ (self._basis @ flat)
         return coefficients, np.linalg.norm((flat - coefficients @ self._basis).reshape(-1, 3), axis=1)
 
     def laid_back(self, vertices: Array) -> tuple[Array, Array]:
         """Return the same for ``vertices`` after the turn, scale and shift that bring them nearest to a pose."""
-        face = self._model.subject.vertices.astype(np.float64)
+        face = self._model.character.vertices.astype(np.float64)
         coefficients, off = self._model.neutral(), np.zeros(len(face))
         for _ in range(_MOST_ROUNDS):
             laid = rigid_alignment(vertices, face, scale=True).apply(vertices)
@@ -154,13 +154,13 @@ def _root_mean_square(values: Array) -> float:
 def read_performance(path: Path, model: FaceModel) -> ReadPerformance:
     """Return the performance in weights: of Live Link Face or Face Cap (.csv, .txt), our own .json, or glTF's targets.
 
-    Shapes that the file lacks rest; shapes that the subject lacks are passed over.
+    Shapes that the file lacks rest; shapes that the character lacks are passed over.
 
     Raises:
-        FacePoserError: If the file cannot be read or has none of the subject's shapes.
+        FacePoserError: If the file cannot be read or has none of the character's shapes.
     """
     named = _read_named(path)
-    title, shapes = model.subject.title, model.subject.shape_names
+    title, shapes = model.character.title, model.character.shape_names
     # Other programs spell ARKit's names in their own ways.
     names = [name if name in shapes else canonical_shape(name) or name for name in named.names]
     _check_spellings(path, named, names)

@@ -42,7 +42,7 @@ class _WeightsFile(Struct):
 
 
 def write_weights(path: Path, model: FaceModel, motion: NDArray[np.float64] | Performance) -> None:
-    """Write the weights of the subject's shapes, within their limits, nearest to a pose (r,) or a performance.
+    """Write the weights of the character's shapes, within their limits, nearest to a pose (r,) or a performance.
 
     Raises:
         FacePoserError: If the file cannot be written.
@@ -52,11 +52,11 @@ def write_weights(path: Path, model: FaceModel, motion: NDArray[np.float64] | Pe
 
     coefficients = motion.coefficients if isinstance(motion, Performance) else motion[None]
     frames = np.round(fit_weights_of_frames(model, coefficients), _DIGITS) + 0.0
-    data: dict[str, Any] = {"format": FORMAT, "version": VERSION, "subject": model.subject.name}
+    data: dict[str, Any] = {"format": FORMAT, "version": VERSION, "subject": model.character.name}
     if isinstance(motion, Performance):
         data["rate"] = motion.rate
     lines = [json.dumps(name) + ": " + json.dumps(value) for name, value in data.items()]
-    lines.append('"names": ' + json.dumps(list(model.subject.shape_names)))
+    lines.append('"names": ' + json.dumps(list(model.character.shape_names)))
     rows = ",\n  ".join(json.dumps(row) for row in frames.tolist())
     text = "{\n " + ",\n ".join(lines) + f',\n "frames": [\n  {rows}\n ]\n}}\n'
     write_text(path, text, "weights")

@@ -1,1 +1,1 @@
-"""Subjects, the subspace of their expressions and what is known of how faces move."""
+"""Characters, the subspace of their expressions and what is known of how faces move."""

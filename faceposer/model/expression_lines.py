@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
+from faceposer.model.character import Character
 from faceposer.model.expression_line_map import EXTENT, LAYERS
 from faceposer.model.face_chart import FaceChart, face_chart
-from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
 Place = tuple[float, float]
@@ -164,9 +164,9 @@ class ExpressionLines:
         return dict(zip(ZONES, self.strengths(vertices).tolist(), strict=True))
 
 
-def expression_lines(subject: Subject) -> ExpressionLines | None:
-    """Return the lines of ``subject``, or None where its feature points do not tell where they lie."""
-    chart = face_chart(subject)
+def expression_lines(character: Character) -> ExpressionLines | None:
+    """Return the lines of ``character``, or None where its feature points do not tell where they lie."""
+    chart = face_chart(character)
     if chart is None:
         return None
     outer = np.flatnonzero(chart.visible > 0.3)
@@ -182,14 +182,14 @@ def expression_lines(subject: Subject) -> ExpressionLines | None:
             values.append(sign * weights)
     gauges = sparse.csr_array(
         (np.concatenate(values).astype(np.float32), (np.concatenate(rows), np.concatenate(columns))),
-        shape=(len(_all_gauges()), len(subject.vertices)),
+        shape=(len(_all_gauges()), len(character.vertices)),
     )
-    lengths = np.linalg.norm((gauges @ subject.vertices).astype(np.float64), axis=1)
+    lengths = np.linalg.norm((gauges @ character.vertices).astype(np.float64), axis=1)
     if lengths.min() < 0.1 * chart.scale:
         return None
-    depth = _DEPTHS.get(subject.name, _USUAL_DEPTH)
+    depth = _DEPTHS.get(character.name, _USUAL_DEPTH)
     measured = ExpressionLines(chart, depth, gauges, lengths)
-    return ExpressionLines(chart, depth, gauges, lengths, _full_compressions(subject, measured))
+    return ExpressionLines(chart, depth, gauges, lengths, _full_compressions(character, measured))
 
 
 def strength_map(strengths: ArrayLike) -> NDArray[np.float32]:
@@ -199,15 +199,15 @@ def strength_map(strengths: ArrayLike) -> NDArray[np.float32]:
     return spread.reshape(shares.shape[:-1])
 
 
-def _full_compressions(subject: Subject, lines: ExpressionLines) -> Array:
+def _full_compressions(character: Character, lines: ExpressionLines) -> Array:
     full = np.array([zone.full for _ in range(2) for zone in _LEFT_ZONES])
-    rows = {name: row for row, name in enumerate(subject.shape_names)}
+    rows = {name: row for row, name in enumerate(character.shape_names)}
     for i, zone in enumerate((*_LEFT_ZONES, *_LEFT_ZONES)):
         # Both sides together: skin in the middle of the face follows either.
         muscles = [rows[name + end] for name in zone.shapes for end in ("", "Left", "Right") if name + end in rows]
-        moving = [row for row in muscles if np.any(subject.shapes[row])]
+        moving = [row for row in muscles if np.any(character.shapes[row])]
         if moving:
-            posed = subject.vertices + subject.shapes[moving].sum(axis=0)
+            posed = character.vertices + character.shapes[moving].sum(axis=0)
             measured = zone.share * float(lines.compression(posed)[i])
             full[i] = np.clip(measured, _FULL_RANGE[0] * full[i], _FULL_RANGE[1] * full[i])
     return full

@@ -90,7 +90,7 @@ class ExpressionStatistics:
         return self.coupling
 
     def as_members(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Return what JSON holds of it, and its arrays, for the file of a subject.
+        """Return what JSON holds of it, and its arrays, for the file of a character.
 
         The arrays are in single precision, but for the examples, which half precision is enough for.
         """

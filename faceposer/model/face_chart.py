@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -89,12 +89,14 @@ class FaceChart:
     scale: float
 
 
-def face_chart(subject: Subject) -> FaceChart | None:
-    """Return the chart of the neutral face of ``subject``, or None where its feature points do not tell enough."""
-    if not set(_NEEDED) <= subject.feature_points.keys():
+def face_chart(character: Character) -> FaceChart | None:
+    """Return the chart of the neutral face of ``character``, or None where its feature points do not tell enough."""
+    if not set(_NEEDED) <= character.feature_points.keys():
         return None
-    vertices = np.asarray(subject.vertices, dtype=np.float64)
-    named = {name: vertices[subject.feature_points[name]] for name in _landmarks() if name in subject.feature_points}
+    vertices = np.asarray(character.vertices, dtype=np.float64)
+    named = {
+        name: vertices[character.feature_points[name]] for name in _landmarks() if name in character.feature_points
+    }
     left, right = named["3.7"], named["3.12"]
     half_width = 0.5 * float(left[0] - right[0])
     if half_width <= 0.0:
@@ -108,7 +110,7 @@ def face_chart(subject: Subject) -> FaceChart | None:
     spline = _ThinPlateSpline(sources, targets, _SMOOTHING)
 
     skin = np.zeros(len(vertices), dtype=bool)
-    for part in subject.parts:
+    for part in character.parts:
         if part.material == "skin":
             skin[slice(*part.vertices)] = True
     within = skin & (np.abs(rough[:, 0]) < _LARGEST_ANGLE * _RADIUS) & (np.abs(rough[:, 1]) < _LARGEST_DISTANCE_CM)
@@ -117,7 +119,7 @@ def face_chart(subject: Subject) -> FaceChart | None:
         return None
     places = np.full((len(vertices), 2), 1e3)
     places[ids] = spline(rough[ids])
-    triangles = subject.triangles[within[subject.triangles].all(axis=1)]
+    triangles = character.triangles[within[character.triangles].all(axis=1)]
     if not len(triangles):
         return None
     outer = _facing_out(vertices - axis, triangles) * _in_front(rough, radius, triangles)

@@ -1,4 +1,4 @@
-"""A subject with the subspace of its expressions and the density over it: all that a solve needs to know of a face."""
+"""A character with the subspace of its expressions and the density over it: all that a solve needs to know of a face."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,6 +12,7 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import vertex_areas
 from faceposer.geometry.picking import SurfacePoints, pick_pixels
+from faceposer.model.character import Character, Part
 from faceposer.model.expression_statistics import ExpressionStatistics, load_expression_statistics
 from faceposer.model.local_moments import RigDensity
 from faceposer.model.mixture import GaussianMixture
@@ -20,7 +21,6 @@ from faceposer.model.muscles import co_contraction, independence
 from faceposer.model.pca import RigSubspace, rig_pca, smallest_reaching, unreached
 from faceposer.model.shape_names import halves_of, weight_map
 from faceposer.model.split_shapes import split_to_match
-from faceposer.model.subject import Part, Subject
 
 if TYPE_CHECKING:
     from faceposer.model.contact.step import ContactStep
@@ -44,15 +44,15 @@ class FaceModel:
     shifted to match: the same set of faces, apart from the directions that the subspace leaves out.
 
     Attributes:
-        subject: The face, in its unit of length.
+        character: The face, in its unit of length.
         basis: B transposed, shape (r, 3 N), single precision. Its rows are orthonormal in the metric of the PCA.
         mixture: The density of natural expressions over p.
-        subspace: The same subspace in the subject's rig weights.
-        gram: Inner products of the subject's shapes in its unit squared, summed over vertices, shape (S, S).
+        subspace: The same subspace in the character's rig weights.
+        gram: Inner products of the character's shapes in its unit squared, summed over vertices, shape (S, S).
         rig_density: The density over the weights of those shapes that move the face, with their regions.
     """
 
-    subject: Subject
+    character: Character
     basis: NDArray[np.float32]
     mixture: GaussianMixture
     subspace: RigSubspace
@@ -66,17 +66,17 @@ class FaceModel:
 
     @property
     def triangles(self) -> NDArray[np.int32]:
-        """The subject's triangles, shape (T, 3)."""
-        return self.subject.triangles
+        """The character's triangles, shape (T, 3)."""
+        return self.character.triangles
 
     @cached_property
     def _flat_neutral(self) -> NDArray[np.float32]:
-        return np.ascontiguousarray(self.subject.vertices, dtype=np.float32).ravel()
+        return np.ascontiguousarray(self.character.vertices, dtype=np.float32).ravel()
 
     @cached_property
     def motion_samples(self) -> MotionSamples:
         """Places spread over the skin by which the motion of the whole face is measured."""
-        return sample_motion(self.subject, self.rig_density)
+        return sample_motion(self.character, self.rig_density)
 
     @cached_property
     def eye_turns(self) -> Array:
@@ -85,8 +85,8 @@ class FaceModel:
         Displacements of an eyeball's vertices are those of a turn about its centre, to first order, in the sense of
         least squares. Empty, (0, 3, r), where the character has no two eyes that turn by themselves.
         """
-        eyes = [part for part in self.subject.parts if part.material == "eye"]
-        eyes.sort(key=lambda part: -float(self.subject.vertices[slice(*part.vertices), 0].mean()))
+        eyes = [part for part in self.character.parts if part.material == "eye"]
+        eyes.sort(key=lambda part: -float(self.character.vertices[slice(*part.vertices), 0].mean()))
         turns = [self._turn(part) for part in eyes]
         if len(turns) != 2 or max(np.abs(turn).max() for turn in turns) < _TURNS:
             return np.zeros((0, 3, self.n_coefficients))
@@ -94,7 +94,7 @@ class FaceModel:
 
     def _turn(self, part: Part) -> Array:
         run = slice(*part.vertices)
-        offsets = self.subject.vertices[run].astype(np.float64)
+        offsets = self.character.vertices[run].astype(np.float64)
         offsets -= offsets.mean(axis=0)
         # w x v = -[v] w, with the cross product's matrix [v].
         crossed = -np.cross(offsets[:, None, :], np.eye(3)[None]).transpose(0, 2, 1).reshape(-1, 3)
@@ -124,11 +124,11 @@ class FaceModel:
 
     @cached_property
     def contact(self) -> "ContactStep":
-        """The contact step of the subject (docs/contact.md)."""
+        """The contact step of the character (docs/contact.md)."""
         # The window's start does not wait for what it imports.
         from faceposer.model.contact.step import ContactStep
 
-        return ContactStep.of(self.subject)
+        return ContactStep.of(self.character)
 
     def rows_at(self, points: SurfacePoints) -> tuple[Array, Array]:
         """Return how ``points`` depend on p: derivatives of shape (n, 3, r) and neutral positions of shape (n, 3).
@@ -161,7 +161,7 @@ class FaceModel:
         corners = points.corners(self.triangles)
         fields = self.basis.reshape(self.n_coefficients, -1, 3)[:, corners]
         rows = np.einsum("nk,rnkd->ndr", points.barycentric, fields, optimize=True)
-        return np.ascontiguousarray(rows), points.positions(self.subject.vertices, self.triangles)
+        return np.ascontiguousarray(rows), points.positions(self.character.vertices, self.triangles)
 
     def _gram(self, points: SurfacePoints) -> Array:
         rows = self.rows_at(points)[0].reshape(-1, self.n_coefficients)
@@ -179,7 +179,7 @@ class FaceModel:
 
         Lashes are looked through: a press on them means the lid behind.
         """
-        solid = self.subject.solid_triangles
+        solid = self.character.solid_triangles
         points, met = pick_pixels(self.instance(p), self.triangles[solid], camera, pixels)
         return SurfacePoints(solid[points.faces], points.barycentric), met
 
@@ -191,19 +191,19 @@ class FaceModel:
         """Return the coefficients, shape (r,), nearest to the face with the rig ``weights``.
 
         Args:
-            weights: Shape (S,) in the order of the subject's shapes, or values by name, the rest being zero; the whole
-                name of a shape that the subject has in halves, as browInnerUp, means both.
+            weights: Shape (S,) in the order of the character's shapes, or values by name, the rest being zero; the whole
+                name of a shape that the character has in halves, as browInnerUp, means both.
 
         Raises:
-            KeyError: If a name is not one of the subject's shapes.
+            KeyError: If a name is not one of the character's shapes.
         """
         if isinstance(weights, Mapping):
-            vector = np.zeros(len(self.subject.shape_names))
+            vector = np.zeros(len(self.character.shape_names))
             for name, value in weights.items():
-                own = [name] if name in self.subject.shape_names else halves_of(name)
-                if not own or any(shape not in self.subject.shape_names for shape in own):
+                own = [name] if name in self.character.shape_names else halves_of(name)
+                if not own or any(shape not in self.character.shape_names for shape in own):
                     raise KeyError(name)
-                vector[[self.subject.shape_names.index(shape) for shape in own]] += value
+                vector[[self.character.shape_names.index(shape) for shape in own]] += value
         else:
             vector = np.asarray(weights, dtype=np.float64)
         coefficients: Array = self.subspace.projection @ vector
@@ -212,43 +212,43 @@ class FaceModel:
     def unreached(self) -> dict[str, float]:
         """Return the share of each shape's displacement that the subspace cannot make, by shape name."""
         share = unreached(self.subspace.directions, self.gram)
-        return dict(zip(self.subject.shape_names, share.tolist(), strict=True))
+        return dict(zip(self.character.shape_names, share.tolist(), strict=True))
 
 
 def build_face_model(
-    subject: Subject,
+    character: Character,
     statistics: ExpressionStatistics | None = None,
     n_components: int | None = None,
     metric: Literal["local", "plain"] = "local",
 ) -> FaceModel:
-    """Return the model of a ``subject``, from statistics over the weights of its shapes.
+    """Return the model of a ``character``, from statistics over the weights of its shapes.
 
     Args:
-        subject: The face with its shapes.
-        statistics: How the weights move together; the subject's own if None, or the shipped ones over ARKit's weights.
+        character: The face with its shapes.
+        statistics: How the weights move together; the character's own if None, or the shipped ones over ARKit's weights.
         n_components: Dimensions of the subspace; if None, the fewest that reach every shape (gaze aside) but for
             ``LEAVE_AT_MOST`` of its displacement.
         metric: What the PCA counts: motion relative to how much its place moves at all ("local"), or plain squared
             distances as in the paper ("plain").
 
     Raises:
-        FacePoserError: If the subject has none of the shapes that the statistics speak of.
+        FacePoserError: If the character has none of the shapes that the statistics speak of.
     """
-    statistics = statistics or subject.statistics or load_expression_statistics()
-    statistics = split_to_match(statistics, subject.shape_names)
-    names = [name for name in subject.shape_names if name in statistics.shape_names]
+    statistics = statistics or character.statistics or load_expression_statistics()
+    statistics = split_to_match(statistics, character.shape_names)
+    names = [name for name in character.shape_names if name in statistics.shape_names]
     if not names:
         raise FacePoserError(
-            f"The subject '{subject.name}' has none of the 52 ARKit shapes; give its shapes ARKit's names to pose it."
+            f"The character '{character.name}' has none of the 52 ARKit shapes; give its shapes ARKit's names to pose it."
         )
     columns = [statistics.shape_names.index(name) for name in names]
-    rows = [subject.shape_names.index(name) for name in names]
-    shapes = np.ascontiguousarray(subject.shapes, dtype=np.float32)
+    rows = [character.shape_names.index(name) for name in names]
+    shapes = np.ascontiguousarray(character.shapes, dtype=np.float32)
     flat = shapes.reshape(len(shapes), -1)
-    plain_gram = gram_of_shapes(subject)
+    plain_gram = gram_of_shapes(character)
     metric_gram = plain_gram
     if metric == "local":
-        weighted = (shapes * np.sqrt(_vertex_metric(subject))[None, :, None]).reshape(len(shapes), -1)
+        weighted = (shapes * np.sqrt(_vertex_metric(character))[None, :, None]).reshape(len(shapes), -1)
         metric_gram = (weighted @ weighted.T).astype(np.float64)
 
     # Shapes without statistics stay out of the subspace: nothing is known of when they move.
@@ -258,7 +258,7 @@ def build_face_model(
     covariance = lift @ statistics.covariance @ lift.T
     subspace = rig_pca(metric_gram * np.outer(known, known), covariance)
     if n_components is None:
-        must = np.array([row for row in rows if not subject.shape_names[row].startswith("eyeLook")], dtype=np.intp)
+        must = np.array([row for row in rows if not character.shape_names[row].startswith("eyeLook")], dtype=np.intp)
         subspace = smallest_reaching(subspace, plain_gram, must, LEAVE_AT_MOST)
     else:
         subspace = subspace.truncated(n_components)
@@ -266,25 +266,25 @@ def build_face_model(
     moving = [(row, column) for row, column in zip(rows, columns, strict=True) if plain_gram[row, row] > 0]
     if not moving:
         raise FacePoserError(
-            f"No shape of the subject '{subject.name}' moves any vertex; import the character again from its file."
+            f"No shape of the character '{character.name}' moves any vertex; import the character again from its file."
         )
     moving_rows, kept = (np.array(indices, dtype=np.intp) for indices in zip(*moving, strict=True))
-    kept_names = [subject.shape_names[row] for row in moving_rows]
+    kept_names = [character.shape_names[row] for row in moving_rows]
     rig_density = RigDensity(
         GaussianMixture(statistics.weights, statistics.means[:, kept], statistics.covariances[:, kept[:, None], kept]),
         subspace.directions[moving_rows],
         subspace.projection[:, moving_rows],
-        subject.shape_limits[moving_rows].astype(np.float64),
+        character.shape_limits[moving_rows].astype(np.float64),
         moving_rows,
         tuple(statistics.regions[column] for column in kept),
         statistics.factors[np.ix_(kept, kept)] * independence(kept_names),
         co_contraction(kept_names),
-        largest_motions(subject, moving_rows),
+        largest_motions(character, moving_rows),
         None if statistics.examples is None else statistics.examples[:, kept],
         statistics.factors[np.ix_(kept, kept)] * independence(kept_names, sides=False),
     )
     return FaceModel(
-        subject,
+        character,
         np.ascontiguousarray(subspace.directions.T.astype(np.float32) @ flat),
         mixture.transformed(subspace.projection @ lift),
         subspace,
@@ -293,31 +293,31 @@ def build_face_model(
     )
 
 
-def gram_of_shapes(subject: Subject) -> Array:
-    """Return the inner products of the ``subject``'s shapes in its unit squared, summed over vertices, shape (S, S)."""
-    flat = np.ascontiguousarray(subject.shapes, dtype=np.float32).reshape(len(subject.shapes), -1)
+def gram_of_shapes(character: Character) -> Array:
+    """Return the inner products of the ``character``'s shapes in its unit squared, summed over vertices, shape (S, S)."""
+    flat = np.ascontiguousarray(character.shapes, dtype=np.float32).reshape(len(character.shapes), -1)
     gram: Array = (flat @ flat.T).astype(np.float64)
     return gram
 
 
-def gram_of_weights(subject: Subject, names: Sequence[str]) -> Array:
-    """Return the inner products of what weights called ``names`` move on the ``subject``, shape (S', S').
+def gram_of_weights(character: Character, names: Sequence[str]) -> Array:
+    """Return the inner products of what weights called ``names`` move on the ``character``, shape (S', S').
 
-    The subject may have the halves of a shape that is named as a whole.
+    The character may have the halves of a shape that is named as a whole.
     """
-    lift = weight_map(subject.shape_names, names)
-    gram: Array = lift.T @ gram_of_shapes(subject) @ lift
+    lift = weight_map(character.shape_names, names)
+    gram: Array = lift.T @ gram_of_shapes(character) @ lift
     return gram
 
 
-def _vertex_metric(subject: Subject) -> NDArray[np.float32]:
+def _vertex_metric(character: Character) -> NDArray[np.float32]:
     """Return the weight of each vertex in the PCA, shape (N,): its area over the square of how far it moves.
 
     In the plain metric the jaw and the eyeballs have nearly all the variance, and a brow is dropped as noise
     (Blanz and Vetter weigh segments for the same reason).
     """
-    area = vertex_areas(subject.vertices, subject.triangles)
-    motion = np.einsum("snd,snd->n", subject.shapes, subject.shapes) / len(subject.shapes)
+    area = vertex_areas(character.vertices, character.triangles)
+    motion = np.einsum("snd,snd->n", character.shapes, character.shapes) / len(character.shapes)
     weights = area / (motion + _STILL_MOTION**2)
     metric: NDArray[np.float32] = (weights / weights.sum()).astype(np.float32)
     return metric

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 
 _SIDES = frozenset(("left", "right"))
 _SMALL_WORDS = frozenset(("the", "of", "a"))
 
 
-def feature_vertex(subject: Subject, name: str) -> int:
+def feature_vertex(character: Character, name: str) -> int:
     """Return the vertex of the feature point that ``name`` means.
 
     A name is MPEG-4's ("8.3"), the title of a feature point ("left mouth corner"), or words that occur in one, in any
@@ -23,27 +23,27 @@ def feature_vertex(subject: Subject, name: str) -> int:
     Raises:
         FacePoserError: If it means no feature point, or one of either side.
     """
-    if name in subject.feature_points:
-        return subject.feature_points[name]
+    if name in character.feature_points:
+        return character.feature_points[name]
     wanted = _words(name)
-    titles = {key: _words(title) for key, title in subject.feature_titles.items() if key in subject.feature_points}
+    titles = {key: _words(title) for key, title in character.feature_titles.items() if key in character.feature_points}
     fitting = {key: words - wanted for key, words in titles.items() if wanted and wanted <= words}
     one_sided = {key: others for key, others in fitting.items() if not others & _SIDES}
     if one_sided:
         key = min(one_sided, key=lambda key: (len(one_sided[key]), _order(key)))
-        return subject.feature_points[key]
+        return character.feature_points[key]
     if fitting:
         least = min(len(others) for others in fitting.values())
         shown = " or ".join(
-            f"'{subject.feature_titles[key]}'" for key, others in fitting.items() if len(others) == least
+            f"'{character.feature_titles[key]}'" for key, others in fitting.items() if len(others) == least
         )
         raise FacePoserError(f"'{name}' may be {shown}; say which.")
-    close = difflib.get_close_matches(name, list(subject.feature_titles.values()), 1, 0.4)
+    close = difflib.get_close_matches(name, list(character.feature_titles.values()), 1, 0.4)
     guess = f" Did you mean '{close[0]}'?" if close else ""
-    raise FacePoserError(f"'{subject.title}' has no feature point '{name}'.{guess}")
+    raise FacePoserError(f"'{character.title}' has no feature point '{name}'.{guess}")
 
 
-def region_vertices(subject: Subject, name: str) -> NDArray[np.int32]:
+def region_vertices(character: Character, name: str) -> NDArray[np.int32]:
     """Return the vertices of the region that ``name`` means, such as "mouth", "left brow", or "brow" for both sides.
 
     Raises:
@@ -52,12 +52,12 @@ def region_vertices(subject: Subject, name: str) -> NDArray[np.int32]:
     wanted = _words(name)
     found = [
         ids
-        for key, ids in subject.regions.items()
+        for key, ids in character.regions.items()
         if wanted and _words(key) - wanted <= _SIDES - wanted and wanted <= _words(key)
     ]
     if not found:
         raise FacePoserError(
-            f"'{subject.title}' has no region '{name}'; its regions are {', '.join(sorted(subject.regions)) or 'none'}."
+            f"'{character.title}' has no region '{name}'; its regions are {', '.join(sorted(character.regions)) or 'none'}."
         )
     return np.unique(np.concatenate(found)).astype(np.int32)
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.geometry.camera import OrbitView
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 
 Array = NDArray[np.float64]
 
@@ -47,18 +47,18 @@ class FaceFrame:
     middle: tuple[float, float]
 
 
-def face_frame(subject: Subject) -> FaceFrame | None:
-    """Return what frames the face of ``subject``, or None where nothing tells the face from the rest of the mesh.
+def face_frame(character: Character) -> FaceFrame | None:
+    """Return what frames the face of ``character``, or None where nothing tells the face from the rest of the mesh.
 
     Chin and hairline are MPEG-4's feature points 2.1 and 11.1; without them, the lowest and the highest place of the
     skin that the shapes move, with a forehead above it.
     """
-    vertices = subject.vertices.astype(np.float64)
-    points = [subject.feature_points.get(name) for name in ("2.1", "11.1")]
+    vertices = character.vertices.astype(np.float64)
+    points = [character.feature_points.get(name) for name in ("2.1", "11.1")]
     if points[0] is not None and points[1] is not None:
         chin, hairline = vertices[points[0]], vertices[points[1]]
     else:
-        moving = vertices[_moving_skin(subject)]
+        moving = vertices[_moving_skin(character)]
         if len(moving) < _FEWEST:
             return None
         chin, hairline = moving[moving[:, 1].argmin()], moving[moving[:, 1].argmax()].copy()
@@ -68,14 +68,14 @@ def face_frame(subject: Subject) -> FaceFrame | None:
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     ears = np.zeros(len(vertices), dtype=bool)
     for region in ("ear_left", "ear_right"):
-        ears[subject.regions.get(region, ())] = True
+        ears[character.regions.get(region, ())] = True
     beside = (vertices[:, 1] >= chin[1]) & ~ears
     middle = (low + high) / 2.0
     return FaceFrame(chin, hairline, vertices[beside], vertices[ears], (float(middle[0]), float(middle[2])))
 
 
-def face_view(subject: Subject, name: str = "front", aspect: float = 1.0) -> OrbitView:
-    """Return the view ``name`` that frames the face of ``subject`` in pictures ``aspect`` times as wide as high.
+def face_view(character: Character, name: str = "front", aspect: float = 1.0) -> OrbitView:
+    """Return the view ``name`` that frames the face of ``character`` in pictures ``aspect`` times as wide as high.
 
     Seen from the front, chin and hairline lie at `BELOW` and `ABOVE` of the picture's height from its edges; in
     pictures too narrow for the head, the face is smaller and still centred. A mesh without a known face is framed as a
@@ -84,13 +84,13 @@ def face_view(subject: Subject, name: str = "front", aspect: float = 1.0) -> Orb
     Raises:
         KeyError: If there is no such view.
     """
-    return _front_view(subject, aspect).looking(name)
+    return _front_view(character, aspect).looking(name)
 
 
-def _front_view(subject: Subject, aspect: float) -> OrbitView:
-    frame = face_frame(subject)
+def _front_view(character: Character, aspect: float) -> OrbitView:
+    frame = face_frame(character)
     if frame is None:
-        low, high = subject.vertices.min(axis=0), subject.vertices.max(axis=0)
+        low, high = character.vertices.min(axis=0), character.vertices.max(axis=0)
         across = 1.15 * float(high[0] - low[0]) / max(float(high[1] - low[1]), 1e-9)
         return OrbitView.preset(low, high).zoomed(min(1.0, aspect / across))
     x, z = frame.middle
@@ -109,15 +109,15 @@ def _front_view(subject: Subject, aspect: float) -> OrbitView:
     return OrbitView((x, float(y), z), 0.0, 0.0, float(distance), _FOV_Y)
 
 
-def _moving_skin(subject: Subject) -> NDArray[np.intp]:
+def _moving_skin(character: Character) -> NDArray[np.intp]:
     """Return the vertices of the skin near the plane of symmetry that some shape moves far, shape (n,)."""
-    ids = [np.arange(*part.vertices) for part in subject.parts if part.material == "skin"]
-    if not ids or not len(subject.shapes):
+    ids = [np.arange(*part.vertices) for part in character.parts if part.material == "skin"]
+    if not ids or not len(character.shapes):
         return np.zeros(0, dtype=np.intp)
     skin = np.concatenate(ids)
     moved = np.zeros(len(skin), dtype=np.float32)
-    for shape in subject.shapes:
+    for shape in character.shapes:
         np.maximum(moved, np.abs(shape[skin]).max(axis=1), out=moved)
-    x = subject.vertices[skin, 0]
+    x = character.vertices[skin, 0]
     near = np.abs(x - (x.min() + x.max()) / 2.0) < _NEAR_MIDDLE * np.ptp(x)
     return skin[near & (moved > _MOVES * max(float(moved.max()), 1e-9))]

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.geometry.mesh import vertex_areas
+from faceposer.model.character import Character
 from faceposer.model.local_moments import RigDensity
-from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
 
@@ -57,18 +57,18 @@ def gram_of_places(rows: NDArray[np.float32], weights: Array) -> Array:
     return (scaled.T @ scaled).astype(np.float64)
 
 
-def sample_motion(subject: Subject, density: RigDensity) -> MotionSamples:
-    """Return places on the moving skin of ``subject``, chosen by farthest points, and what they stand for."""
-    scale = HEAD_CM / max(subject.height, 1e-9)
+def sample_motion(character: Character, density: RigDensity) -> MotionSamples:
+    """Return places on the moving skin of ``character``, chosen by farthest points, and what they stand for."""
+    scale = HEAD_CM / max(character.height, 1e-9)
     moved = density.shape_rows
-    offsets = subject.shapes[moved]
+    offsets = character.shapes[moved]
     most = np.sqrt(np.einsum("snd,snd->sn", offsets, offsets)).max(axis=0)
-    skin = _skin(subject) & (most > _STILL * most.max())
+    skin = _skin(character) & (most > _STILL * most.max())
     if not skin.any():
         skin = most > _STILL * most.max()
     ids = np.flatnonzero(skin)
-    areas = vertex_areas(subject.vertices, subject.triangles)[ids]
-    places = subject.vertices[ids].astype(np.float64)
+    areas = vertex_areas(character.vertices, character.triangles)[ids]
+    places = character.vertices[ids].astype(np.float64)
     chosen, owners = _farthest(places, areas, min(_SAMPLES, len(ids)))
     shares = np.bincount(owners, areas, minlength=len(chosen))
     vertices = ids[chosen]
@@ -79,21 +79,21 @@ def sample_motion(subject: Subject, density: RigDensity) -> MotionSamples:
     )
 
 
-def largest_motions(subject: Subject, rows: NDArray[np.intp]) -> Array:
-    """Return how far the shapes ``rows`` move any place, shape (W,), in centimetres of the subject.
+def largest_motions(character: Character, rows: NDArray[np.intp]) -> Array:
+    """Return how far the shapes ``rows`` move any place, shape (W,), in centimetres of the character.
 
     Eyes count: a gaze that takes the lids along is not what a pull on a lid means.
     """
-    offsets = subject.shapes[rows]
+    offsets = character.shapes[rows]
     squares = np.einsum("snd,snd->sn", offsets, offsets)
     largest = np.sqrt(squares.max(axis=1, initial=0.0)).astype(np.float64)
     return np.maximum(largest, 1e-9)
 
 
-def _skin(subject: Subject) -> NDArray[np.bool_]:
+def _skin(character: Character) -> NDArray[np.bool_]:
     """Return which vertices are skin, shape (N,); all where no part is."""
-    skin = np.zeros(len(subject.vertices), dtype=bool)
-    for part in subject.parts:
+    skin = np.zeros(len(character.vertices), dtype=bool)
+    for part in character.parts:
         if part.material == "skin":
             skin[slice(*part.vertices)] = True
     return skin if skin.any() else ~skin

@@ -13,12 +13,12 @@ from faceposer.geometry.polygon_mesh import Group
 class Origin:
     """A character's mesh in its own file's unit, axes and order.
 
-    A subject is in centimetres, upright, and has neither vertices twice at seams nor faces of many corners.
+    A character is in centimetres, upright, and has neither vertices twice at seams nor faces of many corners.
 
     Attributes:
-        linear: What turns displacements of the subject into those of the file, shape (3, 3).
+        linear: What turns displacements of the character into those of the file, shape (3, 3).
         neutral: The file's neutral vertices, shape (M, 3).
-        vertex_ids: The subject's vertex that each vertex of the file is, shape (M,); -1 for one that no face uses.
+        vertex_ids: The character's vertex that each vertex of the file is, shape (M,); -1 for one that no face uses.
         polygons: The file's faces, shape (F, K), padded with -1.
         uv: The file's texture coordinates, shape (U, 2); empty if it has none.
         polygon_uvs: Indices into ``uv``, of the shape of ``polygons``; shape (0, 3) if there are none.
@@ -58,22 +58,22 @@ class Origin:
             raise ValueError("the record of its original file does not fit together")
 
     def vertices_of(self, moved: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Return the file's vertices, (M, 3), of a face whose subject's vertices ``moved`` by (N, 3)."""
+        """Return the file's vertices, (M, 3), of a face whose character's vertices ``moved`` by (N, 3)."""
         vertices = self.neutral.copy()
         used = self.vertex_ids >= 0
         vertices[used] += moved[self.vertex_ids[used]] @ self.linear.T
         return vertices
 
     def normals_of(self, normals: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Return the file's unit normals, (M, 3), from those of the subject, (N, 3); +z for a vertex of no face."""
+        """Return the file's unit normals, (M, 3), from those of the character, (N, 3); +z for a vertex of no face."""
         rotation = self.linear / np.cbrt(np.linalg.det(self.linear))
         result = np.tile([0.0, 0.0, 1.0], (len(self.neutral), 1))
         used = self.vertex_ids >= 0
         result[used] = normals[self.vertex_ids[used]] @ rotation.T
         return result
 
-    def subject_vertices(self, vertices: NDArray[np.floating], n_vertices: int) -> NDArray[np.float64]:
-        """Return how far the subject's ``n_vertices`` vertices moved, (N, 3), for the file's ``vertices``, (M, 3)."""
+    def character_vertices(self, vertices: NDArray[np.floating], n_vertices: int) -> NDArray[np.float64]:
+        """Return how far the character's ``n_vertices`` vertices moved, (N, 3), for the file's ``vertices``, (M, 3)."""
         moved = np.zeros((n_vertices, 3))
         used = self.vertex_ids >= 0
         moved[self.vertex_ids[used]] = (vertices - self.neutral)[used] @ np.linalg.inv(self.linear).T

@@ -37,10 +37,10 @@ class Performance:
         return len(self) / self.rate
 
     def weights(self, model: FaceModel) -> Array:
-        """Return the rig weights of all frames, shape (F, S), as the subject orders its shapes; may leave 0 to 1."""
+        """Return the rig weights of all frames, shape (F, S), as the character orders its shapes; may leave 0 to 1."""
         return self.coefficients @ model.subspace.directions.T
 
     @classmethod
     def from_weights(cls, model: FaceModel, weights: Array, rate: float) -> "Performance":
-        """Return the performance nearest to rig ``weights`` of shape (F, S), in the order of the subject's shapes."""
+        """Return the performance nearest to rig ``weights`` of shape (F, S), in the order of the character's shapes."""
         return cls(np.asarray(weights, dtype=np.float64) @ model.subspace.projection.T, rate)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.model.character import ARKIT_SHAPES
 
 #: Halves of two of ARKit's shapes, as rigs of 53 or 54 shapes have them in place of the whole.
 SPLIT_SHAPES: tuple[str, ...] = (

@@ -26,19 +26,19 @@ _FIRST_SHARE = 0.45
 
 def first_camera(photo: Photo, model: FaceModel) -> Camera:
     """Return a camera for ``photo`` before it has pins: from the front, the whole head well inside."""
-    subject = model.subject
+    character = model.character
     width, height = photo.size
     focal = photo.focal or focal_in_pixels(LIKELY_FOCAL_MM, photo.size)
-    depth = focal * subject.height / (_FIRST_SHARE * min(width, height))
-    lower, upper = subject.vertices.min(axis=0), subject.vertices.max(axis=0)
-    centre = np.array([(lower[0] + upper[0]) / 2.0, subject.vertices[:, 1].max() - 0.5 * subject.height, 0.0])
+    depth = focal * character.height / (_FIRST_SHARE * min(width, height))
+    lower, upper = character.vertices.min(axis=0), character.vertices.max(axis=0)
+    centre = np.array([(lower[0] + upper[0]) / 2.0, character.vertices[:, 1].max() - 0.5 * character.height, 0.0])
     rotation = np.diag([1.0, -1.0, -1.0])
     return Camera(rotation, np.array([0.0, 0.0, depth]) - rotation @ centre, focal, photo.size)
 
 
 def pinned(photo: Photo, model: FaceModel) -> tuple[list[int], SurfacePoints]:
     """Return the indices of the pins whose places the face has, and these places."""
-    found = [(i, anchor_of(pin.place, model.subject)) for i, pin in enumerate(photo.pins)]
+    found = [(i, anchor_of(pin.place, model.character)) for i, pin in enumerate(photo.pins)]
     met = [(i, cast("SurfacePoint | int", anchor)) for i, anchor in found if anchor is not None]
     return [i for i, _ in met], SurfacePoints.of([anchor for _, anchor in met])
 
@@ -62,7 +62,7 @@ def aligned(photo: Photo, model: FaceModel, p: ArrayLike) -> Photo:
         # Too few that keep still: then all must do.
         weights = np.maximum(weights, 0.5)
     spread = FOCAL_SPREAD if photo.focal is None else 0.0
-    sigma = _MISFIT * model.subject.height * _pixels_per_unit(places, pixels)
+    sigma = _MISFIT * model.character.height * _pixels_per_unit(places, pixels)
     fit = fit_camera(places, pixels, start, weights, spread, max(sigma, 1.0), _USUAL_TURN)
     return replace(photo, camera=fit.camera)
 

@@ -102,7 +102,7 @@ class Pin:
         """Return the pin as a file keeps it, with its rest position unless it has a name."""
         if isinstance(self.place, str):
             return replace(self, rest=None)
-        positions = SurfacePoints.of([self.place]).positions(model.subject.vertices, model.triangles)
+        positions = SurfacePoints.of([self.place]).positions(model.character.vertices, model.triangles)
         x, y, z = codec.rest_to_json(positions)[0]
         return replace(self, rest=(x, y, z))
 

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
-from faceposer.model.subject import Subject
 from faceposer.photo.photo import Place
 
 #: Feature points that tell where the camera stands: most hardly move with the expression, and the
@@ -73,26 +73,26 @@ GROUPS = (
 )
 
 
-def guided(subject: Subject) -> list[str]:
-    """Return the feature points that ``subject`` has of those that one is led to, in order."""
-    return [name for name in GUIDED if name in subject.feature_points]
+def guided(character: Character) -> list[str]:
+    """Return the feature points that ``character`` has of those that one is led to, in order."""
+    return [name for name in GUIDED if name in character.feature_points]
 
 
-def anchor_of(place: Place, subject: Subject) -> Place | None:
-    """Return ``place`` as the index of a vertex or a surface point, or None where ``subject`` lacks it."""
+def anchor_of(place: Place, character: Character) -> Place | None:
+    """Return ``place`` as the index of a vertex or a surface point, or None where ``character`` lacks it."""
     if isinstance(place, str):
-        vertex = subject.feature_points.get(place)
+        vertex = character.feature_points.get(place)
         return None if vertex is None else int(vertex)
     if isinstance(place, int):
-        return place if 0 <= place < len(subject.vertices) else None
-    return place if 0 <= place.face < len(subject.triangles) else None
+        return place if 0 <= place < len(character.vertices) else None
+    return place if 0 <= place.face < len(character.triangles) else None
 
 
 def rigidity(place: Place, model: FaceModel) -> float:
     """Return how much a pin of ``place`` tells of the camera, 0 to 1."""
     if isinstance(place, str):
         return _RIGID.get(place, _LOOSE)
-    subject = model.subject
-    vertex = place if isinstance(place, int) else int(subject.triangles[place.face][0])
-    names = [name for name, vertices in subject.regions.items() if (vertices == vertex).any()]
+    character = model.character
+    vertex = place if isinstance(place, int) else int(character.triangles[place.face][0])
+    names = [name for name, vertices in character.regions.items() if (vertices == vertex).any()]
     return max((_REGION_WEIGHTS.get(name, _LOOSE) for name in names), default=_LOOSE)

@@ -48,9 +48,9 @@ def constraint_camera(photo: Photo, model: FaceModel) -> Camera:
     camera = photo.camera
     if camera is None:
         raise ValueError("the photo has no camera yet")
-    middle = model.subject.vertices.mean(axis=0, dtype=np.float64)
+    middle = model.character.vertices.mean(axis=0, dtype=np.float64)
     depth = float((camera.rotation @ middle + camera.translation)[2])
-    scale = _HEAD_PX / model.subject.height * depth / camera.focal
+    scale = _HEAD_PX / model.character.height * depth / camera.focal
     size = (max(round(camera.size[0] * scale), 1), max(round(camera.size[1] * scale), 1))
     centre = camera.principal_point * scale
     shift = (float(centre[0]) - size[0] / 2.0, float(centre[1]) - size[1] / 2.0)
@@ -91,7 +91,7 @@ def expression_constraints(
     points = [
         PointConstraint(anchor, (float(pixels[place][0]), float(pixels[place][1])), camera, weight=weight)
         for place in places
-        if (anchor := anchor_of(place, model.subject)) is not None and not isinstance(anchor, str)
+        if (anchor := anchor_of(place, model.character)) is not None and not isinstance(anchor, str)
     ]
     named = {place: at for place, at in pixels.items() if isinstance(place, str)}
     others = [*_openings(model, camera, named), *_gaze(model, camera, named)]
@@ -120,19 +120,19 @@ def _gaze(model: FaceModel, camera: Camera, pixels: Mapping[str, Array]) -> list
 
     What counts is where a pupil lies between the corners of its eye, by the width of that eye.
     """
-    subject = model.subject
+    character = model.character
     vertices, wanted = [], []
     for pupil, corners in PUPILS:
-        if not all(name in pixels and name in subject.feature_points for name in (pupil, *corners)):
+        if not all(name in pixels and name in character.feature_points for name in (pupil, *corners)):
             continue
-        ours = camera.project(subject.vertices[[int(subject.feature_points[name]) for name in corners]])
+        ours = camera.project(character.vertices[[int(character.feature_points[name]) for name in corners]])
         theirs = np.array([pixels[name] for name in corners])
         width = float(np.linalg.norm(theirs[0] - theirs[1]))
         if width > 1e-6:
             scale = float(np.linalg.norm(ours[0] - ours[1])) / width
-            vertices.append(int(subject.feature_points[pupil]))
+            vertices.append(int(character.feature_points[pupil]))
             wanted.append(ours.mean(axis=0) + scale * (pixels[pupil] - theirs.mean(axis=0)))
-    if not vertices or not any(name.startswith("eyeLook") for name in subject.shape_names):
+    if not vertices or not any(name.startswith("eyeLook") for name in character.shape_names):
         return []
     points = SurfacePoints.at_vertices(vertices)
 
@@ -153,13 +153,13 @@ def _gaze(model: FaceModel, camera: Camera, pixels: Mapping[str, Array]) -> list
 
 def _openings(model: FaceModel, camera: Camera, pixels: Mapping[str, Array]) -> list[Constraint]:
     """Return how far mouth and eyes are open, for pins at ``pixels`` of ``camera``, (2,) each, by feature point."""
-    subject = model.subject
+    character = model.character
     found: list[Constraint] = []
     for pair in OPENINGS:
-        if not all(name in pixels and name in subject.feature_points for name in (*pair.ends, *pair.measure)):
+        if not all(name in pixels and name in character.feature_points for name in (*pair.ends, *pair.measure)):
             continue
-        vertices = [int(subject.feature_points[name]) for name in (*pair.ends, *pair.measure)]
-        neutral = camera.project(subject.vertices[vertices[2:]].astype(np.float64))
+        vertices = [int(character.feature_points[name]) for name in (*pair.ends, *pair.measure)]
+        neutral = camera.project(character.vertices[vertices[2:]].astype(np.float64))
         ours = float(np.hypot(*(neutral[0] - neutral[1])))
         theirs = float(np.hypot(*(pixels[pair.measure[0]] - pixels[pair.measure[1]])))
         apart = float(np.hypot(*(pixels[pair.ends[0]] - pixels[pair.ends[1]])))

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.mirror import SurfaceMirror
+from faceposer.model.character import ARKIT_SHAPES, Character
 from faceposer.model.face_model import FaceModel
 from faceposer.model.shape_names import SPLIT_SHAPES, halves_of, whole_of
-from faceposer.model.subject import ARKIT_SHAPES, Subject
 from faceposer.poses.pose_file import Pose
 
 Array = NDArray[np.float64]
@@ -43,19 +43,19 @@ _GAZE_SIDEWAYS = ("eyeLookIn", "eyeLookOut")
 _TOLERANCE, _PAIRED = 0.003, 0.9
 
 
-def weights_on(pose: Pose, subject: Subject) -> Array | None:
-    """Return the weights of ``pose`` in the order of the ``subject``'s shapes, shape (S,), or None if it does not fit.
+def weights_on(pose: Pose, character: Character) -> Array | None:
+    """Return the weights of ``pose`` in the order of the ``character``'s shapes, shape (S,), or None if it does not fit.
 
-    Shapes with ARKit's names mean the same on every face, whole or in halves. All others belong to the subject that the
+    Shapes with ARKit's names mean the same on every face, whole or in halves. All others belong to the character that the
     pose was made on.
     """
     given: dict[str, float] = {}
     for name, weight in pose.weights.items():
-        if name in _KNOWN or (pose.subject == subject.name and name in subject.shape_names):
-            given.update(_as_the_rig_has_it(name, weight, pose.weights, subject.shape_names))
+        if name in _KNOWN or (pose.character == character.name and name in character.shape_names):
+            given.update(_as_the_rig_has_it(name, weight, pose.weights, character.shape_names))
     if pose.weights and not given:
         return None
-    return np.array([given.get(name, 0.0) for name in subject.shape_names])
+    return np.array([given.get(name, 0.0) for name in character.shape_names])
 
 
 def _as_the_rig_has_it(
@@ -94,8 +94,8 @@ def side_of(shape: str) -> Side:
     return "both"
 
 
-def chosen_shapes(subject: Subject, regions: Iterable[Region] | None, side: Side) -> NDArray[np.bool_]:
-    """Return which of the ``subject``'s shapes move these regions, None for the whole face, on this side, shape (S,).
+def chosen_shapes(character: Character, regions: Iterable[Region] | None, side: Side) -> NDArray[np.bool_]:
+    """Return which of the ``character``'s shapes move these regions, None for the whole face, on this side, shape (S,).
 
     A shape without a side, such as the jaw's, moves both sides and belongs to none alone.
     """
@@ -103,7 +103,7 @@ def chosen_shapes(subject: Subject, regions: Iterable[Region] | None, side: Side
     return np.array(
         [
             (wanted is None or region_of(name) in wanted) and (side == "both" or side_of(name) == side)
-            for name in subject.shape_names
+            for name in character.shape_names
         ],
         dtype=bool,
     )
@@ -134,11 +134,11 @@ def applied(
     """
     if not LEAST_STRENGTH <= strength <= GREATEST_STRENGTH:
         raise FacePoserError(f"The strength of a pose goes from -1 to 2, not {strength:g}.")
-    weights = weights_on(pose, model.subject)
+    weights = weights_on(pose, model.character)
     if weights is None:
-        raise FacePoserError(misfit(pose, model.subject))
+        raise FacePoserError(misfit(pose, model.character))
     before = np.asarray(start, dtype=np.float64)
-    chosen = chosen_shapes(model.subject, regions, side)
+    chosen = chosen_shapes(model.character, regions, side)
     if chosen.all():
         # In coefficients, so that the start is left behind to the last digit.
         target = model.coefficients_of(weights)
@@ -147,17 +147,17 @@ def applied(
     return before + strength * model.coefficients_of(np.where(chosen, change, 0.0))
 
 
-def misfit(pose: Pose, subject: Subject) -> str:
-    """Return why ``pose`` does not fit ``subject``, in a sentence."""
+def misfit(pose: Pose, character: Character) -> str:
+    """Return why ``pose`` does not fit ``character``, in a sentence."""
     if all(name in _KNOWN for name in pose.weights):
-        return f"The pose '{pose.name}' needs ARKit's shapes, which '{subject.title}' does not have."
-    return f"The pose '{pose.name}' was made on '{pose.subject}' and fits no other face."
+        return f"The pose '{pose.name}' needs ARKit's shapes, which '{character.title}' does not have."
+    return f"The pose '{pose.name}' was made on '{pose.character}' and fits no other face."
 
 
 def pose_of(model: FaceModel, p: ArrayLike, name: str, tags: tuple[str, ...] = ()) -> Pose:
     """Return the face ``p``, shape (r,), as a pose called ``name``."""
-    weights = dict(zip(model.subject.shape_names, model.weights_of(p).tolist(), strict=True))
-    return Pose(name, weights, model.subject.name, tags)
+    weights = dict(zip(model.character.shape_names, model.weights_of(p).tolist(), strict=True))
+    return Pose(name, weights, model.character.name, tags)
 
 
 # Left and right
@@ -171,7 +171,7 @@ def flipped_pose(model: FaceModel, pose: Pose) -> Pose:
     """
     neutral = model.neutral()
     weights = pose_of(model, flipped(model, applied(model, neutral, pose)), pose.name).weights
-    return replace(pose, name=f"{pose.name}, flipped", weights=weights, subject=model.subject.name)
+    return replace(pose, name=f"{pose.name}, flipped", weights=weights, character=model.character.name)
 
 
 def flipped(model: FaceModel, p: ArrayLike) -> Array:
@@ -181,8 +181,8 @@ def flipped(model: FaceModel, p: ArrayLike) -> Array:
         FacePoserError: If the face has no left and right: neither by the names of its shapes nor by its form.
     """
     weights = model.weights_of(p)
-    if _is_named(model.subject):
-        return model.coefficients_of(weights[_partners(model.subject)])
+    if _is_named(model.character):
+        return model.coefficients_of(weights[_partners(model.character)])
     both, _ = _images(model)
     return model.coefficients_of(both @ weights)
 
@@ -196,16 +196,16 @@ def mirrored(model: FaceModel, p: ArrayLike, source: Literal["left", "right"] = 
         FacePoserError: If the face has no left and right: neither by the names of its shapes nor by its form.
     """
     weights = model.weights_of(p)
-    subject = model.subject
-    if not _is_named(subject):
+    character = model.character
+    if not _is_named(character):
         _, from_left = _images(model)
         both, _ = _images(model)
         if source == "left":
             return model.coefficients_of(from_left @ weights)
         return model.coefficients_of(both @ (from_left @ (both @ weights)))
-    partners = _partners(subject)
+    partners = _partners(character)
     result = weights.copy()
-    for i, name in enumerate(subject.shape_names):
+    for i, name in enumerate(character.shape_names):
         if name in _SIDEWAYS:
             result[i] = 0.0
         elif side_of(name) not in ("both", source) and not name.startswith(_GAZE_SIDEWAYS):
@@ -213,13 +213,13 @@ def mirrored(model: FaceModel, p: ArrayLike, source: Literal["left", "right"] = 
     return model.coefficients_of(result)
 
 
-def _is_named(subject: Subject) -> bool:
-    return any(name in _KNOWN for name in subject.shape_names)
+def _is_named(character: Character) -> bool:
+    return any(name in _KNOWN for name in character.shape_names)
 
 
-def _partners(subject: Subject) -> NDArray[np.intp]:
+def _partners(character: Character) -> NDArray[np.intp]:
     """Return the index of the shape across from each, shape (S,); its own where it has none."""
-    names = list(subject.shape_names)
+    names = list(character.shape_names)
     across = []
     for i, name in enumerate(names):
         other = name
@@ -237,17 +237,17 @@ def _images(model: FaceModel) -> tuple[Array, Array]:
     Both give the weights whose shapes come nearest, in the sum of squared distances, to the displacements as they are
     in the mirror.
     """
-    subject = model.subject
-    mirror = SurfaceMirror(subject.vertices, subject.triangles, _TOLERANCE * subject.height)
+    character = model.character
+    mirror = SurfaceMirror(character.vertices, character.triangles, _TOLERANCE * character.height)
     partner = mirror.vertices
     paired = partner >= 0
     if paired.mean() < _PAIRED:
-        raise FacePoserError(f"'{subject.title}' is not symmetric enough to have its left and right exchanged.")
-    shapes = subject.shapes.astype(np.float64)
+        raise FacePoserError(f"'{character.title}' is not symmetric enough to have its left and right exchanged.")
+    shapes = character.shapes.astype(np.float64)
     images = np.where(paired[:, None], shapes[:, partner] * (-1.0, 1.0, 1.0), shapes)
-    x = subject.vertices[:, 0].astype(np.float64)
+    x = character.vertices[:, 0].astype(np.float64)
     # On the plane of symmetry, both sides count half.
-    of_left = np.clip(0.5 + x / (2.0 * _TOLERANCE * subject.height), 0.0, 1.0)[None, :, None]
+    of_left = np.clip(0.5 + x / (2.0 * _TOLERANCE * character.height), 0.0, 1.0)[None, :, None]
     halves = of_left * shapes + (1.0 - of_left) * images
     flat = shapes.reshape(len(shapes), -1)
     inverse = np.linalg.pinv(flat @ flat.T, rcond=1e-8, hermitian=True)

@@ -151,7 +151,7 @@ def own_folder() -> Path:
 
 
 def starter_poses() -> list[Entry]:
-    """Return the poses that come with the program: expressions, then visemes, for all its subjects."""
+    """Return the poses that come with the program: expressions, then visemes, for all its characters."""
     root = asset_path("poses")
     return [entry for folder in (root, *sorted(root.glob("*/"))) for entry in _entries(folder, True)]
 

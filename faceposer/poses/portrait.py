@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from faceposer.geometry.camera import OrbitView
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 
 # From the brows to the chin, by MPEG-4's feature points.
 _FRAME = ("2.1", "4.3", "4.4", "4.5", "4.6", "8.3", "8.4", "9.3")
@@ -18,10 +18,10 @@ _ABOVE, _BELOW = 0.16, 0.14
 _CLOSER = 1.25
 
 
-def portrait_view(subject: Subject) -> OrbitView:
-    """Return the view that frames the ``subject``'s face for a square picture."""
-    ids = [subject.feature_points[name] for name in _FRAME if name in subject.feature_points]
-    points = subject.vertices[ids] if len(ids) >= 4 else subject.vertices
+def portrait_view(character: Character) -> OrbitView:
+    """Return the view that frames the ``character``'s face for a square picture."""
+    ids = [character.feature_points[name] for name in _FRAME if name in character.feature_points]
+    points = character.vertices[ids] if len(ids) >= 4 else character.vertices
     low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
     height = high[1] - low[1]
     low[1] -= _BELOW * height

@@ -46,14 +46,14 @@ class Pose:
     Attributes:
         name: What people call it.
         weights: Weight of each shape by its name; shapes that are left out have 0.
-        subject: Name of the subject that it was made on.
+        character: Name of the character that it was made on.
         tags: Words to find it by; "expression" and "viseme" also put it into the groups of these names.
         note: A sentence about it, or "".
     """
 
     name: str
     weights: Mapping[str, float] = field(default_factory=dict)
-    subject: str = ""
+    character: str = ""
     tags: tuple[str, ...] = ()
     note: str = ""
 
@@ -61,7 +61,7 @@ class Pose:
         object.__setattr__(self, "weights", MappingProxyType(dict(self.weights)))
 
     def __hash__(self) -> int:
-        return hash((self.name, self.subject, tuple(self.weights.items()), self.tags, self.note))
+        return hash((self.name, self.character, tuple(self.weights.items()), self.tags, self.note))
 
     def renamed(self, name: str) -> "Pose":
         """Return the pose under another name."""
@@ -69,7 +69,7 @@ class Pose:
 
     def to_json(self) -> dict[str, Any]:
         """Return the pose as its file has it."""
-        data: dict[str, Any] = {"format": FORMAT, "version": VERSION, "name": self.name, "subject": self.subject}
+        data: dict[str, Any] = {"format": FORMAT, "version": VERSION, "name": self.name, "subject": self.character}
         if self.tags:
             data["tags"] = list(self.tags)
         if self.note:

@@ -5,19 +5,19 @@ from typing import Any
 import moderngl
 
 from faceposer.geometry.camera import Camera
+from faceposer.model.character import Part
 from faceposer.model.materials import BASE_COLOURS
-from faceposer.model.subject import Part
 from faceposer.render.eye_shading import EyeShading
 from faceposer.render.mesh_buffers import MeshBuffers
 
 
 class EyePainter:
-    """The eyes of one subject at a time.
+    """The eyes of one character at a time.
 
     Attributes:
         programs: That of eyeballs and that of lashes; whoever draws sets their matrices.
         camera: Under which they are drawn; None before the first picture.
-        shading: Follows the eyes; None before there is a subject.
+        shading: Follows the eyes; None before there is a character.
     """
 
     def __init__(self, ctx: moderngl.Context, eye: moderngl.Program, lashes: moderngl.Program) -> None:
@@ -29,9 +29,9 @@ class EyePainter:
         self.shading: EyeShading | None = None
 
     def set_buffers(self, buffers: MeshBuffers) -> None:
-        """Draw the eyes of the subject of ``buffers`` from now on."""
-        self.release_subject()
-        self.shading = EyeShading(buffers.subject)
+        """Draw the eyes of the character of ``buffers`` from now on."""
+        self.release_character()
+        self.shading = EyeShading(buffers.character)
         uv = (buffers.uvs, "2f", "uv")
         eye, lashes = self.programs
         self._arrays = {
@@ -64,8 +64,8 @@ class EyePainter:
         self._arrays[part.material].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
         return True
 
-    def release_subject(self) -> None:
-        """Free what belongs to the subject."""
+    def release_character(self) -> None:
+        """Free what belongs to the character."""
         for array in self._arrays.values():
             array.release()
         self._arrays = {}
@@ -73,7 +73,7 @@ class EyePainter:
 
     def release(self) -> None:
         """Free everything."""
-        self.release_subject()
+        self.release_character()
         for program in self.programs:
             program.release()
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.lid_margins import LidMargins, angles_of, directions_of, find_lid_margins
+from faceposer.model.character import Character, Part
 from faceposer.model.contact.eyeballs import fit_sphere
-from faceposer.model.subject import Part, Subject
 from faceposer.training.eyes import eye_uv
 
 Array = NDArray[np.float64]
@@ -87,20 +87,20 @@ class Eye:
 class _Ball:
     """An eyeball and its lids in the neutral face."""
 
-    def __init__(self, subject: Subject, part: Part, skin: NDArray[np.integer]) -> None:
+    def __init__(self, character: Character, part: Part, skin: NDArray[np.integer]) -> None:
         first, last = part.vertices
-        points = subject.vertices[first:last].astype(np.float64)
+        points = character.vertices[first:last].astype(np.float64)
         centre, radius = fit_sphere(points)
         off = np.abs(np.linalg.norm(points - centre, axis=1) - radius)
         if (round_ones := points[off <= max(_ON_SPHERE * radius, float(np.median(off)))]).size >= 12:
             centre, radius = fit_sphere(round_ones)
         self.centre, self.radius = centre, radius
         self._ids = first + np.unique(np.linspace(0, last - first - 1, _FOLLOWED).astype(int))
-        followed = subject.vertices[self._ids].astype(np.float64)
+        followed = character.vertices[self._ids].astype(np.float64)
         self._middle = followed.mean(axis=0)
         self._rest = followed - self._middle
-        self._margins: LidMargins | None = find_lid_margins(subject.vertices, skin, centre, radius)
-        self._own_picture = _has_own_picture(subject, part, points)
+        self._margins: LidMargins | None = find_lid_margins(character.vertices, skin, centre, radius)
+        self._own_picture = _has_own_picture(character, part, points)
 
     def posed(self, vertices: NDArray[np.float32]) -> Eye:
         """Return the ball in the pose ``vertices``, shape (N, 3)."""
@@ -136,21 +136,23 @@ class _Ball:
 
 
 class EyeShading:
-    """Follows the eyes of one subject.
+    """Follows the eyes of one character.
 
     Attributes:
         eyes: The eyeballs as they are now, by the names of their parts.
     """
 
-    def __init__(self, subject: Subject) -> None:
-        """Find the eyes of ``subject`` and the margins of their lids."""
-        skins = [slice(*subject.part_triangles(part)) for part in subject.parts if part.material == "skin"]
-        skin = np.concatenate([subject.triangles[run] for run in skins]) if skins else np.zeros((0, 3), dtype=np.int32)
-        self._balls = {part.name: _Ball(subject, part, skin) for part in subject.parts if part.material == "eye"}
+    def __init__(self, character: Character) -> None:
+        """Find the eyes of ``character`` and the margins of their lids."""
+        skins = [slice(*character.part_triangles(part)) for part in character.parts if part.material == "skin"]
+        skin = (
+            np.concatenate([character.triangles[run] for run in skins]) if skins else np.zeros((0, 3), dtype=np.int32)
+        )
+        self._balls = {part.name: _Ball(character, part, skin) for part in character.parts if part.material == "eye"}
         self.eyes: dict[str, Eye] = {}
-        self._lashes = {part.name: self._nearest_eye(subject, part) for part in subject.parts}
-        self._hidden_from = {name: _hidden_from(subject, ball, skin) for name, ball in self._balls.items()}
-        self.update(subject.vertices)
+        self._lashes = {part.name: self._nearest_eye(character, part) for part in character.parts}
+        self._hidden_from = {name: _hidden_from(character, ball, skin) for name, ball in self._balls.items()}
+        self.update(character.vertices)
 
     def update(self, vertices: NDArray[np.float32]) -> None:
         """Take over a pose, shape (N, 3)."""
@@ -169,17 +171,17 @@ class EyeShading:
         t = float(np.clip((self._hidden_from[name] + _FADE - np.arctan2(across, z)) / (2.0 * _FADE), 0.0, 1.0))
         return t * t * (3.0 - 2.0 * t)
 
-    def _nearest_eye(self, subject: Subject, part: Part) -> str | None:
+    def _nearest_eye(self, character: Character, part: Part) -> str | None:
         if part.material != "lashes" or not self._balls:
             return None
-        middle = subject.vertices[slice(*part.vertices)].mean(axis=0)
+        middle = character.vertices[slice(*part.vertices)].mean(axis=0)
         return min(self._balls, key=lambda name: float(np.linalg.norm(self._balls[name].centre - middle)))
 
 
-def _hidden_from(subject: Subject, ball: _Ball, skin: NDArray[np.integer]) -> float:
+def _hidden_from(character: Character, ball: _Ball, skin: NDArray[np.integer]) -> float:
     """Return the angle towards the other side beyond which the nose hides the front of the ball from a camera."""
     front = ball.centre + [0.0, 0.0, ball.radius]
-    points = subject.vertices[np.unique(skin)].astype(np.float64) - front
+    points = character.vertices[np.unique(skin)].astype(np.float64) - front
     towards = -np.sign(ball.centre[0]) * points[:, 0]
     nose = (towards > 0.6 * ball.radius) & (towards < 3.0 * ball.radius) & (np.abs(points[:, 1]) < 0.35 * ball.radius)
     if not nose.any():
@@ -187,10 +189,10 @@ def _hidden_from(subject: Subject, ball: _Ball, skin: NDArray[np.integer]) -> fl
     return float(np.pi / 2.0 - np.arctan2(points[nose, 2], towards[nose]).max())
 
 
-def _has_own_picture(subject: Subject, part: Part, points: Array) -> bool:
+def _has_own_picture(character: Character, part: Part, points: Array) -> bool:
     """Whether the texture of an eye is seen along the gaze axis, its radius in proportion to the angle."""
     corners = slice(*part.polygons)
-    used, first = np.unique(subject.polygons[corners], return_index=True)
-    uv = subject.uv[subject.polygon_uvs[corners].ravel()[first]][used >= 0]
+    used, first = np.unique(character.polygons[corners], return_index=True)
+    uv = character.uv[character.polygon_uvs[corners].ravel()[first]][used >= 0]
     wanted = eye_uv(points)[used[used >= 0] - part.vertices[0]]
     return bool(np.median(np.abs(uv - wanted)) < _SAME_PICTURE)

@@ -6,9 +6,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.model.character import Character
 from faceposer.model.expression_line_map import EXTENT, LAYERS, line_heights
 from faceposer.model.expression_lines import ZONES, ExpressionLines, expression_lines, strength_map
-from faceposer.model.subject import Subject
 
 # Units of the textures; unit 0 has that of the material.
 _HEIGHTS, _STRENGTHS = 1, 2
@@ -18,7 +18,7 @@ _BLOCK = 5
 
 
 class LineBuffers:
-    """Expression lines of one subject. They are prepared when a pose needs them first: the neutral face has none.
+    """Expression lines of one character. They are prepared when a pose needs them first: the neutral face has none.
 
     Attributes:
         places: Three floats per vertex drawn: its place in the map of the lines, and how far it is skin that has any.
@@ -27,18 +27,18 @@ class LineBuffers:
     """
 
     def __init__(
-        self, ctx: moderngl.Context, subject: Subject, source: NDArray[np.intp], indices: NDArray[np.int32]
+        self, ctx: moderngl.Context, character: Character, source: NDArray[np.intp], indices: NDArray[np.int32]
     ) -> None:
-        """Draw lines on ``subject``.
+        """Draw lines on ``character``.
 
         Args:
             ctx: Where.
-            subject: The character.
-            source: Vertex of the subject that each vertex drawn stands for.
+            character: The character.
+            source: Vertex of the character that each vertex drawn stands for.
             indices: Vertices drawn of each triangle, shape (T, 3).
         """
         self._ctx = ctx
-        self._subject = subject
+        self._character = character
         self._source = source
         self._indices = indices
         self._lines: ExpressionLines | None = None
@@ -58,16 +58,16 @@ class LineBuffers:
         self._vertices = vertices
 
     def prepare(self) -> None:
-        """Find where the lines of the subject lie, unless that is known; takes some tens of milliseconds."""
+        """Find where the lines of the character lie, unless that is known; takes some tens of milliseconds."""
         if self._prepared:
             return
         self._prepared = True
-        self._lines = expression_lines(self._subject)
+        self._lines = expression_lines(self._character)
         if self._lines is None:
             return
         left, right, bottom, top = EXTENT
         chart = self._lines.chart
-        places = np.empty((len(self._subject.vertices), 3), dtype=np.float32)
+        places = np.empty((len(self._character.vertices), 3), dtype=np.float32)
         places[:, 0] = (chart.places[:, 0] - left) / (right - left)
         places[:, 1] = (chart.places[:, 1] - bottom) / (top - bottom)
         places[:, 2] = chart.visible
@@ -83,11 +83,11 @@ class LineBuffers:
 
     def _sort_triangles(self, places: NDArray[np.float32]) -> None:
         """Put the triangles that lines cross at the end of their part."""
-        subject = self._subject
-        crossed = _crossed(places[subject.triangles])
+        character = self._character
+        crossed = _crossed(places[character.triangles])
         order = np.arange(len(crossed))
-        for part in subject.parts:
-            first, last = subject.part_triangles(part)
+        for part in character.parts:
+            first, last = character.part_triangles(part)
             if part.material == "skin" and np.any(crossed[first:last]):
                 order[first:last] = first + np.argsort(crossed[first:last], kind="stable")
                 self.first_lined[part.name] = last - int(np.count_nonzero(crossed[first:last]))
@@ -104,7 +104,7 @@ class LineBuffers:
         return self._shown
 
     def _find_strengths(self, vertices: NDArray[np.float32]) -> bool:
-        if np.array_equal(vertices, self._subject.vertices):
+        if np.array_equal(vertices, self._character.vertices):
             return False
         self.prepare()
         if self._lines is None:

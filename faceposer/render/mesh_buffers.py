@@ -1,4 +1,4 @@
-"""The GPU's copy of a subject, brought up to date only when the face has changed."""
+"""The GPU's copy of a character, brought up to date only when the face has changed."""
 
 import io
 
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 from faceposer.render.line_buffers import LineBuffers
 
 
@@ -18,30 +18,30 @@ def drawn_by_processor(ctx: moderngl.Context) -> bool:
 
 
 class MeshBuffers:
-    """Vertex and index buffers of one subject.
+    """Vertex and index buffers of one character.
 
     A vertex on a seam of the texture has several texture coordinates; the GPU wants one per vertex, so such vertices
-    are doubled. ``source`` maps every vertex drawn to the subject's vertex.
+    are doubled. ``source`` maps every vertex drawn to the character's vertex.
     """
 
-    def __init__(self, ctx: moderngl.Context, subject: Subject) -> None:
-        """Upload the topology of ``subject``; ``update`` must follow before anything is drawn."""
-        self.subject = subject
+    def __init__(self, ctx: moderngl.Context, character: Character) -> None:
+        """Upload the topology of ``character``; ``update`` must follow before anything is drawn."""
+        self.character = character
         # A pair of numbers in one is sorted several times faster than a row of two.
-        corners = subject.triangles.ravel() * np.int64(len(subject.uv)) + subject.triangle_uvs.ravel()
+        corners = character.triangles.ravel() * np.int64(len(character.uv)) + character.triangle_uvs.ravel()
         pairs, inverse = np.unique(corners, return_inverse=True)
-        source, uv = np.divmod(pairs, len(subject.uv))
+        source, uv = np.divmod(pairs, len(character.uv))
         self.source: NDArray[np.intp] = source.astype(np.intp)
         indices = inverse.astype(np.int32)
         self._staging = np.empty((len(pairs), 6), dtype=np.float32)
         self.points = ctx.buffer(reserve=self._staging.nbytes, dynamic=True)
-        self.uvs = ctx.buffer(np.ascontiguousarray(subject.uv[uv], dtype=np.float32))
+        self.uvs = ctx.buffer(np.ascontiguousarray(character.uv[uv], dtype=np.float32))
         self.triangles = ctx.buffer(indices)
-        first_use = np.full(len(subject.vertices), -1, dtype=np.int32)
+        first_use = np.full(len(character.vertices), -1, dtype=np.int32)
         first_use[self.source[::-1]] = np.arange(len(pairs), dtype=np.int32)[::-1]
-        self.edges = ctx.buffer(np.ascontiguousarray(first_use[_edges(subject)]))
-        self.textures = {name: _texture(ctx, data) for name, data in subject.textures.items()}
-        self.lines = LineBuffers(ctx, subject, self.source, indices.reshape(-1, 3))
+        self.edges = ctx.buffer(np.ascontiguousarray(first_use[_edges(character)]))
+        self.textures = {name: _texture(ctx, data) for name, data in character.textures.items()}
+        self.lines = LineBuffers(ctx, character, self.source, indices.reshape(-1, 3))
         self._revision: object = None
 
     def update(self, vertices: NDArray[np.float32], normals: NDArray[np.float32], revision: object) -> bool:
@@ -64,14 +64,14 @@ class MeshBuffers:
             texture.release()
 
 
-def _edges(subject: Subject) -> NDArray[np.int32]:
+def _edges(character: Character) -> NDArray[np.int32]:
     """Return the edges of the polygons, each once, as vertex pairs of shape (E, 2)."""
-    polygons = subject.polygons
+    polygons = character.polygons
     following = np.roll(polygons, -1, axis=1)
     is_triangle = polygons[:, 3] < 0
     following[is_triangle, 2] = polygons[is_triangle, 0]
     lower, upper = np.minimum(polygons, following), np.maximum(polygons, following)
-    count = np.int64(len(subject.vertices))
+    count = np.int64(len(character.vertices))
     pairs = np.unique((lower * count + upper)[lower >= 0])
     return np.stack(np.divmod(pairs, count), axis=1).astype(np.int32)
 

@@ -1,11 +1,11 @@
-"""Where the neck of a subject is cut, so that it fades away there instead of ending in an edge."""
+"""Where the neck of a character is cut, so that it fades away there instead of ending in an edge."""
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 
 # Share of the way from the cut to the chin over which the skin fades.
 _SHARE = 0.66
@@ -17,32 +17,32 @@ _WIDEST, _BELOW_CHIN = 0.25, 0.05
 NO_FADE = (0.0, 0.0, 0.0, 1.0)
 
 
-def neck_fade(subject: Subject) -> tuple[float, float, float, float]:
+def neck_fade(character: Character) -> tuple[float, float, float, float]:
     """Return the plane (a, b, c, d) of the cut neck: ax + by + cz + d is 0 at the cut and 1 where nothing fades.
 
     The cut is the lowest open border of the skin. Without a neck and a border well below the chin, nothing fades.
     """
-    chin = subject.feature_points.get("2.1")
-    border = _lowest_border(subject) if chin is not None else None
-    if "neck" not in subject.regions or chin is None or border is None:
+    chin = character.feature_points.get("2.1")
+    border = _lowest_border(character) if chin is not None else None
+    if "neck" not in character.regions or chin is None or border is None:
         return NO_FADE
-    low, high = subject.vertices.min(axis=0), subject.vertices.max(axis=0)
+    low, high = character.vertices.min(axis=0), character.vertices.max(axis=0)
     middle = border.mean(axis=0)
     _, _, axes = np.linalg.svd(border - middle)
     normal = axes[2] * (1.0 if axes[2, 1] >= 0.0 else -1.0)
-    length = _SHARE * float(normal @ (subject.vertices[chin] - middle))
+    length = _SHARE * float(normal @ (character.vertices[chin] - middle))
     if np.ptp(border[:, 0]) < _WIDEST * (high[0] - low[0]) or length < _BELOW_CHIN * (high[1] - low[1]):
         return NO_FADE
     a, b, c = (normal / length).tolist()
     return (a, b, c, float(-(normal @ middle) / length))
 
 
-def _lowest_border(subject: Subject) -> NDArray[np.float64] | None:
+def _lowest_border(character: Character) -> NDArray[np.float64] | None:
     """Return the vertices of the skin's lowest connected open border, shape (n, 3), or None."""
-    skins = [subject.triangles[slice(*subject.part_triangles(p))] for p in subject.parts if p.material == "skin"]
+    skins = [character.triangles[slice(*character.part_triangles(p))] for p in character.parts if p.material == "skin"]
     if not skins:
         return None
-    count = np.int64(len(subject.vertices))
+    count = np.int64(len(character.vertices))
     sides = np.concatenate([np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]]) for t in skins]).astype(np.int64)
     keys, uses = np.unique(sides.min(axis=1) * count + sides.max(axis=1), return_counts=True)
     a, b = np.divmod(keys[uses == 1], count)
@@ -52,7 +52,7 @@ def _lowest_border(subject: Subject) -> NDArray[np.float64] | None:
     ends = local.reshape(2, -1)
     links = sparse.coo_array((np.ones(len(a)), (ends[0], ends[1])), shape=(len(ids), len(ids)))
     n, label = connected_components(links, directed=False)
-    points = subject.vertices[ids].astype(np.float64)
+    points = character.vertices[ids].astype(np.float64)
     heights = np.bincount(label, points[:, 1], n) / np.bincount(label, minlength=n)
     lowest: NDArray[np.float64] = points[label == heights.argmin()]
     return lowest

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import VertexNormals
-from faceposer.model.subject import Part, Subject
+from faceposer.model.character import Character, Part
 from faceposer.render.framebuffers import ColourTarget
 from faceposer.render.options import Shading
 from faceposer.render.renderer import PhotoLayer, Renderer
@@ -37,8 +37,8 @@ def offscreen_context() -> Iterator[Context]:
         ctx.release()
 
 
-def render_subject(
-    subject: Subject,
+def render_character(
+    character: Character,
     vertices: ArrayLike,
     camera: Camera,
     samples: int = 4,
@@ -48,10 +48,10 @@ def render_subject(
     expression_lines: bool = True,
     transparent: bool = False,
 ) -> NDArray[np.uint8]:
-    """Return a picture of ``subject`` with ``vertices``, (N, 3), under ``camera``, of shape (height, width, 3).
+    """Return a picture of ``character`` with ``vertices``, (N, 3), under ``camera``, of shape (height, width, 3).
 
     Args:
-        subject: What is drawn.
+        character: What is drawn.
         vertices: Its pose.
         camera: Whose size is that of the picture.
         samples: Per pixel; 0 for no multisampling.
@@ -67,8 +67,8 @@ def render_subject(
     positions = np.ascontiguousarray(vertices, dtype=np.float32)
     with offscreen_context() as ctx:
         renderer = Renderer(ctx)
-        renderer.set_subject(subject)
-        renderer.update(positions, VertexNormals(subject.triangles, len(positions))(positions))
+        renderer.set_character(character)
+        renderer.update(positions, VertexNormals(character.triangles, len(positions))(positions))
         target = ColourTarget(ctx, camera.size, min(samples, ctx.max_samples))
         layer = None
         if photo is not None:
@@ -94,11 +94,11 @@ def photo_texture(ctx: moderngl.Context, picture: NDArray[np.uint8]) -> moderngl
     return texture
 
 
-def plain_subject(vertices: ArrayLike, triangles: ArrayLike) -> Subject:
-    """Return a mesh, (N, 3) and (T, 3), as a subject of one part without shapes or textures."""
+def plain_character(vertices: ArrayLike, triangles: ArrayLike) -> Character:
+    """Return a mesh, (N, 3) and (T, 3), as a character of one part without shapes or textures."""
     positions = np.ascontiguousarray(vertices, dtype=np.float32)
     polygons = np.pad(np.asarray(triangles, dtype=np.int32), ((0, 0), (0, 1)), constant_values=-1)
-    return Subject(
+    return Character(
         name="mesh",
         title="Mesh",
         vertices=positions,
@@ -115,5 +115,5 @@ def render_mesh(
     vertices: ArrayLike, triangles: ArrayLike, camera: Camera, samples: int = 4, transparent: bool = False
 ) -> NDArray[np.uint8]:
     """Return a picture of a plain mesh, (N, 3) and (T, 3), in clay, of shape (height, width, 3), or 4 with alpha."""
-    subject = plain_subject(vertices, triangles)
-    return render_subject(subject, subject.vertices, camera, samples, "clay", transparent=transparent)
+    character = plain_character(vertices, triangles)
+    return render_character(character, character.vertices, camera, samples, "clay", transparent=transparent)

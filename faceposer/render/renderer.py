@@ -1,4 +1,4 @@
-"""Draws a posed subject into any framebuffer."""
+"""Draws a posed character into any framebuffer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.geometry.camera import Camera
+from faceposer.model.character import Character
+from faceposer.model.character_checks import SEE_THROUGH
 from faceposer.model.materials import BASE_COLOURS
-from faceposer.model.subject import Subject
-from faceposer.model.subject_checks import SEE_THROUGH
 from faceposer.render.eye_painter import EyePainter
 from faceposer.render.mesh_buffers import MeshBuffers
 from faceposer.render.neck_fade import NO_FADE, neck_fade
@@ -105,7 +105,7 @@ def set_uniform(programs: Programs, name: str, value: Any) -> None:
 
 
 class Renderer:
-    """Draws one subject at a time; it owns the programs and the subject's buffers."""
+    """Draws one character at a time; it owns the programs and the character's buffers."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         """Compile the shaders in ``ctx``."""
@@ -125,12 +125,12 @@ class Renderer:
         self._neck = NO_FADE
         self._arrays: dict[str, moderngl.VertexArray] = {}
 
-    def set_subject(self, subject: Subject) -> None:
-        """Draw ``subject`` from now on."""
-        self.release_subject()
-        buffers = self.buffers = MeshBuffers(self.ctx, subject)
+    def set_character(self, character: Character) -> None:
+        """Draw ``character`` from now on."""
+        self.release_character()
+        buffers = self.buffers = MeshBuffers(self.ctx, character)
         self._eyes.set_buffers(buffers)
-        self._neck = neck_fade(subject)
+        self._neck = neck_fade(character)
         points = (buffers.points, "3f 3f", "position", "normal")
         bare = (buffers.points, "3f 3x4", "position")
         self._arrays = {
@@ -157,7 +157,7 @@ class Renderer:
         transparent: bool = False,
         look: Look = _USUAL,
     ) -> None:
-        """Draw the backdrop and the subject into all of ``target``, whose size must be the camera's.
+        """Draw the backdrop and the character into all of ``target``, whose size must be the camera's.
 
         Args:
             target: Drawn into.
@@ -206,7 +206,7 @@ class Renderer:
             set_uniform(program, "viewport", size)
         set_uniform(self._surface, "blended", fades)
         set_uniform(self._surface, "neck", self._neck)
-        set_uniform(self._surface, "mouth", _mouth_opening(buffers.subject))
+        set_uniform(self._surface, "mouth", _mouth_opening(buffers.character))
         if fades:
             # Only what is nearest fades: its depth comes first.
             target.color_mask = (False, False, False, False)
@@ -252,8 +252,8 @@ class Renderer:
 
     def _draw_parts(self, shading: Shading, opaque: bool, lined: bool = False) -> None:
         buffers = self._require_buffers()
-        subject = buffers.subject
-        for part in subject.parts:
+        character = buffers.character
+        for part in character.parts:
             if part.material == "film" or (part.material == "lashes") == opaque:
                 continue
             clay = shading == "clay" and part.material in ("skin", "lashes")
@@ -261,14 +261,14 @@ class Renderer:
                 continue
             name = "clay" if clay else part.material
             texture = None if clay else buffers.textures.get(part.name, buffers.textures.get(part.material))
-            if self._eyes.draw(part, subject.part_triangles(part), texture):
+            if self._eyes.draw(part, character.part_triangles(part), texture):
                 continue
             set_uniform(self._surface, "material", _MATERIALS.index(name))
             set_uniform(self._surface, "textured", texture is not None)
             set_uniform(self._surface, "base", _BASE[name])
             if texture is not None:
                 texture.use(0)
-            first, last = subject.part_triangles(part)
+            first, last = character.part_triangles(part)
             begin = buffers.lines.first_lined.get(part.name, last) if lined else last
             if begin == last:
                 self._arrays["surface"].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
@@ -281,7 +281,7 @@ class Renderer:
 
         Lashes and films are left out: a press on them means the lid behind.
         """
-        subject = self._require_buffers().subject
+        character = self._require_buffers().character
         target.use()
         self.ctx.viewport = (0, 0, *camera.size)
         # OpenGL clears with floats; of all of them, only zero is the same as an integer.
@@ -289,9 +289,9 @@ class Renderer:
         self.ctx.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         self.ctx.disable(moderngl.BLEND)
         self._set_camera(self._triangle_id, camera)
-        for part in subject.parts:
+        for part in character.parts:
             if part.material not in SEE_THROUGH:
-                first, last = subject.part_triangles(part)
+                first, last = character.part_triangles(part)
                 set_uniform(self._triangle_id, "first", first)
                 self._arrays["id"].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
         self.ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
@@ -302,22 +302,22 @@ class Renderer:
 
     def _require_buffers(self) -> MeshBuffers:
         if self.buffers is None:
-            raise RuntimeError("set_subject must come before drawing")
+            raise RuntimeError("set_character must come before drawing")
         return self.buffers
 
-    def release_subject(self) -> None:
-        """Free the buffers of the subject."""
+    def release_character(self) -> None:
+        """Free the buffers of the character."""
         for array in self._arrays.values():
             array.release()
         self._arrays = {}
-        self._eyes.release_subject()
+        self._eyes.release_character()
         if self.buffers is not None:
             self.buffers.release()
             self.buffers = None
 
     def release(self) -> None:
         """Free everything."""
-        self.release_subject()
+        self.release_character()
         self._backdrop.release()
         self._photo_quad.release()
         self._eyes.release()
@@ -325,11 +325,11 @@ class Renderer:
             program.release()
 
 
-def _mouth_opening(subject: Subject) -> tuple[float, float]:
+def _mouth_opening(character: Character) -> tuple[float, float]:
     """Return at which height the upper teeth end and how far forward the neutral teeth reach: behind, it gets dark."""
-    teeth = [subject.vertices[slice(*part.vertices)] for part in subject.parts if part.material == "teeth"]
+    teeth = [character.vertices[slice(*part.vertices)] for part in character.parts if part.material == "teeth"]
     if not teeth:
-        return float(subject.vertices[:, 1].min()), float(subject.vertices[:, 2].max())
+        return float(character.vertices[:, 1].min()), float(character.vertices[:, 2].max())
     front = max(teeth, key=lambda vertices: float(vertices[:, 2].max()))
-    ahead = front[front[:, 2] > front[:, 2].max() - 0.02 * subject.height]
+    ahead = front[front[:, 2] > front[:, 2].max() - 0.02 * character.height]
     return float(ahead[:, 1].min()), float(front[:, 2].max())

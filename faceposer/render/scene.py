@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints, points_on_triangles
+from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
-from faceposer.model.subject import Subject
 from faceposer.render.framebuffers import ColourTarget, IdTarget, Size
 from faceposer.render.options import Look, Shading
 from faceposer.render.renderer import PhotoLayer, Renderer
@@ -44,16 +44,16 @@ class Scene:
 
     @property
     def triangles(self) -> NDArray[np.int32]:
-        """The subject's triangles, shape (T, 3)."""
+        """The character's triangles, shape (T, 3)."""
         return self._require_model().triangles
 
     def set_model(self, model: FaceModel) -> None:
         """Show ``model``, neutral."""
         if model is self._model:
             return
-        self._renderer.set_subject(model.subject)
+        self._renderer.set_character(model.character)
         self._model = model
-        self._normals = VertexNormals(model.triangles, len(model.subject.vertices))
+        self._normals = VertexNormals(model.triangles, len(model.character.vertices))
         self._set(model, model.neutral())
 
     def set_pose(self, coefficients: ArrayLike, contact: bool = True) -> None:
@@ -73,9 +73,9 @@ class Scene:
         self._renderer.update(self.vertices, self.normals, self._pose)
 
     @property
-    def subject(self) -> Subject:
+    def character(self) -> Character:
         """The character shown."""
-        return self._require_model().subject
+        return self._require_model().character
 
     def prepare(self) -> None:
         """Do now, while nobody waits, what the first pose of this face needs."""
@@ -143,7 +143,7 @@ class Scene:
         if not len(positions):
             return np.zeros(0, dtype=bool)
         faces = self._seen(camera, camera.project(positions))
-        tolerance = 0.02 * float(np.ptp(self._require_model().subject.vertices[:, 1]))
+        tolerance = 0.02 * float(np.ptp(self._require_model().character.vertices[:, 1]))
         met = faces >= 0
         hidden = np.zeros(len(positions), dtype=bool)
         corners = self.vertices[self.triangles[faces[met]]].astype(np.float64)

@@ -56,7 +56,7 @@ def picture_steps(
         FacePoserError: If the file cannot be written, or there is no OpenGL.
     """
     with _pictures(model, options, options.size, ctx) as pictures:
-        view = options.orbit or face_view(model.subject, options.view, options.size[0] / options.size[1])
+        view = options.orbit or face_view(model.character, options.view, options.size[0] / options.size[1])
         write_png(path, pictures.draw(pose, view.camera(options.size)))
     yield 1.0
 
@@ -183,7 +183,7 @@ class _Shot:
             return
         shown = np.linspace(0, len(self._poses) - 1, min(len(self._poses), _FRAMED_POSES)).astype(int)
         poses = [model.surface(self._poses[i], options.contact) for i in shown]
-        self._view = framed_all_round([model.subject.vertices, *poses], self.size).looking(options.view)
+        self._view = framed_all_round([model.character.vertices, *poses], self.size).looking(options.view)
 
     def drawn_by(self, pictures: "_Pictures") -> Callable[[int], Picture]:
         """Return what draws the frame of a number."""
@@ -209,9 +209,9 @@ class _Pictures:
         self._model = model
         self._options = options
         self._renderer = Renderer(ctx)
-        self._renderer.set_subject(model.subject)
+        self._renderer.set_character(model.character)
         self._target = ColourTarget(ctx, size, min(_SAMPLES, ctx.max_samples))
-        self._normals = VertexNormals(model.triangles, len(model.subject.vertices))
+        self._normals = VertexNormals(model.triangles, len(model.character.vertices))
         self._shown: NDArray[np.float64] | None = None
 
     def draw(self, pose: NDArray[np.float64], camera: Camera) -> Picture:

@@ -152,10 +152,10 @@ def _to_json(session: Session, document: Document, camera: Camera | None, now: d
         # The pose lags behind the constraints; who reads the journal solves for them.
         document = replace(document, coefficients=None)
     path = None if session.path is None else session.path.absolute()
-    subject = Path(document.subject)
-    if subject.suffix.lower() == ".npz" and not (path is not None and (path.parent / subject).is_file()):
+    character = Path(document.character)
+    if character.suffix.lower() == ".npz" and not (path is not None and (path.parent / character).is_file()):
         # Named as seen from where the program was started.
-        document = replace(document, subject=str(subject.expanduser().absolute()))
+        document = replace(document, character=str(character.expanduser().absolute()))
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -185,8 +185,8 @@ class Orphan:
 
     @property
     def name(self) -> str:
-        """The file's name, or that of the subject."""
-        return self.path.name if self.path is not None else Path(self.document.subject).stem
+        """The file's name, or that of the character."""
+        return self.path.name if self.path is not None else Path(self.document.character).stem
 
     @property
     def outdated(self) -> bool:
@@ -200,7 +200,7 @@ class Orphan:
         """Return a session with the work, which counts as not saved; ``worker`` solves for it.
 
         Raises:
-            FacePoserError: If its subject cannot be opened or no longer fits.
+            FacePoserError: If its character cannot be opened or no longer fits.
         """
         session = session_of(self.document, self.path, worker)
         session.mark_unsaved()

@@ -11,7 +11,7 @@ import numpy as np
 
 from faceposer.errors import FacePoserError
 from faceposer.files.user_folders import data_folder
-from faceposer.model.subject_file import FORMAT, available_subjects, load_subject, save_subject
+from faceposer.model.character_file import FORMAT, available_characters, load_character, save_character
 
 SUFFIX = ".npz"
 LONGEST_TITLE = 80
@@ -25,7 +25,7 @@ def library_folder() -> Path:
 
 
 @dataclass(frozen=True)
-class Character:
+class LibraryEntry:
     """A character that can be opened.
 
     Attributes:
@@ -46,21 +46,21 @@ class CharacterLibrary:
         """Serve the characters in ``folder``, the user's library if None."""
         self._folder = folder
         self._titles: dict[Path, tuple[tuple[int, int], str | None]] = {}
-        self._installed: list[Character] | None = None
+        self._installed: list[LibraryEntry] | None = None
 
     @property
     def folder(self) -> Path:
         """The folder of the library; it need not exist."""
         return library_folder() if self._folder is None else self._folder
 
-    def all(self, elsewhere: list[str] | tuple[str, ...] = ()) -> list[Character]:
+    def all(self, elsewhere: list[str] | tuple[str, ...] = ()) -> list[LibraryEntry]:
         """Return the characters that are there: installed, in the library by title, and of the paths ``elsewhere``."""
         if self._installed is None:
-            self._installed = [Character(name, title, "installed") for name, title in available_subjects()]
+            self._installed = [LibraryEntry(name, title, "installed") for name, title in available_characters()]
         files = sorted(self.folder.glob(f"*{SUFFIX}")) if self.folder.is_dir() else []
-        own = [Character(str(path), title, "library") for path in files if (title := self.title(path)) is not None]
+        own = [LibraryEntry(str(path), title, "library") for path in files if (title := self.title(path)) is not None]
         others = [
-            Character(path, title, "elsewhere")
+            LibraryEntry(path, title, "elsewhere")
             for path in elsewhere
             if not self.holds(path) and (title := self.title(Path(path))) is not None
         ]
@@ -99,7 +99,7 @@ class CharacterLibrary:
         except OSError as error:
             raise FacePoserError(f"The folder '{self.folder}' cannot be made: {error.strerror}.") from error
 
-    def rename(self, character: Character, title: str) -> None:
+    def rename(self, character: LibraryEntry, title: str) -> None:
         """Give a character of the library another ``title``; its file, by which sessions name it, stays.
 
         Raises:
@@ -112,9 +112,9 @@ class CharacterLibrary:
             raise FacePoserError(f"A name has at most {LONGEST_TITLE} letters.")
         if character.home != "library":
             raise FacePoserError("Only imported characters can be renamed.")
-        save_subject(character.name, replace(load_subject(character.name), title=title))
+        save_character(character.name, replace(load_character(character.name), title=title))
 
-    def remove(self, character: Character) -> None:
+    def remove(self, character: LibraryEntry) -> None:
         """Delete the file of a character of the library.
 
         Raises:

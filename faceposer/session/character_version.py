@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from faceposer.files.json_documents import JsonObject
 from faceposer.geometry.alignment import Similarity, determines_rotation, rigid_alignment
 from faceposer.geometry.picking import SurfacePoints
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 from faceposer.solve.constraints import codec
 
 Array = NDArray[np.float64]
@@ -84,9 +84,9 @@ class CharacterVersion:
     shapes: tuple[str, ...]
 
     @classmethod
-    def of(cls, subject: Subject) -> "CharacterVersion":
-        """Return the version of ``subject`` that is loaded."""
-        return _version_of(subject)
+    def of(cls, character: Character) -> "CharacterVersion":
+        """Return the version of ``character`` that is loaded."""
+        return _version_of(character)
 
     def to_json(self) -> dict[str, Any]:
         """Return the version as a session's file has it."""
@@ -149,17 +149,17 @@ def _aligns(here: Array, there: Array) -> bool:
 
 
 @lru_cache(maxsize=4)
-def _version_of(subject: Subject) -> CharacterVersion:
-    faces = hashlib.sha256(np.ascontiguousarray(subject.triangles, dtype="<i4").tobytes()).hexdigest()
-    ends = subject.vertices.min(axis=0), subject.vertices.max(axis=0)
+def _version_of(character: Character) -> CharacterVersion:
+    faces = hashlib.sha256(np.ascontiguousarray(character.triangles, dtype="<i4").tobytes()).hexdigest()
+    ends = character.vertices.min(axis=0), character.vertices.max(axis=0)
     return CharacterVersion(
-        len(subject.vertices),
-        len(subject.triangles),
+        len(character.vertices),
+        len(character.triangles),
         faces,
-        {part.name: PartRuns(subject.part_triangles(part), part.vertices) for part in subject.parts},
-        {name: _place(subject.vertices[vertex]) for name, vertex in subject.feature_points.items()},
+        {part.name: PartRuns(character.part_triangles(part), part.vertices) for part in character.parts},
+        {name: _place(character.vertices[vertex]) for name, vertex in character.feature_points.items()},
         (_place(ends[0]), _place(ends[1])),
-        tuple(subject.shape_names),
+        tuple(character.shape_names),
     )
 
 

@@ -1,4 +1,4 @@
-"""What a user makes: a subject, constraints and a pose, and the JSON file that holds them (docs/session-format.md)."""
+"""What a user makes: a character, constraints and a pose, and the JSON file that holds them (docs/session-format.md)."""
 
 import json
 import os
@@ -39,12 +39,12 @@ class MadeOn:
     """What a file says of the character that its session was made on.
 
     Attributes:
-        character: Its version.
+        version: Its version.
         weights: Weights of its shapes in the pose, shape (S,), or None.
         start_weights: Weights of its shapes in the start pose, shape (S,), or None.
     """
 
-    character: CharacterVersion
+    version: CharacterVersion
     weights: NDArray[np.float64] | None = None
     start_weights: NDArray[np.float64] | None = None
 
@@ -54,7 +54,7 @@ class Document:
     """One state of the user's work; every edit makes a new one.
 
     Attributes:
-        subject: Name of a shipped subject, or the path of a subject's file: from everywhere while it is edited, and in
+        character: Name of a shipped character, or the path of a character's file: from everywhere while it is edited, and in
             a file as seen from where that lies.
         constraints: In the order in which they were made.
         prior_weight: Weight of the prior, at least 0.
@@ -66,7 +66,7 @@ class Document:
         spread: How much of the face follows a pull, from 0, as little as explains it, to 1, the whole face.
         solved: Whether the pose is what the constraints ask for, or they still wait to be solved.
         camera: The view under which the document was last seen, or None.
-        photos: That the face is posed after; their paths are like that of the subject.
+        photos: That the face is posed after; their paths are like that of the character.
         keyframes: The animation, or None without one.
         frame: The frame of the animation that is shown, counted from 0.
         animated: Whether the pose and the start are just what the animation has at that frame, so that there is
@@ -76,7 +76,7 @@ class Document:
             it is edited, and in files that do not say.
     """
 
-    subject: str
+    character: str
     constraints: tuple[Constraint, ...] = ()
     prior_weight: float = 1.0
     coefficients: NDArray[np.float64] | None = None
@@ -126,8 +126,8 @@ class Document:
 
     def same_face(self, other: "Document") -> bool:
         """Whether both ask for the same face: character, constraints and all of the prior agree."""
-        ours = (self.subject, self.constraints, self.prior_weight, self.prior, self.spread)
-        theirs = (other.subject, other.constraints, other.prior_weight, other.prior, other.spread)
+        ours = (self.character, self.constraints, self.prior_weight, self.prior, self.spread)
+        theirs = (other.character, other.constraints, other.prior_weight, other.prior, other.spread)
         return ours == theirs and _same(self.start, other.start)
 
     def rests_like(self, other: "Document") -> bool:
@@ -141,7 +141,7 @@ class Document:
         data: dict[str, Any] = {
             "format": FORMAT,
             "version": VERSION,
-            "subject": self.subject,
+            "subject": self.character,
             "prior_weight": self.prior_weight,
             "constraints": [constraint.to_json() for constraint in self.constraints],
         }
@@ -160,7 +160,7 @@ class Document:
         if self.keyframes is not None:
             data["animation"] = {"frame": self.frame, **self.keyframes.to_json()}
         if made_on is not None:
-            data["character"] = made_on.character.to_json()
+            data["character"] = made_on.version.to_json()
         return data
 
     def _poses_to_json(self) -> dict[str, Any]:
@@ -197,7 +197,7 @@ class Document:
             constraints=tuple(constraint.with_rest(model) for constraint in self.constraints),
             photos=tuple(photo.with_rest(model) for photo in self.photos),
             keyframes=keyframes,
-            made_on=MadeOn(CharacterVersion.of(model.subject), weights(self.coefficients), weights(self.start)),
+            made_on=MadeOn(CharacterVersion.of(model.character), weights(self.coefficients), weights(self.start)),
         )
 
     @classmethod
@@ -246,7 +246,7 @@ class Document:
         for name, pose in poses:
             if pose is not None and len(pose) != model.n_coefficients:
                 raise FacePoserError(
-                    f"{name} has {len(pose)} numbers where the subject '{self.subject}' has "
+                    f"{name} has {len(pose)} numbers where the character '{self.character}' has "
                     f"{model.n_coefficients}; remove the key to start from the neutral face."
                 )
         start = model.neutral() if self.start is None else self.start
@@ -260,25 +260,25 @@ class Document:
         return replace(self, constraints=tuple(constraints), photos=photos)
 
 
-def whole_subject(subject: str, folder: Path) -> str:
-    """Return ``subject``, if it is the path of a file, as seen from ``folder``, from everywhere."""
-    if not _is_file(subject):
-        return subject
-    return os.path.normpath((folder / Path(subject).expanduser()).absolute())
+def whole_character(character: str, folder: Path) -> str:
+    """Return ``character``, if it is the path of a file, as seen from ``folder``, from everywhere."""
+    if not _is_file(character):
+        return character
+    return os.path.normpath((folder / Path(character).expanduser()).absolute())
 
 
-def subject_from(subject: str, folder: Path) -> str:
-    """Return how a session in ``folder`` names ``subject``.
+def character_from(character: str, folder: Path) -> str:
+    """Return how a session in ``folder`` names ``character``.
 
     A file in the folder, beneath it, or in a folder beside it is named from there, with slashes, so that both can be
-    moved together; any other by its whole path. ``subject`` itself is a name, a whole path, or as seen from the current
+    moved together; any other by its whole path. ``character`` itself is a name, a whole path, or as seen from the current
     folder.
     """
-    return path_from(subject, folder) if _is_file(subject) else subject
+    return path_from(character, folder) if _is_file(character) else character
 
 
 def path_from(path: str, folder: Path) -> str:
-    """Return how a session in ``folder`` names the file ``path``, as ``subject_from`` does."""
+    """Return how a session in ``folder`` names the file ``path``, as ``character_from`` does."""
     whole = os.path.normpath(Path(path).expanduser().absolute())
     try:
         relative = Path(os.path.relpath(whole, folder.absolute()))
@@ -287,8 +287,8 @@ def path_from(path: str, folder: Path) -> str:
     return whole if relative.is_absolute() or relative.parts[:2] == ("..", "..") else relative.as_posix()
 
 
-def _is_file(subject: str) -> bool:
-    return subject.lower().endswith(".npz")
+def _is_file(character: str) -> bool:
+    return character.lower().endswith(".npz")
 
 
 class _AnimationJson(KeyframesJson, kw_only=True):
@@ -296,7 +296,7 @@ class _AnimationJson(KeyframesJson, kw_only=True):
 
 
 class _SessionFile(JsonDocument, kw_only=True):
-    subject: Annotated[str, Meta(min_length=1, description="the name or the path of a subject")]
+    subject: Annotated[str, Meta(min_length=1, description="the name or the path of a character")]
     constraints: Annotated[list[Any], Meta(max_length=_MAX_CONSTRAINTS)]
     prior_weight: Annotated[float, Meta(ge=0.0, le=_MAX_PRIOR_WEIGHT)] = 1.0
     prior: Prior = "regions"

@@ -44,7 +44,7 @@ def with_expression(document: Document, model: FaceModel, photo: Photo) -> Docum
     Raises:
         ValueError: If the photo has no camera yet.
     """
-    pinned = {anchor_of(pin.place, model.subject) for pin in photo.pins}
+    pinned = {anchor_of(pin.place, model.character) for pin in photo.pins}
     told = expression_constraints(photo, model, document.start, document.prior_weight, document.prior, document.spread)
     kept = [constraint for constraint in document.constraints if not _told(constraint, photo, pinned)]
     # The eyes look one way.

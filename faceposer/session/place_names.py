@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints, surface_positions
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 from faceposer.solve.constraints.registry import Constraint
 
 Array = NDArray[np.float64]
@@ -47,15 +47,17 @@ _AROUND_TEMPLE = ("cheek", "forehead", "scalp", "brow", "lids", "face")
 
 
 class PointNames:
-    """Names the places of one subject."""
+    """Names the places of one character."""
 
-    def __init__(self, subject: Subject) -> None:
-        """Prepare for ``subject``."""
-        self._subject = subject
-        self._ids = ids = [name for name in subject.feature_points if name in subject.feature_titles]
-        self._titles = [subject.feature_titles[name] for name in ids]
-        self._positions = subject.vertices[[subject.feature_points[name] for name in ids]] if ids else np.zeros((0, 3))
-        by_size = sorted(subject.regions.items(), key=lambda item: len(item[1]), reverse=True)
+    def __init__(self, character: Character) -> None:
+        """Prepare for ``character``."""
+        self._character = character
+        self._ids = ids = [name for name in character.feature_points if name in character.feature_titles]
+        self._titles = [character.feature_titles[name] for name in ids]
+        self._positions = (
+            character.vertices[[character.feature_points[name] for name in ids]] if ids else np.zeros((0, 3))
+        )
+        by_size = sorted(character.regions.items(), key=lambda item: len(item[1]), reverse=True)
         self._region_of: dict[int, str] = {}
         for region, vertices in by_size:
             sound = vertices[self._plausible(region, vertices)]
@@ -69,8 +71,8 @@ class PointNames:
         mouth = [i for i, name in enumerate(self._ids) if name.split(".")[0] == "8"]
         if not mouth or region.replace("_", " ").split()[0] not in ("mouth", "lip"):
             return np.ones(len(vertices), dtype=bool)
-        offsets = self._subject.vertices[vertices][:, None] - self._positions[mouth][None]
-        near: NDArray[np.bool_] = np.linalg.norm(offsets, axis=2).min(axis=1) < _MOUTH * self._subject.height
+        offsets = self._character.vertices[vertices][:, None] - self._positions[mouth][None]
+        near: NDArray[np.bool_] = np.linalg.norm(offsets, axis=2).min(axis=1) < _MOUTH * self._character.height
         return near
 
     def of(self, constraint: Constraint) -> str:
@@ -88,10 +90,10 @@ class PointNames:
     def area(self, points: SurfacePoints) -> str:
         """Return what people call the area that ``points`` cover: the regions with most of them."""
         counts: dict[str, int] = {}
-        for corner in points.corners(self._subject.triangles)[:, 0].tolist():
+        for corner in points.corners(self._character.triangles)[:, 0].tolist():
             region = self._region_of.get(corner)
             if region is None:
-                region = self._region_of[corner] = self._region(self._subject.vertices[corner])
+                region = self._region_of[corner] = self._region(self._character.vertices[corner])
             counts[region] = counts.get(region, 0) + 1
         names = sorted(counts, key=lambda name: -counts[name])
         plain = list(dict.fromkeys(_without_side(name) for name in names if counts[name] * 5 >= len(points)))
@@ -101,12 +103,12 @@ class PointNames:
 
     def _nearest(self, point: SurfacePoint | int) -> str | None:
         """Return the feature point that lies at ``point``, or None."""
-        position = surface_positions(self._subject.vertices, self._subject.triangles, [point])[0]
+        position = surface_positions(self._character.vertices, self._character.triangles, [point])[0]
         if not len(self._positions):
             return None
         distances = np.linalg.norm(self._positions - position, axis=1)
         nearest = int(np.argmin(distances))
-        return self._ids[nearest] if distances[nearest] < _AT * self._subject.height else None
+        return self._ids[nearest] if distances[nearest] < _AT * self._character.height else None
 
     def name(self, point: SurfacePoint | int) -> str:
         """Return what people call the place ``point``, a surface point or the index of a vertex."""
@@ -115,15 +117,15 @@ class PointNames:
         return self._known[point]
 
     def _find(self, point: SurfacePoint | int) -> str:
-        position = surface_positions(self._subject.vertices, self._subject.triangles, [point])[0]
+        position = surface_positions(self._character.vertices, self._character.triangles, [point])[0]
         if isinstance(point, SurfacePoint):
-            vertex = int(self._subject.triangles[point.face, int(np.argmax(point.barycentric))])
+            vertex = int(self._character.triangles[point.face, int(np.argmax(point.barycentric))])
         else:
             vertex = point
         own = self._region_of.get(vertex, "")
         if own.startswith("eye"):
             return _readable(own)
-        height = self._subject.height
+        height = self._character.height
         nearest, distance = -1, np.inf
         if len(self._positions):
             distances = np.linalg.norm(self._positions - position, axis=1)
@@ -152,22 +154,22 @@ class PointNames:
             # Here and not above: the window's first frame needs none, and loading it takes time.
             from scipy.spatial import cKDTree
 
-            self._tree = cKDTree(self._subject.vertices[self._labelled])
+            self._tree = cKDTree(self._character.vertices[self._labelled])
         count = min(_VOTERS, len(self._labelled))
         distances, indices = self._tree.query(position, k=np.arange(1, count + 1))
-        if distances[0] > _STRAY * self._subject.height:
+        if distances[0] > _STRAY * self._character.height:
             return "face"
         regions = [self._region_of[int(self._labelled[index])] for index in indices]
         # Of equals the nearest.
         return max(dict.fromkeys(regions), key=regions.count)
 
     def _place(self, feature: str) -> Array | None:
-        vertex = self._subject.feature_points.get(feature)
-        return None if vertex is None else np.asarray(self._subject.vertices[vertex], dtype=np.float64)
+        vertex = self._character.feature_points.get(feature)
+        return None if vertex is None else np.asarray(self._character.vertices[vertex], dtype=np.float64)
 
     def _line(self, position: Array) -> str | None:
         """Return the brow or lid on which ``position`` lies, or None."""
-        best, found = _ON_LINE * self._subject.height, None
+        best, found = _ON_LINE * self._character.height, None
         for title, features in _LINES.items():
             places = [place for feature in features if (place := self._place(feature)) is not None]
             for begin, end in pairwise(places):
@@ -185,11 +187,11 @@ class PointNames:
             return False
         low, high = sorted((float(corners[0][0]), float(corners[1][0])))
         level = min(float(corner[1]) for corner in corners)
-        return low < float(position[0]) < high and float(position[1]) > level - 0.01 * self._subject.height
+        return low < float(position[0]) < high and float(position[1]) > level - 0.01 * self._character.height
 
     def _temple(self, position: Array) -> str | None:
         """Return the temple on which ``position`` lies, from the eye's outer corner back and up, or None."""
-        height = self._subject.height
+        height = self._character.height
         for title, (corner, brow) in _TEMPLES.items():
             eye, end = self._place(corner), self._place(brow)
             if eye is None or end is None:

@@ -56,17 +56,17 @@ def rebound(document: Document, model: FaceModel) -> Rebinding:
     Raises:
         FacePoserError: If the weights of a pose do not go with the names of the shapes.
     """
-    made_on, name = document.made_on, Path(document.subject).stem
+    made_on, name = document.made_on, Path(document.character).stem
     document = _with_neutral(replace(document, made_on=None), model)
     if made_on is None:
         return _undated(document, model, name)
     remarks: list[str] = []
-    poses = _Poses(model, made_on.character)
+    poses = _Poses(model, made_on.version)
     document = _solvable(poses.taken_over(document, made_on), model)
-    if made_on.character.same_topology(CharacterVersion.of(model.subject)):
+    if made_on.version.same_topology(CharacterVersion.of(model.character)):
         document = _with_shifted_neutral(document, model)
     else:
-        document, remarks = _placed_again(document, model, made_on.character)
+        document, remarks = _placed_again(document, model, made_on.version)
     if poses.converted:
         remarks.append("its poses were taken from the weights of the shapes")
     if poses.lost:
@@ -123,7 +123,7 @@ class _Poses:
     def __init__(self, model: FaceModel, version: CharacterVersion) -> None:
         self._model = model
         self._names = version.shapes
-        self._map = weight_map(model.subject.shape_names, version.shapes)
+        self._map = weight_map(model.character.shape_names, version.shapes)
         self.converted = False
         self.lost: set[str] = set()
 
@@ -156,7 +156,7 @@ class _Poses:
             raise FacePoserError(
                 f"{where} has {len(weights)} numbers where character.shapes has {len(self._names)} names."
             )
-        alike = self._names == tuple(model.subject.shape_names) and len(pose) == model.n_coefficients
+        alike = self._names == tuple(model.character.shape_names) and len(pose) == model.n_coefficients
         if alike and np.abs(model.weights_of(pose) - weights).max(initial=0.0) <= _SAME_WEIGHT:
             return pose
         self.converted = True
@@ -173,7 +173,7 @@ def _with_shifted_neutral(document: Document, model: FaceModel) -> Document:
     for one in document.constraints:
         if isinstance(one, FixedConstraint) and one.rest is not None:
             one.points.check(model.triangles)
-            shift = one.points.positions(model.subject.vertices, model.triangles) - one.rest
+            shift = one.points.positions(model.character.vertices, model.triangles) - one.rest
             constraints.append(one.rebound(one.points, _STILL, np.where(np.abs(shift) > 1e-3, shift, 0.0)))
         else:
             constraints.append(one.without_rest())
@@ -211,7 +211,7 @@ class _Surface:
     """
 
     def __init__(self, model: FaceModel, version: CharacterVersion) -> None:
-        here = CharacterVersion.of(model.subject)
+        here = CharacterVersion.of(model.character)
         self._model = model
         self._version = version
         self._far = _FAR * float(np.linalg.norm(np.subtract(*here.box)))
@@ -238,8 +238,8 @@ class _Surface:
         found, far = self._nearest(places, one.rest, isinstance(one, FixedConstraint))
         if far:
             self.off.append(title)
-        subject = self._model.subject
-        shift = found.positions(subject.vertices, subject.triangles) - self.frame.apply(one.rest)
+        character = self._model.character
+        shift = found.positions(character.vertices, character.triangles) - self.frame.apply(one.rest)
         return one.rebound(found, self.frame, shift)
 
     def photo(self, index: int, photo: Photo) -> Photo:
@@ -285,12 +285,12 @@ class _Surface:
     def _part(self, name: str | None) -> NearestSurface:
         """Return the part called ``name``, or all that can be pointed at where there is none."""
         if name not in self._by_part:
-            subject = self._model.subject
-            runs = [subject.part_triangles(part) for part in subject.parts if part.name == name]
-            chosen = np.arange(*runs[0]) if runs and runs[0][1] > runs[0][0] else subject.solid_triangles
+            character = self._model.character
+            runs = [character.part_triangles(part) for part in character.parts if part.name == name]
+            chosen = np.arange(*runs[0]) if runs and runs[0][1] > runs[0][0] else character.solid_triangles
             if not len(chosen):
-                chosen = np.arange(len(subject.triangles))
-            self._by_part[name] = NearestSurface(subject.vertices, subject.triangles, chosen)
+                chosen = np.arange(len(character.triangles))
+            self._by_part[name] = NearestSurface(character.vertices, character.triangles, chosen)
         return self._by_part[name]
 
 

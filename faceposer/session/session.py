@@ -17,7 +17,7 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.session.animating import AnimationController
-from faceposer.session.document import Document, path_from, subject_from, write_document
+from faceposer.session.document import Document, character_from, path_from, write_document
 from faceposer.session.history import History
 from faceposer.session.solver_worker import InlineWorker, Job, Worker
 from faceposer.solve.constraints.registry import Constraint
@@ -391,7 +391,7 @@ class Session:
         """
         written = replace(
             self._document,
-            subject=subject_from(self._document.subject, path.parent),
+            character=character_from(self._document.character, path.parent),
             photos=tuple(replace(photo, path=path_from(photo.path, path.parent)) for photo in self._document.photos),
         )
         written = written if camera is None else replace(written, camera=camera)

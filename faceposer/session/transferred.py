@@ -12,7 +12,7 @@ from faceposer.transfer.transfer import Transfer
 
 
 def transferred(
-    document: Document, coefficients: NDArray[np.float64], transfer: Transfer, subject: str, target: FaceModel
+    document: Document, coefficients: NDArray[np.float64], transfer: Transfer, character: str, target: FaceModel
 ) -> Document:
     """Return what a session holds, carried over to another face: its pose, and every key of its animation.
 
@@ -22,11 +22,11 @@ def transferred(
         document: Of the session.
         coefficients: Its pose, shape (r,).
         transfer: From its face to the other.
-        subject: Name or file of the other face.
+        character: Name or file of the other face.
         target: Its model.
     """
     new = Document(
-        subject,
+        character,
         prior_weight=document.prior_weight,
         prior=document.prior,
         spread=document.spread,

@@ -342,8 +342,8 @@ def _held_weights(model: FaceModel) -> tuple[Array, Array]:
 
     They are all shapes' weights, and how far shapes that depend on others go beyond these.
     """
-    limits, directions = model.subject.shape_limits, model.subspace.directions
-    for shape, other, beyond in dependent_pairs(model.subject.shape_names):
+    limits, directions = model.character.shape_limits, model.subspace.directions
+    for shape, other, beyond in dependent_pairs(model.character.shape_names):
         directions = np.vstack([directions, directions[shape] - directions[other]])
         limits = np.vstack([limits, [-limits[other, 1], beyond]])
     bounded = limits[:, 1] > limits[:, 0]

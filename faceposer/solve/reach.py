@@ -121,7 +121,7 @@ def reach_of_rows(
     density, samples = model.rig_density, model.motion_samples
     weights = density.directions @ p
     lower, upper = (limits_around(density.limits, weights) if limits is None else limits.copy()).T
-    names = [model.subject.shape_names[row] for row in density.shape_rows]
+    names = [model.character.shape_names[row] for row in density.shape_rows]
     for shape, other, beyond in dependent_pairs(names):
         upper[shape] = max(min(upper[shape], weights[other] + beyond), weights[shape])
     moves = rows @ density.projection

@@ -22,7 +22,7 @@ def fit_weights(model: FaceModel, p: ArrayLike) -> dict[str, float]:
     Nearest in the sum of squared vertex distances; shapes that move nothing get 0.
     """
     values = fit_weights_of_frames(model, np.asarray(p, dtype=np.float64)[None])[0]
-    return dict(zip(model.subject.shape_names, values.tolist(), strict=True))
+    return dict(zip(model.character.shape_names, values.tolist(), strict=True))
 
 
 def fit_weights_of_frames(model: FaceModel, coefficients: ArrayLike) -> Array:
@@ -35,7 +35,7 @@ def fit_weights_of_frames(model: FaceModel, coefficients: ArrayLike) -> Array:
     free = np.asarray(coefficients, dtype=np.float64) @ model.subspace.directions.T
     result = np.zeros(free.shape)
     moving = np.flatnonzero(np.diag(model.gram) > 0)
-    lower, upper = model.subject.shape_limits[moving].T.astype(np.float64)
+    lower, upper = model.character.shape_limits[moving].T.astype(np.float64)
     # Shapes of one length, so that no jaw is weighed against an eyelid in the choice of what is at its limit.
     lengths = np.sqrt(np.diag(model.gram)[moving])
     gram = model.gram[np.ix_(moving, moving)] / np.outer(lengths, lengths)

@@ -67,7 +67,7 @@ class FixTool(PosingTool):
     def _visible(self, context: ToolContext) -> tuple[Vertices, NDArray[np.float64]]:
         """Return the vertices of the face that can be seen, (n,), and their pixels, (n, 2)."""
         session = context.session
-        triangles = session.model.triangles[session.model.subject.solid_triangles]
+        triangles = session.model.triangles[session.model.character.solid_triangles]
         vertices = np.unique(triangles).astype(np.int64)
         pixels = context.camera.project(session.vertices[vertices])
         inside = ((pixels >= 0) & (pixels < context.size)).all(axis=1)
@@ -152,7 +152,7 @@ def _without(document: Document, vertices: Vertices) -> Document:
 def toggle_region(names: tuple[str, ...], context: ToolContext, tool_settings: ToolSettings) -> None:
     """Hold the regions ``names`` of the face where they are, or let them go if just they are held, as one step."""
     session = context.session
-    regions = session.model.subject.regions
+    regions = session.model.character.regions
     found = [regions[name] for name in names if name in regions]
     if not found:
         return
@@ -172,7 +172,7 @@ def toggle_region(names: tuple[str, ...], context: ToolContext, tool_settings: T
 
 def region_held(names: tuple[str, ...], context: ToolContext) -> int | None:
     """Return the index of the constraint that holds just the regions ``names``, or None."""
-    regions = context.session.model.subject.regions
+    regions = context.session.model.character.regions
     found = [regions[name] for name in names if name in regions]
     if not found:
         return None

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.geometry.camera import Camera
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 from faceposer.solve.constraints.gaze import REACH_CM, GazeConstraint, gaze_direction
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext
 
@@ -15,30 +15,30 @@ _REACH = 13.0
 Pixel = tuple[float, float]
 
 
-def eyes_of(subject: Subject) -> NDArray[np.float64] | None:
+def eyes_of(character: Character) -> NDArray[np.float64] | None:
     """Return the centres of both eyes of the neutral face, shape (2, 3), or None where it has none to turn."""
-    if not any(name.startswith("eyeLook") for name in subject.shape_names):
+    if not any(name.startswith("eyeLook") for name in character.shape_names):
         return None
-    parts = [part for part in subject.parts if part.material == "eye"]
+    parts = [part for part in character.parts if part.material == "eye"]
     if len(parts) != 2:
         return None
-    centres = [subject.vertices[slice(*part.vertices)].mean(axis=0) for part in parts]
+    centres = [character.vertices[slice(*part.vertices)].mean(axis=0) for part in parts]
     return np.array(centres, dtype=np.float64)
 
 
-def pupils_of(subject: Subject, direction: tuple[float, float]) -> NDArray[np.float64] | None:
+def pupils_of(character: Character, direction: tuple[float, float]) -> NDArray[np.float64] | None:
     """Return the middles of the pupils of eyes turned to ``direction`` in degrees, (2, 3), or None without eyes.
 
     They lie where a ray from the centre of each eye leaves it.
     """
-    centres = eyes_of(subject)
+    centres = eyes_of(character)
     if centres is None:
         return None
     forward = _forward(direction)
-    parts = [part for part in subject.parts if part.material == "eye"]
+    parts = [part for part in character.parts if part.material == "eye"]
     # The eye is turned, not the ray: an eyeball reaches as far forward whichever way it looks.
     depths = [
-        float((subject.vertices[slice(*part.vertices)][:, 2] - centre[2]).max())
+        float((character.vertices[slice(*part.vertices)][:, 2] - centre[2]).max())
         for part, centre in zip(parts, centres, strict=True)
     ]
     pupils: NDArray[np.float64] = centres + np.array(depths)[:, None] * forward
@@ -51,21 +51,23 @@ def _forward(direction: tuple[float, float]) -> NDArray[np.float64]:
     return np.array((math.sin(yaw) * math.cos(pitch), math.sin(pitch), math.cos(yaw) * math.cos(pitch)))
 
 
-def handle_position(subject: Subject, direction: tuple[float, float]) -> NDArray[np.float64] | None:
+def handle_position(character: Character, direction: tuple[float, float]) -> NDArray[np.float64] | None:
     """Return where in space the handle is for a ``direction`` in degrees, shape (3,), or None without eyes."""
-    eyes = eyes_of(subject)
+    eyes = eyes_of(character)
     if eyes is None:
         return None
     position: NDArray[np.float64] = eyes.mean(axis=0) + REACH_CM * _forward(direction)
     return position
 
 
-def direction_under(subject: Subject, camera: Camera, pixel: Pixel, near: NDArray[np.float64]) -> tuple[float, float]:
+def direction_under(
+    character: Character, camera: Camera, pixel: Pixel, near: NDArray[np.float64]
+) -> tuple[float, float]:
     """Return the direction, in degrees, whose handle lies under ``pixel``, of two the one nearer to ``near``, (3,).
 
     The ray of the pixel is met with the sphere that the handle moves on, or comes as near to it as it can.
     """
-    eyes = eyes_of(subject)
+    eyes = eyes_of(character)
     assert eyes is not None
     centre = eyes.mean(axis=0)
     origin, ray = camera.ray(pixel)
@@ -103,7 +105,7 @@ class GazeTool(PosingTool):
 
     def handle(self, context: ToolContext) -> Pixel | None:
         """Return where the view shows the handle, or None where the face has no eyes to turn."""
-        position = handle_position(context.session.model.subject, self.direction(context))
+        position = handle_position(context.session.model.character, self.direction(context))
         if position is None:
             return None
         u, v = context.camera.project(position[None])[0].tolist()
@@ -116,7 +118,7 @@ class GazeTool(PosingTool):
             return False
         session, camera = context.session, context.camera
         found, met = context.pick_many([handle])
-        place = handle_position(session.model.subject, self.direction(context))
+        place = handle_position(session.model.character, self.direction(context))
         if place is None or not met[0]:
             return True
         surface = session.model.positions_at(found, session.coefficients)
@@ -135,7 +137,7 @@ class GazeTool(PosingTool):
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
         """Whether the press ``event`` begins to turn the eyes, which it does anywhere in the view."""
-        has_eyes = eyes_of(context.session.model.subject) is not None
+        has_eyes = eyes_of(context.session.model.character) is not None
         return event.button == "left" and not event.modifiers and has_eyes
 
     def handle_under(self, position: Pixel, context: ToolContext) -> int | None:
@@ -148,7 +150,7 @@ class GazeTool(PosingTool):
         """Drag the handle while the eyes follow; it moves as the pointer does, wherever that is."""
         # on press
         session = context.session
-        subject = session.model.subject
+        character = session.model.character
         handle, found = self.handle(context), self.constraint(context)
         if handle is None or (found is not None and found[1].locked):
             return
@@ -164,10 +166,10 @@ class GazeTool(PosingTool):
                     break
                 # on move
                 moved = True
-                near = handle_position(subject, begun.direction)
+                near = handle_position(character, begun.direction)
                 assert near is not None
                 u, v = (np.asarray(event.position) + grip).tolist()
-                direction = direction_under(subject, context.camera, (u, v), near)
+                direction = direction_under(character, context.camera, (u, v), near)
                 begun = replace(begun, direction=direction).within_reach()
                 document = session.document
                 if index < len(document.constraints):
@@ -189,6 +191,6 @@ class GazeTool(PosingTool):
 
     def hint(self, context: ToolContext) -> str:
         """Return what a press will do."""
-        if eyes_of(context.session.model.subject) is None:
+        if eyes_of(context.session.model.character) is None:
             return "This face has no eyes that turn"
         return "Drag anywhere: both eyes follow the ring   ·   right click on the ring: release them"

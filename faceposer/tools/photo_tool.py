@@ -64,7 +64,7 @@ class PhotoTool(PosingTool):
     def next_place(self, context: ToolContext, after: Place | None = None) -> Place | None:
         """Return the first place of the guided order, from ``after`` on, that has no pin yet, or None."""
         photo = self.photo(context)
-        order = guided(context.session.model.subject)
+        order = guided(context.session.model.character)
         begin = order.index(after) + 1 if isinstance(after, str) and after in order else 0
         pinned = {pin.place for pin in photo.pins} if photo is not None else set()
         return next((place for place in order[begin:] if place not in pinned), None)

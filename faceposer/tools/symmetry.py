@@ -21,7 +21,7 @@ _MIDDLE = 0.02
 @lru_cache(maxsize=2)
 def mirror_of(model: FaceModel) -> SurfaceMirror:
     """Return the mirror of the neutral face of ``model``."""
-    return SurfaceMirror(model.subject.vertices, model.triangles, _TOLERANCE * model.subject.height)
+    return SurfaceMirror(model.character.vertices, model.triangles, _TOLERANCE * model.character.height)
 
 
 @dataclass
@@ -42,8 +42,8 @@ class Symmetry:
             return None
         for i, other in enumerate(document.constraints):
             if i != index and other.kind == constraint.kind and len(other.points) == len(across):
-                places = other.points.positions(model.subject.vertices, model.triangles)
-                if np.abs(places - across).max() <= 2.0 * _TOLERANCE * model.subject.height:
+                places = other.points.positions(model.character.vertices, model.triangles)
+                if np.abs(places - across).max() <= 2.0 * _TOLERANCE * model.character.height:
                     return i
         return None
 
@@ -109,6 +109,6 @@ def _across(constraint: Constraint, model: FaceModel) -> NDArray[np.float64] | N
     points = mirror_of(model).points(constraint.points)
     if points is None:
         return None
-    places = points.positions(model.subject.vertices, model.triangles)
+    places = points.positions(model.character.vertices, model.triangles)
     off_middle = abs(float(places[:, 0].mean()))
-    return places if off_middle > _MIDDLE * model.subject.height else None
+    return places if off_middle > _MIDDLE * model.character.height else None

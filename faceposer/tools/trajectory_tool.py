@@ -93,7 +93,7 @@ class TrajectoryTool(PosingTool):
     def candidates(self, context: ToolContext) -> dict[str, Pixel]:
         """Return where the view shows the feature points that can be taken, those that the face hides aside."""
         session = context.session
-        features = session.model.subject.feature_points
+        features = session.model.character.feature_points
         if not features:
             return {}
         points = SurfacePoints.at_vertices(list(features.values()))
@@ -113,7 +113,7 @@ class TrajectoryTool(PosingTool):
             if distance < best:
                 best, found = distance, name
         if found is not None:
-            return int(context.session.model.subject.feature_points[found])
+            return int(context.session.model.character.feature_points[found])
         return context.pick(position)
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
@@ -167,8 +167,8 @@ class TrajectoryTool(PosingTool):
         across = mirror_of(model).points(own)
         if across is None:
             return None
-        rest = own.joined(across).positions(model.subject.vertices, model.triangles)
-        if np.linalg.norm(rest[1] - rest[0]) < _MIDDLE * model.subject.height:
+        rest = own.joined(across).positions(model.character.vertices, model.triangles)
+        if np.linalg.norm(rest[1] - rest[0]) < _MIDDLE * model.character.height:
             return None
         place, other = model.positions_at(own.joined(across), pose)
         scale = camera.to_camera(place[None])[0, 2] / camera.focal

@@ -1,1 +1,1 @@
-"""From files to characters: rigs, example meshes, markers and performances become subjects that can be posed."""
+"""From files to characters: rigs, example meshes, markers and performances become characters that can be posed."""

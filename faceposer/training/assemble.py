@@ -1,4 +1,4 @@
-"""Puts a subject together from a file's mesh."""
+"""Puts a character together from a file's mesh."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.polygon_mesh import PolygonMesh
+from faceposer.model.character import Part
+from faceposer.model.character_file import load_character
 from faceposer.model.origin import Origin
-from faceposer.model.subject import Part
-from faceposer.model.subject_file import load_subject
 from faceposer.training.eyes import eye_uv
 from faceposer.training.parts import PartedMesh, into_parts
 
@@ -121,4 +121,4 @@ def _with_looks(
 
 @lru_cache(maxsize=1)
 def _eye_picture() -> bytes:
-    return load_subject("man").textures["eye"]
+    return load_character("man").textures["eye"]

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.shape_names import canonical_shape, whole_of
-from faceposer.model.subject import ARKIT_SHAPES
 
 Array = NDArray[np.float64]
 

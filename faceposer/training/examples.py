@@ -1,4 +1,4 @@
-"""Example meshes of one topology become a subject: its controls are the principal modes of its regions."""
+"""Example meshes of one topology become a character: its controls are the principal modes of its regions."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.geometry.mesh_sequence import MeshSequence, open_sequence
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 from faceposer.progress import Progress
 from faceposer.training.assemble import UprightMesh, assemble
 from faceposer.training.eyes import misplaced_eyes
@@ -42,7 +42,7 @@ class ExampleOptions:
     """What to make of examples.
 
     Attributes:
-        name: Short name of the subject.
+        name: Short name of the character.
         title: Name to show.
         neutral: File of the neutral mesh, if no name tells.
         segments: Regions that get modes of their own: "face" for brows, eyes, ears and mouth, "whole" for one, or how
@@ -65,7 +65,7 @@ class ExampleOptions:
     credits: str = ""
 
 
-def subject_from_examples(path: Path, options: ExampleOptions, progress: Progress | None = None) -> Subject:
+def character_from_examples(path: Path, options: ExampleOptions, progress: Progress | None = None) -> Character:
     """Return the character that the meshes in ``path``, a folder or a .npz file, are examples of.
 
     Raises:
@@ -73,12 +73,12 @@ def subject_from_examples(path: Path, options: ExampleOptions, progress: Progres
     """
     progress = progress or Progress()
     progress.at("Looking at the files")
-    return subject_from_sequence(open_sequence(path, options.neutral), path.name, options, progress)
+    return character_from_sequence(open_sequence(path, options.neutral), path.name, options, progress)
 
 
-def subject_from_sequence(
+def character_from_sequence(
     sequence: MeshSequence, source: str, options: ExampleOptions, progress: Progress, mesh: UprightMesh | None = None
-) -> Subject:
+) -> Character:
     """Return the character that the meshes of ``sequence`` are examples of.
 
     Args:
@@ -143,7 +143,7 @@ def subject_from_sequence(
             *choice.warnings,
         ],
     }
-    return Subject(
+    return Character(
         name=options.name,
         title=options.title,
         vertices=mesh.vertices,

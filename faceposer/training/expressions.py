@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.coupling import BROWS, GAZE, LIDS, learn_coupling, region_of_shape
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.muscles import mirrored_pairs, muscle_of_shape
-from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.training.capture import Capture
 from faceposer.training.mfa import MixtureOfFactorAnalyzers
 

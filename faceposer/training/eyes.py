@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.model.character import Part
 from faceposer.model.contact.eyeballs import CONCENTRIC, fit_sphere
-from faceposer.model.subject import Part
 
 Array = NDArray[np.float64]
 

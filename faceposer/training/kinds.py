@@ -47,7 +47,7 @@ def kind_of(source: Path) -> Kind:
 
 
 def plain_name(path: Path) -> str:
-    """Return a short name for a subject from the name of its source."""
+    """Return a short name for a character from the name of its source."""
     name = re.sub(r"[^a-z0-9]+", "-", (path.name if path.is_dir() else path.stem).lower()).strip("-")
     return name or "character"
 

@@ -1,4 +1,4 @@
-"""Examples of a face whose mesh is a subject already: it keeps its parts, looks, regions and feature points."""
+"""Examples of a face whose mesh is a character already: it keeps its parts, looks, regions and feature points."""
 
 import tempfile
 from collections.abc import Iterable
@@ -11,41 +11,41 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_sequence import frames_of, write_frames
 from faceposer.geometry.polygon_mesh import Group, PolygonMesh
+from faceposer.model.character import Character
 from faceposer.model.origin import Origin
-from faceposer.model.subject import Subject
 from faceposer.progress import Progress
 from faceposer.training.assemble import UprightMesh
-from faceposer.training.examples import ExampleOptions, subject_from_sequence
+from faceposer.training.examples import ExampleOptions, character_from_sequence
 
 
-def mesh_of(subject: Subject) -> PolygonMesh:
-    """Return the mesh of a subject, with its parts as groups."""
-    groups = tuple(Group(part.name, part.polygons, part.material) for part in subject.parts)
+def mesh_of(character: Character) -> PolygonMesh:
+    """Return the mesh of a character, with its parts as groups."""
+    groups = tuple(Group(part.name, part.polygons, part.material) for part in character.parts)
     return PolygonMesh(
-        subject.vertices.astype(np.float64),
-        subject.polygons,
-        subject.uv.astype(np.float64),
-        subject.polygon_uvs,
+        character.vertices.astype(np.float64),
+        character.polygons,
+        character.uv.astype(np.float64),
+        character.polygon_uvs,
         groups=groups,
     )
 
 
-def subject_from_frames(
+def character_from_frames(
     frames: Iterable[NDArray[np.floating]],
     count: int,
     mesh: PolygonMesh,
-    known: Subject | None,
+    known: Character | None,
     source: str,
     options: ExampleOptions,
     progress: Progress,
-) -> Subject:
+) -> Character:
     """Return the character that ``frames`` are examples of.
 
     Args:
         frames: ``count`` arrays of shape (M, 3), read once.
         count: How many there are.
         mesh: The neutral face, M vertices.
-        known: The subject that ``mesh`` is of, if it is one.
+        known: The character that ``mesh`` is of, if it is one.
         source: Where the frames come from, for the summary.
         options: What to make of them.
         progress: Told how far it is.
@@ -64,8 +64,8 @@ def subject_from_frames(
             ) from error
         sequence = frames_of(path, mesh, f"the mesh of '{known.name if known else source}'")
         if known is None:
-            return subject_from_sequence(sequence, source, options, progress)
-        learned = subject_from_sequence(sequence, source, options, progress, _as_upright(known))
+            return character_from_sequence(sequence, source, options, progress)
+        learned = character_from_sequence(sequence, source, options, progress, _as_upright(known))
     return replace(
         learned,
         regions=known.regions,
@@ -75,7 +75,7 @@ def subject_from_frames(
     )
 
 
-def _as_upright(known: Subject) -> UprightMesh:
+def _as_upright(known: Character) -> UprightMesh:
     ids = np.arange(len(known.vertices), dtype=np.int32)
     mesh = mesh_of(known)
     origin = Origin(np.eye(3), mesh.vertices, ids, mesh.polygons, mesh.uv, mesh.polygon_uvs, mesh.groups)

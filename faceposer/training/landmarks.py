@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.model.subject import Part
-from faceposer.model.subject_file import load_subject
+from faceposer.model.character import Part
+from faceposer.model.character_file import load_character
 from faceposer.training.eyes import side_of
 
 # A difference of one in the strength of a shape, relative to its greatest, counts as much as this many centimetres.
@@ -52,7 +52,7 @@ def find_landmarks(
         parts: Pieces of the mesh.
         shapes: Offsets, (N, 3), by ARKit's names.
     """
-    man = load_subject("man")
+    man = load_character("man")
     ours = np.arange(*man.part("skin").vertices)
     runs = [np.arange(*part.vertices) for part in parts if part.material == "skin"]
     skin = np.concatenate(runs) if runs else np.zeros(0, dtype=np.intp)

@@ -1,4 +1,4 @@
-"""Motion of markers on a performer's face, carried over to a scan, becomes a subject (Lau et al. 2009, section 3.1)."""
+"""Motion of markers on a performer's face, carried over to a scan, becomes a character (Lau et al. 2009, section 3.1)."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,22 +11,22 @@ from faceposer.geometry.marker_io import read_markers
 from faceposer.geometry.marker_map import read_marker_map
 from faceposer.geometry.marker_meshes import MarkerMeshes, meshes_from_markers
 from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_mesh
-from faceposer.model.subject import Subject
-from faceposer.model.subject_file import load_subject
+from faceposer.model.character import Character
+from faceposer.model.character_file import load_character
 from faceposer.progress import Progress
 from faceposer.training.examples import ExampleOptions
-from faceposer.training.known_face import mesh_of, subject_from_frames
+from faceposer.training.known_face import character_from_frames, mesh_of
 
 
-def subject_from_markers(
+def character_from_markers(
     motion: Path, marker_map: Path, scan: str, options: ExampleOptions, progress: Progress | None = None
-) -> Subject:
+) -> Character:
     """Return the character whose examples are the frames of a motion of markers, carried over to a scan.
 
     Args:
         motion: C3D or CSV file.
         marker_map: JSON file that says where on the scan each marker is.
-        scan: A mesh file, or the name or path of a subject, whose feature points the map may name.
+        scan: A mesh file, or the name or path of a character, whose feature points the map may name.
         options: What to make of the examples.
         progress: Told how far it is.
 
@@ -35,20 +35,22 @@ def subject_from_markers(
     """
     progress = progress or Progress()
     progress.at("Reading the markers")
-    known: Subject | None = None
+    known: Character | None = None
     if Path(scan).suffix.lower() in MESH_SUFFIXES:
         mesh = read_mesh(Path(scan))
     else:
-        known = load_subject(scan)
+        known = load_character(scan)
         mesh = mesh_of(known)
     points = dict(known.feature_points) if known else None
     moved = meshes_from_markers(
         read_markers(motion), read_marker_map(marker_map), mesh.vertices, mesh.triangles(), points
     )
-    subject = subject_from_frames(_counted(moved, progress), len(moved), mesh, known, motion.name, options, progress)
+    character = character_from_frames(
+        _counted(moved, progress), len(moved), mesh, known, motion.name, options, progress
+    )
     report = moved.report
     summary = {
-        **subject.summary,
+        **character.summary,
         "kind": "markers",
         "scan": scan,
         "markers": {
@@ -61,7 +63,7 @@ def subject_from_markers(
             "misfit": round(report.misfit, 4),
         },
     }
-    return replace(subject, summary=summary)
+    return replace(character, summary=summary)
 
 
 def _counted(moved: MarkerMeshes, progress: Progress) -> Iterator[NDArray[np.float64]]:

@@ -9,7 +9,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from faceposer.geometry.polygon_mesh import Group, PolygonMesh
-from faceposer.model.subject import Part
+from faceposer.model.character import Part
 from faceposer.training.mouth_parts import find_mouth
 
 Array = NDArray[np.float64]

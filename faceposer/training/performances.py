@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.model.character_file import load_character
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.face_model import gram_of_weights
-from faceposer.model.subject_file import load_subject
 from faceposer.progress import Progress
 from faceposer.training.capture import Capture, read_capture
 from faceposer.training.expressions import Recipe, augment, clean, learn, shapes_of
@@ -44,7 +44,7 @@ class Learned:
     missing: tuple[str, ...]
 
     def as_json(self) -> dict[str, Any]:
-        """Return it for the summary of a subject."""
+        """Return it for the summary of a character."""
         return {
             "from": "captures",
             "takes": [{"file": name, "frames": frames} for name, frames in self.takes],
@@ -86,7 +86,7 @@ def statistics_of_captures(
 
 def _metric(names: Sequence[str]) -> Array:
     """Return the inner products of the man's shapes called ``names``: errors count as far as a face shows them."""
-    return gram_of_weights(load_subject("man"), names)
+    return gram_of_weights(load_character("man"), names)
 
 
 def _folds(captures: Sequence[Capture], names: Sequence[str], recipe: Recipe) -> list[Fold]:

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from faceposer.errors import FacePoserError
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 from faceposer.progress import Progress
-from faceposer.training.examples import ExampleOptions, subject_from_examples
+from faceposer.training.examples import ExampleOptions, character_from_examples
 from faceposer.training.kinds import Kind, kind_of, plain_name
-from faceposer.training.marked import subject_from_markers
-from faceposer.training.rigs import RigOptions, subject_from_rig
+from faceposer.training.marked import character_from_markers
+from faceposer.training.rigs import RigOptions, character_from_rig
 
 __all__ = ["Kind", "TrainingRequest", "kind_of", "plain_name", "train"]
 
@@ -21,12 +21,12 @@ class TrainingRequest:
     Attributes:
         kind: Of the source.
         source: A rig's file or folder; a folder or .npz of example meshes; a file of marker motion.
-        name: Short name of the subject.
+        name: Short name of the character.
         title: Name to show.
         captures: Performances, for a rig.
         neutral: The neutral mesh, where its name does not tell.
         marker_map: Where the markers are.
-        scan: What the markers move: a mesh file, or a subject.
+        scan: What the markers move: a mesh file, or a character.
         segments: See ``ExampleOptions``.
         n_dimensions: Number of modes; chosen by energy if None.
         n_components: Number of factor analyzers; chosen by data left out if None.
@@ -51,8 +51,8 @@ class TrainingRequest:
     credits: str = ""
 
 
-def train(request: TrainingRequest, progress: Progress | None = None) -> Subject:
-    """Return the subject that ``request`` describes.
+def train(request: TrainingRequest, progress: Progress | None = None) -> Character:
+    """Return the character that ``request`` describes.
 
     Raises:
         FacePoserError: If a file cannot be used, naming it, the place and the remedy.
@@ -70,7 +70,7 @@ def train(request: TrainingRequest, progress: Progress | None = None) -> Subject
             request.n_factors,
             request.credits,
         )
-        return subject_from_rig(request.source, options, progress)
+        return character_from_rig(request.source, options, progress)
     if request.captures:
         raise FacePoserError("Performances (--capture) say how a rig's shapes move; examples and markers need none.")
     example_options = ExampleOptions(
@@ -85,7 +85,7 @@ def train(request: TrainingRequest, progress: Progress | None = None) -> Subject
         request.credits,
     )
     if request.kind == "examples":
-        return subject_from_examples(request.source, example_options, progress)
+        return character_from_examples(request.source, example_options, progress)
     if request.marker_map is None:
         raise FacePoserError(f"The markers in '{request.source}' need a map (--marker-map) that says where they are.")
-    return subject_from_markers(request.source, request.marker_map, request.scan, example_options, progress)
+    return character_from_markers(request.source, request.marker_map, request.scan, example_options, progress)

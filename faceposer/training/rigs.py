@@ -1,4 +1,4 @@
-"""A rig with ARKit's shapes becomes a subject: exactly, in the rig's own weights."""
+"""A rig with ARKit's shapes becomes a character: exactly, in the rig's own weights."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.polygon_mesh import MorphMesh
 from faceposer.geometry.rig_io import read_rig
+from faceposer.model.character import Character
 from faceposer.model.face_model import build_face_model
 from faceposer.model.shape_names import halves_of, match_arkit
-from faceposer.model.subject import Subject
 from faceposer.progress import Progress
 from faceposer.training.assemble import UprightMesh, assemble
 from faceposer.training.eyes import add_gaze, misplaced_eyes
@@ -37,7 +37,7 @@ class RigOptions:
     """What to make of a rig.
 
     Attributes:
-        name: Short name of the subject.
+        name: Short name of the character.
         title: Name to show.
         neutral: File of the neutral face in a folder, if its name does not tell.
         captures: Performances to learn from; without any, the shipped statistics apply.
@@ -55,7 +55,7 @@ class RigOptions:
     credits: str = ""
 
 
-def subject_from_rig(path: Path, options: RigOptions, progress: Progress | None = None) -> Subject:
+def character_from_rig(path: Path, options: RigOptions, progress: Progress | None = None) -> Character:
     """Return the character in the rig ``path``, a glTF file or a folder of shapes.
 
     Raises:
@@ -63,10 +63,10 @@ def subject_from_rig(path: Path, options: RigOptions, progress: Progress | None 
     """
     progress = progress or Progress()
     progress.at("Reading the rig")
-    return subject_from_morphs(read_rig(path, options.neutral), str(path), options, progress)
+    return character_from_morphs(read_rig(path, options.neutral), str(path), options, progress)
 
 
-def subject_from_morphs(rig: MorphMesh, source: str, options: RigOptions, progress: Progress) -> Subject:
+def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, progress: Progress) -> Character:
     """Return the character of a rig that has been read from the file or folder ``source``.
 
     Raises:
@@ -93,10 +93,10 @@ def subject_from_morphs(rig: MorphMesh, source: str, options: RigOptions, progre
         )
     upright, exchanged = found
     mesh = assemble(rig.mesh, upright, np.stack([*named.values()]), rig.textures)
-    return _subject(Path(source).name, named, match.missing, match.others, exchanged, mesh, options, progress)
+    return _character(Path(source).name, named, match.missing, match.others, exchanged, mesh, options, progress)
 
 
-def _subject(
+def _character(
     source: str,
     named: dict[str, NDArray[np.float32]],
     missing: Sequence[str],
@@ -105,7 +105,7 @@ def _subject(
     mesh: UprightMesh,
     options: RigOptions,
     progress: Progress,
-) -> Subject:
+) -> Character:
     names = tuple(named)
     shapes = mesh.displacements(np.stack([named[name] for name in names]))
     turned = add_gaze(mesh.vertices.astype(np.float64), mesh.parts, names, shapes)
@@ -116,7 +116,7 @@ def _subject(
     if options.captures:
         learned = statistics_of_captures(options.captures, options.n_components, options.n_factors, progress)
     progress.at("Putting it together", 0.9)
-    subject = Subject(
+    character = Character(
         name=options.name,
         title=options.title,
         vertices=mesh.vertices,
@@ -148,14 +148,14 @@ def _subject(
         + misplaced_eyes(mesh.vertices, mesh.parts)
         + (learned.choice.warnings if learned else []),
         "prior": learned.as_json() if learned else {"from": "the shipped statistics"},
-        **_measures(subject),
+        **_measures(character),
     }
-    return replace(subject, summary=summary)
+    return replace(character, summary=summary)
 
 
-def _measures(subject: Subject) -> dict[str, object]:
+def _measures(character: Character) -> dict[str, object]:
     """Return what the subspace keeps, and the curves of expressions drawn from the statistics."""
-    model = build_face_model(subject)
+    model = build_face_model(character)
     left = {name: round(share, 4) for name, share in model.unreached().items()}
     worst = max(left, key=lambda name: left[name])
     variances = model.subspace.variances
@@ -164,7 +164,7 @@ def _measures(subject: Subject) -> dict[str, object]:
     chosen = rng.choice(mixture.n_components, _DRAWS, p=mixture.weights / mixture.weights.sum())
     draws = np.stack([rng.multivariate_normal(mixture.means[k], mixture.covariances[k]) for k in chosen])
     weights = np.clip(draws @ model.subspace.directions.T, 0.0, 1.0)
-    curves = curves_of(weights @ model.gram @ weights.T, len(subject.vertices), min(40, model.n_coefficients))
+    curves = curves_of(weights @ model.gram @ weights.T, len(character.vertices), min(40, model.n_coefficients))
     return {
         "dimensions": model.n_coefficients,
         "kept_energy": round(float(1.0 - _lost(model.subspace.directions, model.gram, weights)), 5),

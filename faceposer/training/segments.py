@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 from scipy.spatial import KDTree
 
-from faceposer.model.subject_file import load_subject
+from faceposer.model.character_file import load_character
 
 Array = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ def face_segments(
     motion = np.sqrt(np.einsum("fnd,fnd->n", sample, sample, dtype=np.float64) / len(sample))
     places, of = vertices, regions
     if of is None:
-        man = load_subject("man")
+        man = load_character("man")
         places, of = man.vertices.astype(np.float64), man.regions
     label_of = np.full(len(places), -1, dtype=np.intp)
     names = [name for name, _ in _FACE]

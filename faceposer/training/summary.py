@@ -7,42 +7,42 @@ from typing import Any
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file, write_text
+from faceposer.model.character import ARKIT_SHAPES, Character
 from faceposer.model.face_model import FaceModel
 from faceposer.model.shape_names import match_arkit, whole_of
-from faceposer.model.subject import ARKIT_SHAPES, Subject
 
 _MANY = 6
 # A shape of which the subspace leaves more than this is worth a word.
 _UNREACHED = 0.15
 
 
-def description_of(subject: Subject) -> dict[str, Any]:
-    """Return what is in a subject, for JSON: names, sizes and the summary of its training."""
+def description_of(character: Character) -> dict[str, Any]:
+    """Return what is in a character, for JSON: names, sizes and the summary of its training."""
     return {
-        "name": subject.name,
-        "title": subject.title,
-        "credits": subject.credits,
-        "vertices": len(subject.vertices),
-        "polygons": len(subject.polygons),
-        "parts": [{"name": part.name, "material": part.material} for part in subject.parts],
-        "shapes": list(subject.shape_names),
-        "regions": sorted(subject.regions),
-        "feature_points": len(subject.feature_points),
-        "textures": sorted(subject.textures),
-        "statistics": "own" if subject.statistics is not None else "shipped",
-        "file_vertices": len(subject.origin.neutral) if subject.origin else len(subject.vertices),
-        "summary": dict(subject.summary),
+        "name": character.name,
+        "title": character.title,
+        "credits": character.credits,
+        "vertices": len(character.vertices),
+        "polygons": len(character.polygons),
+        "parts": [{"name": part.name, "material": part.material} for part in character.parts],
+        "shapes": list(character.shape_names),
+        "regions": sorted(character.regions),
+        "feature_points": len(character.feature_points),
+        "textures": sorted(character.textures),
+        "statistics": "own" if character.statistics is not None else "shipped",
+        "file_vertices": len(character.origin.neutral) if character.origin else len(character.vertices),
+        "summary": dict(character.summary),
     }
 
 
-def text_of_summary(subject: Subject) -> str:
-    """Return what a user wants to know of a subject, a few lines."""
-    about = description_of(subject)
+def text_of_summary(character: Character) -> str:
+    """Return what a user wants to know of a character, a few lines."""
+    about = description_of(character)
     lines = [
-        f"{subject.title} ('{subject.name}'): {about['file_vertices']} vertices, {len(subject.polygons)} faces, "
-        f"parts: {', '.join(part.name for part in subject.parts)}",
+        f"{character.title} ('{character.name}'): {about['file_vertices']} vertices, {len(character.polygons)} faces, "
+        f"parts: {', '.join(part.name for part in character.parts)}",
     ]
-    summary = subject.summary
+    summary = character.summary
     if summary.get("kind") == "rig":
         lines.append(f"{arkit_shapes_of(summary)}, {summary['dimensions']} dimensions")
         for key, words in (
@@ -73,7 +73,7 @@ def text_of_summary(subject: Subject) -> str:
                 f"{marked['gaps_filled']} gaps filled"
             )
     else:
-        lines.append(f"{len(subject.shape_names)} shapes")
+        lines.append(f"{len(character.shape_names)} shapes")
     lines += _prior_lines(summary.get("prior", {}))
     curves = summary.get("curves", {})
     if curves.get("generalization_cm"):
@@ -82,8 +82,8 @@ def text_of_summary(subject: Subject) -> str:
             f"(neutral: {10 * curves['neutral_cm']:.2f} mm), by {curves['components'][-1]} components"
         )
     lines += [f"Note: {warning}" for warning in summary.get("warnings", [])]
-    if subject.credits:
-        lines.append(subject.credits)
+    if character.credits:
+        lines.append(character.credits)
     return "\n".join(lines)
 
 
@@ -117,25 +117,25 @@ def _prior_lines(prior: dict[str, Any]) -> list[str]:
     return lines
 
 
-def findings_of(subject: Subject, model: FaceModel) -> list[str]:
-    """Return what could be better about a sound subject, a sentence each."""
+def findings_of(character: Character, model: FaceModel) -> list[str]:
+    """Return what could be better about a sound character, a sentence each."""
     found = []
-    if subject.summary.get("kind") not in ("examples", "markers"):
-        missing = match_arkit(subject.shape_names, f"The subject '{subject.name}'").missing
+    if character.summary.get("kind") not in ("examples", "markers"):
+        missing = match_arkit(character.shape_names, f"The character '{character.name}'").missing
         if missing:
             found.append(f"It has no {_listed(missing)}: the face cannot make them.")
-    empty = [name for name, shape in zip(subject.shape_names, subject.shapes, strict=True) if not shape.any()]
+    empty = [name for name, shape in zip(character.shape_names, character.shapes, strict=True) if not shape.any()]
     if empty:
         found.append(f"Nothing moves in {_listed(empty)}.")
     hard = [f"{name} ({100 * share:.0f} %)" for name, share in model.unreached().items() if share > _UNREACHED]
     if hard:
         found.append(f"Only partly within reach (share that is not): {_listed(hard)}.")
-    if not subject.feature_points:
+    if not character.feature_points:
         found.append("It has no feature points: places have no names, and no buttons for mouth and eyes.")
-    return found + [str(warning) for warning in subject.summary.get("warnings", [])]
+    return found + [str(warning) for warning in character.summary.get("warnings", [])]
 
 
-def write_summary(folder: Path, subject: Subject) -> None:
+def write_summary(folder: Path, character: Character) -> None:
     """Write ``summary.json`` and, where matplotlib is there, ``summary.png`` into ``folder``, made if it is missing.
 
     Raises:
@@ -145,20 +145,20 @@ def write_summary(folder: Path, subject: Subject) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FacePoserError(f"The summary cannot be written to '{folder}': {error.strerror}.") from error
-    text = json.dumps(description_of(subject), indent=1, ensure_ascii=False)
+    text = json.dumps(description_of(character), indent=1, ensure_ascii=False)
     write_text(folder / "summary.json", text + "\n", "summary")
-    _plot(folder / "summary.png", subject)
+    _plot(folder / "summary.png", character)
 
 
-def _plot(path: Path, subject: Subject) -> None:
-    curves = subject.summary.get("curves")
+def _plot(path: Path, character: Character) -> None:
+    curves = character.summary.get("curves")
     if not curves:
         return
     try:
         from matplotlib.figure import Figure
     except ImportError:
         raise FacePoserError(
-            "The picture of the summary needs matplotlib (summary.json and the subject are written): "
+            "The picture of the summary needs matplotlib (summary.json and the character are written): "
             "pip install 'faceposer[plots]'."
         ) from None
     figure = Figure(figsize=(12, 3.6), layout="constrained")
@@ -176,7 +176,7 @@ def _plot(path: Path, subject: Subject) -> None:
         axes.set_ylabel(unit)
         axes.set_ylim(bottom=0.0)
         axes.grid(alpha=0.3)
-    figure.suptitle(subject.title)
+    figure.suptitle(character.title)
     with atomic_file(path, "picture") as temporary:
         figure.savefig(temporary, dpi=110, format="png")
 

@@ -13,7 +13,7 @@ from scipy.spatial import KDTree
 
 from faceposer.geometry.alignment import Similarity, determines_rotation, rigid_alignment
 from faceposer.geometry.mesh import VertexNormals
-from faceposer.model.subject_file import load_subject
+from faceposer.model.character_file import load_character
 
 Array = NDArray[np.float64]
 
@@ -187,7 +187,7 @@ def _laid_on_the_man(
 @lru_cache(maxsize=1)
 def _face_of_man() -> tuple[Array, KDTree]:
     """Return the points of the man's face that expressions move, and a tree of them."""
-    man = load_subject("man")
+    man = load_character("man")
     skin = slice(*man.part("skin").vertices)
     extent = _capped_extent(np.einsum("snd,snd->n", man.shapes[:, skin], man.shapes[:, skin]))
     surface = _sample(man.vertices[skin][extent > 0.5 * _MOVING * extent.max()].astype(np.float64))
@@ -230,7 +230,7 @@ def _sample(vertices: Array) -> Array:
 
 @lru_cache(maxsize=1)
 def _reference_middles() -> dict[str, Array]:
-    man = load_subject("man")
+    man = load_character("man")
     pairs = zip(man.shape_names, man.shapes, strict=True)
     return {name: _middle(man.vertices.astype(np.float64), shape) for name, shape in pairs if np.any(shape)}
 

@@ -50,18 +50,18 @@ class DistanceTransfer:
         """
         self.source, self.target = source, target
         self._scaling, self._prior_weight = scaling, prior_weight
-        ours, theirs = arkit_rows(source.subject), arkit_rows(target.subject)
+        ours, theirs = arkit_rows(source.character), arkit_rows(target.character)
         looks = [name for name in theirs if name.startswith("eyeLook") and name in ours]
         self._looks = [(ours[name], theirs[name]) for name in looks] if len(looks) == 8 else []
         # Rigs with the same shapes are measured on the same expressions.
         common = len(ours.keys() & theirs.keys())
-        alike = 2 * common > max(len(source.subject.shape_names), len(target.subject.shape_names))
+        alike = 2 * common > max(len(source.character.shape_names), len(target.character.shape_names))
         self._lean = 0.0 if alike else LEAN
-        shared = shared_pairs(pairs, source.subject, target.subject)
+        shared = shared_pairs(pairs, source.character, target.character)
         wanted = tuple(pair for pair in shared if not (self._looks and pair.of_gaze))
         moving = np.ones(len(wanted), dtype=bool)
         for model in (source, target):
-            moving &= measure_ranges(model, wanted).widths > _STILL * model.subject.height
+            moving &= measure_ranges(model, wanted).widths > _STILL * model.character.height
         self.pairs = tuple(pair for pair, moves in zip(wanted, moving, strict=True) if moves)
         self.still = tuple(pair for pair, moves in zip(wanted, moving, strict=True) if not moves)
         self._our_ranges, self._their_ranges = (measure_ranges(model, self.pairs) for model in (source, target))
@@ -99,8 +99,8 @@ class DistanceTransfer:
         offset: Array | None = None
         if self._looks:
             weights = self.source.weights_of(coefficients)
-            wanted = np.zeros(len(self.target.subject.shape_names))
-            lower, upper = self.target.subject.shape_limits.T.astype(np.float64)
+            wanted = np.zeros(len(self.target.character.shape_names))
+            lower, upper = self.target.character.shape_limits.T.astype(np.float64)
             rows = [theirs for _, theirs in self._looks]
             for our_row, their_row in self._looks:
                 wanted[their_row] = np.clip(weights[our_row], lower[their_row], upper[their_row])

@@ -22,7 +22,7 @@ from faceposer.files.json_documents import (
     read_json,
     shown,
 )
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 
 FORMAT = "faceposer.pairs"
 VERSION = 1
@@ -58,9 +58,9 @@ class Pair:
         """Whether it tells where an eye looks."""
         return self.first in PUPILS or self.second in PUPILS
 
-    def measurable(self, subject: Subject) -> bool:
-        """Whether the ``subject`` has both points."""
-        return self.first in subject.feature_points and self.second in subject.feature_points
+    def measurable(self, character: Character) -> bool:
+        """Whether the ``character`` has both points."""
+        return self.first in character.feature_points and self.second in character.feature_points
 
 
 def _both(name: str, left: tuple[str, str], right: tuple[str, str]) -> tuple[Pair, Pair]:
@@ -110,16 +110,16 @@ DEFAULT_PAIRS: tuple[Pair, ...] = (
 PRESETS: dict[str, tuple[Pair, ...]] = {"full": DEFAULT_PAIRS, "paper": PAPER_PAIRS}
 
 
-def shared_pairs(pairs: Sequence[Pair], source: Subject, target: Subject) -> tuple[Pair, ...]:
-    """Return those of ``pairs`` that count and can be measured on both subjects.
+def shared_pairs(pairs: Sequence[Pair], source: Character, target: Character) -> tuple[Pair, ...]:
+    """Return those of ``pairs`` that count and can be measured on both characters.
 
     Raises:
         FacePoserError: If there are none.
     """
-    for subject in (source, target):
-        if not subject.feature_points:
+    for character in (source, target):
+        if not character.feature_points:
             raise FacePoserError(
-                f"The subject '{subject.name}' has no feature points to measure distances between; transfer by ARKit's "
+                f"The character '{character.name}' has no feature points to measure distances between; transfer by ARKit's "
                 "weights, or train it anew with shapes that have ARKit's names, by which the points are found."
             )
     shared = tuple(

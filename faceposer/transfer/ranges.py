@@ -86,7 +86,7 @@ def measure_ranges(model: FaceModel, pairs: tuple[Pair, ...]) -> Ranges:
 def _measured(model: FaceModel, ends: tuple[tuple[str, str], ...]) -> Ranges:
     pairs = [Pair("", *pair) for pair in ends]
     density = model.rig_density
-    limits = model.subject.shape_limits.astype(np.float64)
+    limits = model.character.shape_limits.astype(np.float64)
     drawn = density.draws @ density.projection.T
     single = np.concatenate([np.diag(side) for side in limits.T]) @ model.subspace.projection.T
     axes = _axes(PairPoints(model, pairs), drawn)
@@ -115,7 +115,7 @@ def _sound(model: FaceModel, drawn: Array, single: Array) -> NDArray[np.bool_]:
 
     Some shapes mean something only together with others: ARKit's mouthClose closes a mouth that the jaw opens.
     """
-    pairs = [pair for pair in PAPER_PAIRS if pair.measurable(model.subject)]
+    pairs = [pair for pair in PAPER_PAIRS if pair.measurable(model.character)]
     if not pairs:
         return np.ones(len(single), dtype=bool)
     points = PairPoints(model, pairs, _axes(PairPoints(model, pairs), drawn))

@@ -30,7 +30,7 @@ class PairPoints:
             pairs: n of them.
             axes: Unit vectors along which pairs are measured, shape (n, 3), zeros for the distance itself.
         """
-        points = model.subject.feature_points
+        points = model.character.feature_points
         ends = [np.array([points[getattr(pair, end)] for pair in pairs], dtype=np.intp) for end in ("first", "second")]
         (rows, neutral), (other_rows, other_neutral) = (model.rows_at(SurfacePoints.at_vertices(end)) for end in ends)
         self._rows = np.ascontiguousarray(rows - other_rows)

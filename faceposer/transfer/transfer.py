@@ -39,7 +39,7 @@ def make_transfer(
     """Return the way of ``method`` from ``source`` to ``target``; ``pairs`` and ``scaling`` are those of distances.
 
     Raises:
-        FacePoserError: If the two subjects do not have what it needs.
+        FacePoserError: If the two characters do not have what it needs.
     """
     if method == "weights":
         return WeightTransfer(source, target)

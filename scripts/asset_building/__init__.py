@@ -1,1 +1,1 @@
-"""Helpers of ``scripts/build_assets.py``: from MakeHuman's CC0 data to the subjects in ``assets/subjects``."""
+"""Helpers of ``scripts/build_assets.py``: from MakeHuman's CC0 data to the characters in ``assets/characters``."""

@@ -1,11 +1,11 @@
-"""Puts a subject together."""
+"""Puts a character together."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from faceposer.geometry.mesh import VertexNormals
-from faceposer.model.subject import ARKIT_SHAPES, Subject
+from faceposer.model.character import ARKIT_SHAPES, Character
 from scripts.asset_building.dental_arch import MouthFrame
 from scripts.asset_building.eyes import GAZE, build_eye, place_eye
 from scripts.asset_building.halves import in_halves
@@ -50,7 +50,7 @@ class Eyeball:
 
 
 class Builder:
-    """Builds subjects; what all of them share is computed once."""
+    """Builds characters; what all of them share is computed once."""
 
     def __init__(self, source: Source) -> None:
         """Read the base mesh and the face units from ``source``."""
@@ -69,13 +69,13 @@ class Builder:
         self.layout = unwrap_skin(rest_skin, self.skin.quads, old, texel_density(rest_skin))
         self.texels = skin_texels(source, self.skin, rest_skin, self.layout)
 
-    def subject(self, recipe: Recipe) -> Subject:
-        """Build the subject of ``recipe``."""
+    def character(self, recipe: Recipe) -> Character:
+        """Build the character of ``recipe``."""
         everyone = even(identity_vertices(self.source, self.rest, recipe), self.mirror)
         joined = join(self.pieces(everyone, self.units, recipe))
         points, titles = feature_points(self.skin, self.place, joined.parts)
         names, shapes = in_halves(ARKIT_SHAPES, joined.shapes, joined.vertices[:, 0])
-        return Subject(
+        return Character(
             name=recipe.name,
             title=recipe.title,
             vertices=centred(joined).astype(np.float32),

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.model.subject import ARKIT_SHAPES, Subject
+from faceposer.model.character import ARKIT_SHAPES, Character
 from scripts.asset_building.builder import CREDITS, SIDES, Builder, centred
 from scripts.asset_building.creature_expressions import EXPRESSIONS
 from scripts.asset_building.creature_units import goblin_units
@@ -99,12 +99,12 @@ _EAR_TURNS = {
 
 def build_creature(
     builder: Builder, expressions: Mapping[str, dict[str, float]] = EXPRESSIONS
-) -> tuple[Subject, NDArray[np.float32]]:
-    """Return the creature, a subject without shapes, and faces that it makes: its examples, or other ``expressions``.
+) -> tuple[Character, NDArray[np.float32]]:
+    """Return the creature, a character without shapes, and faces that it makes: its examples, or other ``expressions``.
 
     Returns:
         The neutral face, and the vertices of the faces in the order of the expressions, shape (E, N, 3), in
-        centimetres in the subject's coordinates.
+        centimetres in the character's coordinates.
     """
     everyone, free = _creature_vertices(builder)
     head = builder.rest[:, 1] > 55.0
@@ -122,12 +122,12 @@ def build_creature(
     examples[0] = mesh.applied(examples[0])
     joined = join(examples)
     number = mesh.index(len(builder.place))
-    # The regions of the eyes number the subject's vertices, all others those of the whole skin.
+    # The regions of the eyes number the character's vertices, all others those of the whole skin.
     named = regions(skin, builder.place, masks, joined.parts)
     kept = {name: ids if name.startswith("eye_") else number[ids] for name, ids in named.items()}
     points, titles = feature_points(skin, builder.place, joined.parts, mesh.kept)
     neutral = centred(joined)
-    subject = Subject(
+    character = Character(
         name=CREATURE.name,
         title=CREATURE.title,
         vertices=neutral.astype(np.float32),
@@ -143,7 +143,7 @@ def build_creature(
         textures=paint(builder.texels, LOOKS[CREATURE.name]),
         credits=CREDITS,
     )
-    return subject, (neutral + joined.shapes).astype(np.float32)
+    return character, (neutral + joined.shapes).astype(np.float32)
 
 
 def _creature_vertices(builder: Builder) -> tuple[Floats, Floats]:

@@ -7,7 +7,7 @@ by their slope. Places are those of the base mesh, in centimetres.
 
 import numpy as np
 
-from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.model.character import ARKIT_SHAPES
 from scripts.asset_building.falloff import ramp
 from scripts.asset_building.piece import Floats
 

@@ -26,7 +26,7 @@ class Recipe:
     """What makes one person.
 
     Attributes:
-        name: File name of the subject.
+        name: File name of the character.
         title: Name to show.
         targets: Strength of each identity target.
         lids_relaxed: Strength of the face units eyeBlink that lower the lids a little: the source's stare.

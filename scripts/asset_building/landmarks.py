@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from faceposer.model.subject import Part
+from faceposer.model.character import Part
 from scripts.asset_building.head import LASH_RING, Skin
 from scripts.asset_building.looks import MAN_SKIN
 from scripts.asset_building.piece import Floats, Ints
@@ -79,8 +79,8 @@ def feature_points(
     Args:
         skin: Topology of the skin, which is the first part.
         place: The skin's vertices on the base mesh in centimetres, shape (N, 3).
-        parts: The parts of the subject.
-        kept: Which of the skin's vertices the subject has, on both sides, if not all: it numbers them in this order.
+        parts: The parts of the character.
+        kept: Which of the skin's vertices the character has, on both sides, if not all: it numbers them in this order.
     """
     mirror = mirrored_ids(place)
     kept = np.arange(len(place), dtype=np.int32) if kept is None else kept
@@ -121,7 +121,7 @@ def regions(skin: Skin, place: Floats, masks: dict[str, Floats], parts: tuple[Pa
         skin: Topology of the skin, which is the first part.
         place: The skin's vertices on the base mesh in centimetres, shape (N, 3).
         masks: The masks "lips" and "ears" at the skin's vertices, 0..1, shape (N,).
-        parts: The parts of the subject.
+        parts: The parts of the character.
     """
     mirror = mirrored_ids(place)
     x, y, z = np.abs(place[:, 0]), place[:, 1], place[:, 2]

@@ -7,7 +7,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from faceposer.model.subject import ARKIT_SHAPES, Subject
+from faceposer.model.character import ARKIT_SHAPES, Character
 from scripts.asset_building.builder import CREDITS, SIDES, Builder, Eyeball, centred
 from scripts.asset_building.decimation import Decimation
 from scripts.asset_building.eyes import LOW_DETAIL, build_eye
@@ -77,7 +77,7 @@ _LIP_OVERLAP, _ROUNDS = 0.04, 4
 _EYE_SCALE = 0.975
 
 
-def build_low(builder: Builder) -> Subject:
+def build_low(builder: Builder) -> Character:
     """Build the head of low resolution."""
     skin, place = builder.skin, builder.place
     everyone = even(identity_vertices(builder.source, builder.rest, LOW), builder.mirror)
@@ -100,7 +100,7 @@ def build_low(builder: Builder) -> Subject:
     names, shapes = in_halves(ARKIT_SHAPES, joined.shapes, joined.vertices[:, 0])
     textures = paint(builder.texels, LOOKS[LOW.name])
     wanted = {name: textures[name] for name in ("skin", "eye", "tongue", "throat")} | {"teeth": jpeg(paint_bands(), 90)}
-    return Subject(
+    return Character(
         name=LOW.name,
         title=LOW.title,
         vertices=centred(joined).astype(np.float32),

@@ -1,11 +1,11 @@
-"""A piece of a subject while it is being built."""
+"""A piece of a character while it is being built."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.model.subject import Part
+from faceposer.model.character import Part
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -17,7 +17,7 @@ class Piece:
 
     Attributes:
         name: Name of the part.
-        material: One of the subject's materials.
+        material: One of the character's materials.
         vertices: Positions in centimetres, shape (N, 3).
         quads: Vertex ids, shape (F, 4); a triangle ends in -1.
         uv: Texture coordinates, shape (U, 2).

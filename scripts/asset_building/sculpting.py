@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.model.character import ARKIT_SHAPES
 from scripts.asset_building.brow_shapes import lowered_brow, raised_brow, wrinkled_nose
 from scripts.asset_building.falloff import ramp
 from scripts.asset_building.head import Skin

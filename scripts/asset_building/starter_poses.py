@@ -7,7 +7,7 @@ Animation Techniques", Game Developer, 2000.
 
 from dataclasses import dataclass, field
 
-from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.model.character import ARKIT_SHAPES
 
 
 @dataclass(frozen=True)

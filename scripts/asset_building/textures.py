@@ -1,4 +1,4 @@
-"""Gathers what is known of each texel and paints the textures of a subject."""
+"""Gathers what is known of each texel and paints the textures of a character."""
 
 import io
 from dataclasses import dataclass

@@ -11,8 +11,8 @@ from faceposer.evaluation.feature_lines import FEATURE_LINES, feature_line, widt
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.strokes import stroke_pixels
+from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.solve.constraints.curve import CurveConstraint
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.fixed import FixedConstraint
@@ -61,7 +61,7 @@ def dragged_points(
 ) -> Iterator[list[PointConstraint]]:
     """Yield points at ``vertices`` at each move of a drag of the first ``moved`` of them."""
     anchors = [SurfacePoint.at_vertex(model.triangles, vertex) for vertex in vertices]
-    pixels = camera.project(model.subject.vertices[list(vertices)]).tolist()
+    pixels = camera.project(model.character.vertices[list(vertices)]).tolist()
     still = [PointConstraint(anchor, (u, v), camera) for anchor, (u, v) in zip(anchors, pixels, strict=True)]
     for du, dv in circle(moves):
         yield [
@@ -72,7 +72,7 @@ def dragged_points(
 
 def dragged_distances(model: FaceModel, camera: Camera, moves: int) -> Iterator[list[DistanceConstraint]]:
     """Yield four distances, the first of which is set by a slider that is drawn out and back by about 24 pixels."""
-    features = model.subject.feature_points
+    features = model.character.feature_points
     still = []
     for first, second in _PAIRS:
         pair = DistanceConstraint((features[first], features[second]), 0.0, camera)
@@ -84,7 +84,7 @@ def dragged_distances(model: FaceModel, camera: Camera, moves: int) -> Iterator[
 
 def brow_stroke(model: FaceModel, camera: Camera, pixels: int) -> StrokeConstraint:
     """Return a stroke of about ``pixels`` pixels along the left brow, its target where it is."""
-    line = feature_line(model, model.subject.vertices, camera, FEATURE_LINES["brow_left"])
+    line = feature_line(model, model.character.vertices, camera, FEATURE_LINES["brow_left"])
     way = as_pixels(line)
     return StrokeConstraint(way, way, width_of(line, pixels), camera).resolved(model, model.neutral())
 
@@ -99,7 +99,7 @@ def dragged_stroke(model: FaceModel, camera: Camera, pixels: int, moves: int) ->
 def dragged_curve(model: FaceModel, camera: Camera, moves: int) -> Iterator[list[CurveConstraint]]:
     """Yield a curve with five control points along the upper lip, the middle one being dragged."""
     names = ("8.4", "8.9", "8.1", "8.10", "8.3")
-    way = as_pixels(feature_line(model, model.subject.vertices, camera, names))
+    way = as_pixels(feature_line(model, model.character.vertices, camera, names))
     curve = CurveConstraint(way, way, camera).resolved(model, model.neutral())
     for du, dv in circle(moves):
         yield [curve.with_target(2, (way[2][0] + du, way[2][1] + dv))]
@@ -107,12 +107,14 @@ def dragged_curve(model: FaceModel, camera: Camera, moves: int) -> Iterator[list
 
 def dragged_with_fixed(model: FaceModel, camera: Camera, count: int, moves: int) -> Iterator[list[Constraint]]:
     """Yield five points about the mouth being dragged, and ``count`` vertices of the skin above it being held."""
-    subject = model.subject
-    first, last = subject.part("skin").vertices
-    above = first + np.flatnonzero(subject.vertices[first:last, 1] > subject.vertices[subject.feature_points["9.3"], 1])
+    character = model.character
+    first, last = character.part("skin").vertices
+    above = first + np.flatnonzero(
+        character.vertices[first:last, 1] > character.vertices[character.feature_points["9.3"], 1]
+    )
     held = np.random.default_rng(0).permutation(above)[:count]
     hold = FixedConstraint(SurfacePoints.at_vertices(held)).resolved(model, model.neutral())
-    for points in dragged_points(model, camera, [subject.feature_points[name] for name in _DRAGGED], 5, moves):
+    for points in dragged_points(model, camera, [character.feature_points[name] for name in _DRAGGED], 5, moves):
         yield [*points, hold]
 
 
@@ -134,9 +136,9 @@ def constraint_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
 
 def scaling_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
     """Measure how a warm solve grows with the number of points, of pixels in a stroke and of fixed vertices."""
-    regions = model.subject.regions
+    regions = model.character.regions
     places = np.concatenate([regions[name] for name in ("mouth", "brow_left", "brow_right", "cheek_left", "nose")])
-    corner = model.subject.feature_points["8.3"]
+    corner = model.character.feature_points["8.3"]
     others = [v for v in np.random.default_rng(0).permutation(places).tolist() if v != corner]
     return [
         *(
@@ -172,8 +174,8 @@ def example_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
     for count in _FRAMES:
         chosen = frames[np.linspace(0, len(frames) - 1, count).round().astype(int)]
         statistics = learn_from_frames(chosen, ARKIT_SHAPES, recipe)
-        learned = build_face_model(model.subject, statistics, model.n_coefficients)
-        corners = [model.subject.feature_points[name] for name in _DRAGGED]
+        learned = build_face_model(model.character, statistics, model.n_coefficients)
+        corners = [model.character.feature_points[name] for name in _DRAGGED]
         rows.append(warm_row(f"scaling/examples-{count}", learned, dragged_points(learned, camera, corners, 5, moves)))
     return rows
 

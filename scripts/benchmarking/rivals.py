@@ -16,8 +16,8 @@ from faceposer.evaluation.methods.method import Method, ModelMethod, prepared
 from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.trials import Cell, Trial, TrialMaker
+from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel
-from faceposer.model.subject_file import load_subject
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import RELATIVE_TOLERANCE, SLOPE_TOLERANCE, best_start, solve
 from faceposer.solve.problem import PoseProblem
@@ -122,7 +122,7 @@ def solve_by_differences_alone(model: FaceModel, constraints: Sequence[Constrain
 DIFFERENCES = {FINITE: solve_by_differences, FINITE_ALONE: solve_by_differences_alone}
 
 
-def rival_rows(subject: str, trials: int, names: Iterable[str] = RIVALS) -> list[Row]:
+def rival_rows(character: str, trials: int, names: Iterable[str] = RIVALS) -> list[Row]:
     """Measure cold solves of ours and of the rivals ``names`` on the same trials; nothing without FACEPOSER_CAPTURES.
 
     All learn from take 3, and trials come from take 4, targets off by 1.5 px. The methods do each trial one after
@@ -134,7 +134,7 @@ def rival_rows(subject: str, trials: int, names: Iterable[str] = RIVALS) -> list
     if not folder:
         print("without rivals, which learn from captures: set FACEPOSER_CAPTURES to their folder")
         return []
-    setting = StudyContext.of(load_subject(subject), [read_capture(Path(folder) / _TRAIN)])
+    setting = StudyContext.of(load_character(character), [read_capture(Path(folder) / _TRAIN)])
     frames = setting.rig_weights(clean(read_capture(Path(folder) / _TEST), setting.recipe))
     methods: dict[str, Method] = {"mfa": prepared(METHODS["mfa"], setting)}
     for name in names:
@@ -160,7 +160,7 @@ def _compared(label: str, setting: StudyContext, methods: dict[str, Method], tri
     alone: list[float] = []
     for trial in trials:
         truth = setting.vertices_of(trial.weights)
-        neutral.append(float(np.linalg.norm(setting.subject.vertices - truth, axis=1).mean()))
+        neutral.append(float(np.linalg.norm(setting.character.vertices - truth, axis=1).mean()))
         for method in methods.values():
             if isinstance(method, ModelMethod):
                 for constraint in trial.constraints:
@@ -190,7 +190,7 @@ def _compared(label: str, setting: StudyContext, methods: dict[str, Method], tri
 def _without_factors(method: Method, setting: StudyContext, trial: Trial) -> float:
     """Return the time of as-rigid-as-possible deformation where the handles are those of before."""
     assert isinstance(method, Arap)
-    ids, targets = method.held(Handles.of(setting.subject, trial.constraints))
+    ids, targets = method.held(Handles.of(setting.character, trial.constraints))
     data = method.factorised(ids)
     return elapsed(lambda: method.deformed(data, targets))
 

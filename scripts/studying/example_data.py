@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from faceposer.geometry.mesh_sequence import write_frames
 from faceposer.geometry.obj_io import write_obj
-from faceposer.model.subject_file import load_subject
+from faceposer.model.character_file import load_character
 from faceposer.training.capture import read_capture
 
 Array = NDArray[np.float64]
@@ -77,7 +77,7 @@ def example_data(n_frames: int, n_vertices: int) -> ExampleData:
     folder = os.environ.get("FACEPOSER_CAPTURES")
     if not folder:
         sys.exit("Set FACEPOSER_CAPTURES to the folder with the capture files.")
-    man = load_subject("man")
+    man = load_character("man")
     least = man.part("skin").vertices[1]
     if not least <= n_vertices <= len(man.vertices):
         sys.exit(f"The mesh can have {least} to {len(man.vertices)} vertices, not {n_vertices}.")

@@ -24,7 +24,7 @@ SHAPES = {"jawOpen": 0.6, "mouthSmileLeft": 0.7, "mouthSmileRight": 0.7, "browIn
 
 
 def front(model: FaceModel) -> Camera:
-    vertices = model.subject.vertices
+    vertices = model.character.vertices
     return OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0)).camera((800, 800))
 
 
@@ -40,7 +40,7 @@ def performed(model: FaceModel, n_frames: int) -> Array:
 
 def tracked(model: FaceModel, poses: Array, noise_px: float = 0.0, in_space: bool = False) -> Trajectories:
     """The trajectories of seven feature points of the face ``poses``, (F, r)."""
-    points = SurfacePoints.at_vertices([model.subject.feature_points[name] for name in SEVEN])
+    points = SurfacePoints.at_vertices([model.character.feature_points[name] for name in SEVEN])
     rng = np.random.default_rng(0)
     places = np.array([model.positions_at(points, p) for p in poses])
     if in_space:
@@ -205,7 +205,7 @@ def test_weights_and_further_constraints_count(model: FaceModel) -> None:
     tracks = tracked(model, performed(model, 16))
     ignored = follow(model, replace(tracks, weights=np.zeros(len(SEVEN)))).coefficients
     np.testing.assert_allclose(ignored, 0.0, atol=1e-6)
-    brows = SurfacePoints.at_vertices(model.subject.regions["brow_left"][::20])
+    brows = SurfacePoints.at_vertices(model.character.regions["brow_left"][::20])
     held = FixedConstraint(brows, weight=20.0).resolved(model, model.neutral())
     free, fixed = (follow(model, tracks, constraints=extra).coefficients for extra in ((), (held,)))
 
@@ -299,12 +299,12 @@ def test_trajectories_that_do_not_fit_are_refused(model: FaceModel, change: dict
 
 @pytest.mark.parametrize("prior_weight", [0.0, 1.0])
 def test_a_point_held_beyond_its_range_does_not_wear_the_limits_down(model: FaceModel, prior_weight: float) -> None:
-    camera, points = front(model), SurfacePoints.at_vertices([model.subject.feature_points["4.1"]])
+    camera, points = front(model), SurfacePoints.at_vertices([model.character.feature_points["4.1"]])
     here = camera.project(model.positions_at(points, model.neutral()))
     away = np.minimum(np.arange(60) / 20.0, 1.0)[:, None, None] * (0.0, -120.0)
     held = Trajectories(("brow",), points, here + away, 30.0, camera)
     poses = follow(model, held, prior_weight=prior_weight).coefficients
-    lower, upper = model.subject.shape_limits.T
+    lower, upper = model.character.shape_limits.T
     weights = np.array([model.weights_of(pose) for pose in poses])
     beyond = np.maximum(lower - weights, weights - upper)[:, upper > lower].max(axis=1)
     assert beyond.max() < 0.25

@@ -21,7 +21,7 @@ def random_keys(model: FaceModel, frames: tuple[int, ...], seed: int = 0, **sett
     rng = np.random.default_rng(seed)
     keys = []
     for frame in frames:
-        weights = rng.random(len(model.subject.shape_names)) * (rng.random(len(model.subject.shape_names)) < 0.3)
+        weights = rng.random(len(model.character.shape_names)) * (rng.random(len(model.character.shape_names)) < 0.3)
         keys.append(Key.of(frame, model.coefficients_of(weights)))
     return Keyframes(tuple(keys), **settings)  # type: ignore[arg-type]
 

@@ -20,23 +20,23 @@ from faceposer.animation.trajectory_io import (
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import OrbitView
 from faceposer.geometry.marker_map import MarkerMap
+from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
-from faceposer.model.subject import Subject
 
 NAMES = ("8.3", "8.4", "2.10", "4.1")
 
 
 @pytest.fixture(scope="module")
-def subject(model: FaceModel) -> Subject:
-    return model.subject
+def character(model: FaceModel) -> Character:
+    return model.character
 
 
-def places(subject: Subject) -> np.ndarray:
-    return subject.vertices[[subject.feature_points[name] for name in NAMES]].astype(np.float64)
+def places(character: Character) -> np.ndarray:
+    return character.vertices[[character.feature_points[name] for name in NAMES]].astype(np.float64)
 
 
-def moving(subject: Subject, n_frames: int = 4) -> np.ndarray:
-    positions = places(subject) + np.linspace(0.0, 0.3, n_frames)[:, None, None]
+def moving(character: Character, n_frames: int = 4) -> np.ndarray:
+    positions = places(character) + np.linspace(0.0, 0.3, n_frames)[:, None, None]
     positions[1, 2] = np.nan
     return positions
 
@@ -56,80 +56,80 @@ def camera_file(path: Path) -> Path:
     return path
 
 
-def test_a_table_of_pixels_with_a_camera(subject: Subject, tmp_path: Path) -> None:
-    camera = read_camera(camera_file(tmp_path / "camera.json"), subject)
-    vertices = subject.vertices
+def test_a_table_of_pixels_with_a_camera(character: Character, tmp_path: Path) -> None:
+    camera = read_camera(camera_file(tmp_path / "camera.json"), character)
+    vertices = character.vertices
     assert camera == OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0)).camera((640, 480))
-    pixels = moving(subject)[:, :, :2] * 10.0 + 300.0
+    pixels = moving(character)[:, :, :2] * 10.0 + 300.0
     path = table(tmp_path / "a.csv", NAMES, pixels, "time")
-    read = read_trajectories(path, subject, camera=camera)
+    read = read_trajectories(path, character, camera=camera)
     assert read.names == NAMES
     assert read.rate == 25.0
     assert read.camera == camera
     np.testing.assert_allclose(read.positions, pixels, atol=1e-6)
-    np.testing.assert_array_equal(read.points.faces, [-1 - subject.feature_points[name] for name in NAMES])
-    few = read_trajectories(path, subject, camera=camera, points=("2.10", "8.3"), rate=50.0)
+    np.testing.assert_array_equal(read.points.faces, [-1 - character.feature_points[name] for name in NAMES])
+    few = read_trajectories(path, character, camera=camera, points=("2.10", "8.3"), rate=50.0)
     assert few.names == ("2.10", "8.3")
     assert few.rate == 50.0
     np.testing.assert_allclose(few.positions, pixels[:, [2, 0]], atol=1e-6)
     with pytest.raises(FacePoserError, match="give the camera"):
-        read_trajectories(path, subject)
+        read_trajectories(path, character)
 
 
-def test_a_map_tells_where_the_points_of_a_picture_are(subject: Subject, tmp_path: Path) -> None:
-    camera = read_camera(camera_file(tmp_path / "camera.json"), subject)
-    pixels = moving(subject)[:, :, :2] * 10.0 + 300.0
+def test_a_map_tells_where_the_points_of_a_picture_are(character: Character, tmp_path: Path) -> None:
+    camera = read_camera(camera_file(tmp_path / "camera.json"), character)
+    pixels = moving(character)[:, :, :2] * 10.0 + 300.0
     path = table(tmp_path / "a.csv", ("a", "b", "c", "d"), pixels)
     spots = MarkerMap({"c": "8.3", "a": 17})
-    read = read_trajectories(path, subject, camera=camera, marker_map=spots)
+    read = read_trajectories(path, character, camera=camera, marker_map=spots)
     assert read.names == ("c", "a")
-    np.testing.assert_array_equal(read.points.faces, [-1 - subject.feature_points["8.3"], -18])
+    np.testing.assert_array_equal(read.points.faces, [-1 - character.feature_points["8.3"], -18])
     np.testing.assert_allclose(read.positions, pixels[:, [2, 0]], atol=1e-6)
     with pytest.raises(FacePoserError, match="has no point e"):
-        read_trajectories(path, subject, camera=camera, marker_map=MarkerMap({"e": 3}))
-    (tmp_path / "a.json").write_text(json.dumps(document(subject)), encoding="utf-8")
+        read_trajectories(path, character, camera=camera, marker_map=MarkerMap({"e": 3}))
+    (tmp_path / "a.json").write_text(json.dumps(document(character)), encoding="utf-8")
     with pytest.raises(FacePoserError, match="leave the marker map out"):
-        read_trajectories(tmp_path / "a.json", subject, marker_map=spots)
+        read_trajectories(tmp_path / "a.json", character, marker_map=spots)
 
 
-def test_points_are_named_by_number_title_or_vertex(subject: Subject, tmp_path: Path) -> None:
+def test_points_are_named_by_number_title_or_vertex(character: Character, tmp_path: Path) -> None:
     names = ("8.3", "Right mouth corner", "vertex 17", "v18")
-    vertices = [subject.feature_points["8.3"], subject.feature_points["8.4"], 17, 18]
-    positions = np.tile(subject.vertices[vertices].astype(np.float64), (2, 1, 1))
-    named = read_trajectories(table(tmp_path / "a.csv", names, positions), subject)
+    vertices = [character.feature_points["8.3"], character.feature_points["8.4"], 17, 18]
+    positions = np.tile(character.vertices[vertices].astype(np.float64), (2, 1, 1))
+    named = read_trajectories(table(tmp_path / "a.csv", names, positions), character)
     np.testing.assert_array_equal(named.points.faces, -1 - np.array(vertices))
     assert named.camera is None
 
 
-def test_places_in_the_space_of_the_face_are_taken_as_they_are(subject: Subject, tmp_path: Path) -> None:
-    positions = moving(subject)
-    read = read_trajectories(table(tmp_path / "a.csv", NAMES, positions), subject)
+def test_places_in_the_space_of_the_face_are_taken_as_they_are(character: Character, tmp_path: Path) -> None:
+    positions = moving(character)
+    read = read_trajectories(table(tmp_path / "a.csv", NAMES, positions), character)
     np.testing.assert_allclose(read.positions, positions, atol=1e-5)
     assert read.rate == 30.0
     with pytest.raises(FacePoserError, match="not in its space; give a marker map"):
-        read_trajectories(table(tmp_path / "b.csv", NAMES, positions * 10.0), subject)
+        read_trajectories(table(tmp_path / "b.csv", NAMES, positions * 10.0), character)
     path = tmp_path / "c.json"
     path.write_text(json.dumps(trajectories_to_json(replace(read, positions=positions * 10.0))))
     with pytest.raises(FacePoserError, match="not in its space; give them in the face's centimetres"):
-        read_trajectories(path, subject)
+        read_trajectories(path, character)
 
 
-def test_the_face_lies_before_the_camera(subject: Subject, tmp_path: Path) -> None:
-    view = read_camera(camera_file(tmp_path / "camera.json"), subject)
+def test_the_face_lies_before_the_camera(character: Character, tmp_path: Path) -> None:
+    view = read_camera(camera_file(tmp_path / "camera.json"), character)
     path = table(tmp_path / "a.csv", NAMES, np.ones((3, 4, 2)))
-    read_trajectories(path, subject, camera=view)
+    read_trajectories(path, character, camera=view)
     for depth in (0.0, -100.0):
         behind = replace(view, translation=np.array([0.0, 0.0, depth]))
         with pytest.raises(FacePoserError, match="behind it or all around it"):
-            read_trajectories(path, subject, camera=behind)
+            read_trajectories(path, character, camera=behind)
 
 
-def captured(subject: Subject, n_frames: int = 6) -> tuple[np.ndarray, np.ndarray]:
+def captured(character: Character, n_frames: int = 6) -> tuple[np.ndarray, np.ndarray]:
     """Markers of a performer in millimetres whose head turns, three of them on bone, and how the face moves."""
     moved = np.zeros((n_frames, 4, 3))
     moved[:, 2, 1] = -np.linspace(0.0, 1.5, n_frames)
     bone = np.array([[7.0, 8.0, 0.0], [-7.0, 8.0, 0.0], [0.0, 12.0, -3.0]])
-    positions = np.concatenate([places(subject) + moved, np.tile(bone, (n_frames, 1, 1))], axis=1) * 10.0
+    positions = np.concatenate([places(character) + moved, np.tile(bone, (n_frames, 1, 1))], axis=1) * 10.0
     for i, angle in enumerate(np.linspace(0.0, 0.4, n_frames)):
         turn = np.array([[np.cos(angle), 0.0, np.sin(angle)], [0.0, 1.0, 0.0], [-np.sin(angle), 0.0, np.cos(angle)]])
         positions[i] = positions[i] @ turn.T + (100.0, 1500.0, 20.0 * angle)
@@ -141,22 +141,24 @@ def marker_map(fixed: bool) -> MarkerMap:
     return MarkerMap(spots, ("A", "B", "C") if fixed else ())
 
 
-def test_markers_of_a_performer_are_laid_on_the_face_with_its_head_at_rest(subject: Subject, tmp_path: Path) -> None:
-    positions, moved = captured(subject)
+def test_markers_of_a_performer_are_laid_on_the_face_with_its_head_at_rest(
+    character: Character, tmp_path: Path
+) -> None:
+    positions, moved = captured(character)
     path = table(tmp_path / "a.csv", ("CornerL", "CornerR", "Chin", "Brow", "A", "B", "C"), positions)
-    read = read_trajectories(path, subject, marker_map=marker_map(fixed=True))
+    read = read_trajectories(path, character, marker_map=marker_map(fixed=True))
     assert read.names == ("CornerL", "CornerR", "Chin", "Brow")
-    np.testing.assert_allclose(read.positions, places(subject) + moved, atol=1e-3)
+    np.testing.assert_allclose(read.positions, places(character) + moved, atol=1e-3)
     # Nobody says what holds the head, and seven markers are too few to find out: it is taken to be at rest.
-    as_given = read_trajectories(path, subject, marker_map=marker_map(fixed=False))
-    assert np.abs(as_given.positions[-1, 0] - places(subject)[0]).max() > 0.5
+    as_given = read_trajectories(path, character, marker_map=marker_map(fixed=False))
+    assert np.abs(as_given.positions[-1, 0] - places(character)[0]).max() > 0.5
     with pytest.raises(FacePoserError, match="no marker of the motion"):
-        read_trajectories(path, subject, marker_map=MarkerMap({"Nose": "9.3"}))
+        read_trajectories(path, character, marker_map=MarkerMap({"Nose": "9.3"}))
 
 
-def test_c3d(subject: Subject, tmp_path: Path) -> None:
+def test_c3d(character: Character, tmp_path: Path) -> None:
     c3d = pytest.importorskip("c3d")
-    positions, moved = captured(subject)
+    positions, moved = captured(character)
     writer = c3d.Writer(point_rate=120.0, analog_rate=0.0)
     frames = [(np.pad(frame, ((0, 0), (0, 2))).astype(np.float32), np.zeros((0, 0))) for frame in positions]
     writer.add_frames(frames)
@@ -165,12 +167,12 @@ def test_c3d(subject: Subject, tmp_path: Path) -> None:
     with path.open("wb") as file, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         writer.write(file)
-    read = read_trajectories(path, subject, marker_map=marker_map(fixed=True), points=("Chin", "CornerL", "CornerR"))
+    read = read_trajectories(path, character, marker_map=marker_map(fixed=True), points=("Chin", "CornerL", "CornerR"))
     assert read.rate == 120.0
-    np.testing.assert_allclose(read.positions, (places(subject) + moved)[:, [2, 0, 1]], atol=1e-3)
+    np.testing.assert_allclose(read.positions, (places(character) + moved)[:, [2, 0, 1]], atol=1e-3)
 
 
-def document(subject: Subject) -> dict[str, Any]:
+def document(character: Character) -> dict[str, Any]:
     return {
         "format": "faceposer.trajectories",
         "version": 1,
@@ -193,14 +195,14 @@ def document(subject: Subject) -> dict[str, Any]:
     }
 
 
-def test_json_round_trip_is_exact(subject: Subject) -> None:
-    read = trajectories_from_json(document(subject), subject)
+def test_json_round_trip_is_exact(character: Character) -> None:
+    read = trajectories_from_json(document(character), character)
     assert read.names == ("8.3", "mine", "spot")
     np.testing.assert_array_equal(read.seen, [[True, True, False], [False, True, False], [True, True, False]])
     assert read.weights is not None
     np.testing.assert_array_equal(read.weights, [1.0, 0.5, 1.0])
-    assert read.camera == camera_from_json({"view": "left", "size": [640, 480]}, "camera", subject)
-    again = trajectories_from_json(json.loads(json.dumps(trajectories_to_json(read))), subject)
+    assert read.camera == camera_from_json({"view": "left", "size": [640, 480]}, "camera", character)
+    again = trajectories_from_json(json.loads(json.dumps(trajectories_to_json(read))), character)
     np.testing.assert_array_equal(again.positions, read.positions)
     assert (again.names, again.points, again.rate, again.camera) == (read.names, read.points, 24.0, read.camera)
 
@@ -230,12 +232,12 @@ def test_json_round_trip_is_exact(subject: Subject) -> None:
     ],
 )
 def test_wrong_json_is_refused_with_its_file_and_place(
-    subject: Subject, tmp_path: Path, change: dict[str, Any], said: str
+    character: Character, tmp_path: Path, change: dict[str, Any], said: str
 ) -> None:
     path = tmp_path / "a.json"
-    path.write_text(json.dumps(document(subject) | change), encoding="utf-8")
+    path.write_text(json.dumps(document(character) | change), encoding="utf-8")
     with pytest.raises(FacePoserError, match=said) as caught:
-        read_trajectories(path, subject)
+        read_trajectories(path, character)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -259,21 +261,21 @@ def test_wrong_json_is_refused_with_its_file_and_place(
     ],
 )
 def test_bad_files_are_refused_in_one_sentence(
-    subject: Subject, tmp_path: Path, name: str, text: str, said: str
+    character: Character, tmp_path: Path, name: str, text: str, said: str
 ) -> None:
-    camera = read_camera(camera_file(tmp_path / "camera.json"), subject)
+    camera = read_camera(camera_file(tmp_path / "camera.json"), character)
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
     with pytest.raises(FacePoserError, match=said) as caught:
-        read_trajectories(path, subject, camera=camera)
+        read_trajectories(path, character, camera=camera)
     assert str(path) in str(caught.value)
     with pytest.raises(FacePoserError, match=r"No such file|cannot be read"):
-        read_trajectories(tmp_path / f"none{path.suffix}", subject, camera=camera)
+        read_trajectories(tmp_path / f"none{path.suffix}", character, camera=camera)
 
 
-def test_damaged_files_never_end_otherwise(subject: Subject, tmp_path: Path) -> None:
+def test_damaged_files_never_end_otherwise(character: Character, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
-    whole = json.dumps(document(subject)).encode()
+    whole = json.dumps(document(character)).encode()
     path = tmp_path / "a.json"
     for _ in range(60):
         damaged = bytearray(whole)
@@ -281,4 +283,4 @@ def test_damaged_files_never_end_otherwise(subject: Subject, tmp_path: Path) -> 
             damaged[at] = rng.integers(0, 256)
         path.write_bytes(bytes(damaged))
         with contextlib.suppress(FacePoserError):
-            read_trajectories(path, subject)
+            read_trajectories(path, character)

@@ -40,7 +40,7 @@ def test_keys_go_to_other_faces_and_programs(tmp_path: Path, monkeypatch: pytest
     assert [key.frame for key in goblin.session.animation.keyframes.keys] == [0, 20]
     performance = face.performance
     assert performance is not None
-    jaw = performance.weights(face.model)[:, face.subject.shape_names.index("jawOpen")]
+    jaw = performance.weights(face.model)[:, face.character.shape_names.index("jawOpen")]
     assert jaw[0] == pytest.approx(0.0, abs=1e-9)
     assert jaw[20] > 0.2
     assert len(json.loads((tmp_path / "goblin.json").read_text())["frames"]) == len(performance)
@@ -54,11 +54,11 @@ def test_keys_go_to_other_faces_and_programs(tmp_path: Path, monkeypatch: pytest
 
 def test_a_face_follows_its_own_motion(face: Face) -> None:
     names = ["8.3", "8.4", "8.1", "8.2", "2.10"]
-    points = SurfacePoints.at_vertices([face.subject.feature_points[name] for name in names])
+    points = SurfacePoints.at_vertices([face.character.feature_points[name] for name in names])
     jaw = [face.model.coefficients_of({"jawOpen": weight}) for weight in np.linspace(0.0, 0.7, 12)]
     positions = np.stack([face.model.positions_at(points, pose) for pose in jaw])
     found = face.follow(faceposer.Trajectories(tuple(names), points, positions, 30.0), smoothness=0.1)
-    opening = found.weights(face.model)[:, face.subject.shape_names.index("jawOpen")]
+    opening = found.weights(face.model)[:, face.character.shape_names.index("jawOpen")]
     assert opening[-1] > 0.5
     face.play(found)
     assert face.performance is not None
@@ -142,7 +142,7 @@ def test_every_kind_of_constraint(face: Face) -> None:
 
 
 def test_a_place_is_a_name_a_number_or_a_pixel(face: Face) -> None:
-    vertex = face.subject.feature_points["9.3"]
+    vertex = face.character.feature_points["9.3"]
     tip = face.pixel("nose tip")
     assert face.pixel(vertex) == face.pixel("9.3") == face.pixel("tip of the nose") == tip
     assert face.pixel(tip) == pytest.approx(tip, abs=1e-6)
@@ -165,13 +165,16 @@ def test_the_spread_says_how_much_of_the_face_follows(face: Face) -> None:
     u, v = face.pixel("left mouth corner")
     face.drag("left mouth corner", (u + 8, v - 10))
     assert face.spread == 0.5
-    away = np.linalg.norm(face.subject.vertices - face.subject.vertices[face.subject.feature_points["8.3"]], axis=1) > 5
+    away = (
+        np.linalg.norm(face.character.vertices - face.character.vertices[face.character.feature_points["8.3"]], axis=1)
+        > 5
+    )
     moved = []
     for spread in (0.0, 1.0):
         face.spread = spread
         assert face.session.document.spread == spread
         face.solve()
-        moved.append(float(np.linalg.norm(face.vertices - face.subject.vertices, axis=1)[away].mean()))
+        moved.append(float(np.linalg.norm(face.vertices - face.character.vertices, axis=1)[away].mean()))
     assert moved[0] < 0.5 * moved[1]
     assert face.transfer_to("woman").spread == 1.0
 

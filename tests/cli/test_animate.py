@@ -19,9 +19,9 @@ NAMES = ("8.3", "8.4", "8.1", "8.2", "2.10")
 @pytest.fixture
 def jaw(model: FaceModel, tmp_path: Path) -> Path:
     """The mouth of a face in a picture while the jaw opens, beside the picture's camera."""
-    subject = model.subject
-    camera = OrbitView.preset(subject.vertices.min(axis=0), subject.vertices.max(axis=0)).camera((800, 800))
-    vertices = [subject.feature_points[name] for name in NAMES]
+    character = model.character
+    camera = OrbitView.preset(character.vertices.min(axis=0), character.vertices.max(axis=0)).camera((800, 800))
+    vertices = [character.feature_points[name] for name in NAMES]
     lines = ["time," + ",".join(f"{name}.{axis}" for name in NAMES for axis in "xy")]
     for i, strength in enumerate(np.linspace(0.0, 0.8, 15)):
         pixels = camera.project(model.instance(model.coefficients_of({"jawOpen": strength}))[vertices])

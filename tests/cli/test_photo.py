@@ -22,7 +22,7 @@ def files(model: FaceModel, tmp_path: Path) -> tuple[Path, Path]:
     """A photo, and pins on it of the man who smiles."""
     Image.new("RGB", (400, 300), (90, 90, 90)).save(tmp_path / "face.png")
     vertices = model.instance(model.coefficients_of({"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8}))
-    seen = CAMERA.project(vertices[[model.subject.feature_points[name] for name in GUIDED]]).tolist()
+    seen = CAMERA.project(vertices[[model.character.feature_points[name] for name in GUIDED]]).tolist()
     pins = [{"point": name, "pixel": pixel} for name, pixel in zip(GUIDED, seen, strict=True)]
     data = {"format": "faceposer.pins", "version": 1, "pins": [*pins, {"point": "99.1", "pixel": [1, 1]}]}
     (tmp_path / "pins.json").write_text(json.dumps(data))
@@ -73,7 +73,7 @@ def test_photo_refuses_in_one_sentence_and_writes_nothing(
         (("man", tmp_path / "none.jpg", "--pins", pins, "-o", out), "There is no photo"),
         (("man", photo, "--pins", tmp_path / "none.json", "-o", out), "cannot be read"),
         (("man", photo, "--pins", pins, "-o", out, "--focal", -3), "focal length"),
-        (("nobody", photo, "--pins", pins, "-o", out), "no subject"),
+        (("nobody", photo, "--pins", pins, "-o", out), "no character"),
         (("man", photo, "--pins", pins, "-o", pins), "is what is read"),
         (("man", photo, "--pins", pins, "-o", out, "--render", photo), "is what is read"),
         (("man", photo, "--pins", outside, "-o", out), "pins[1] at (401, 20), outside of the photo of 400 x 300"),

@@ -21,11 +21,11 @@ Capture = pytest.CaptureFixture[str]
 @pytest.fixture
 def smile(model: FaceModel, tmp_path: Path) -> Path:
     """A session that pulls both mouth corners."""
-    vertices = model.subject.vertices
+    vertices = model.character.vertices
     camera = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0)).camera((800, 800))
     constraints = []
     for name, dx in (("8.3", 12.0), ("8.4", -12.0)):
-        anchor = SurfacePoint.at_vertex(model.triangles, model.subject.feature_points[name])
+        anchor = SurfacePoint.at_vertex(model.triangles, model.character.feature_points[name])
         u, v = camera.project(surface_positions(vertices, model.triangles, [anchor]))[0].tolist()
         constraints.append(PointConstraint(anchor, (u + dx, v - 12.0), camera))
     path = tmp_path / "smile.json"
@@ -51,7 +51,7 @@ def test_solve_writes_the_mesh_and_the_report(model: FaceModel, smile: Path, tmp
     assert len(report["weights"]) == 54
     assert min(report["weights"]["mouthSmileLeft"], report["weights"]["mouthSmileRight"]) > 0.2
     expected = model.surface(np.array(report["coefficients"]))
-    height = np.ptp(model.subject.vertices[:, 1])
+    height = np.ptp(model.character.vertices[:, 1])
     assert np.abs(read_mesh(mesh_path).vertices - expected).max() < 1e-5 * height
     assert "smile.obj written" in capsys.readouterr().out
 
@@ -66,14 +66,14 @@ def test_the_spread_can_be_given_and_is_checked(smile: Path, tmp_path: Path, cap
     assert "'1.5' is not a number from 0 to 1" in capsys.readouterr().err
 
 
-def test_subjects_are_listed(capsys: Capture) -> None:
-    assert run("subjects") == 0
+def test_characters_are_listed(capsys: Capture) -> None:
+    assert run("characters") == 0
     assert "man " in capsys.readouterr().out
 
 
 @pytest.mark.slow
 @pytest.mark.gl
-def test_render_draws_subjects_sessions_and_meshes(smile: Path, tmp_path: Path) -> None:
+def test_render_draws_characters_sessions_and_meshes(smile: Path, tmp_path: Path) -> None:
     assert run("solve", smile, "-o", tmp_path / "smile.obj") == 0
     pictures = []
     for what in ("man", smile, tmp_path / "smile.obj"):
@@ -103,7 +103,7 @@ def test_render_draws_subjects_sessions_and_meshes(smile: Path, tmp_path: Path) 
         (("render", "man", "-o", "{tmp}/a.png", "--size", "0x5"), "not a size"),
         (("render", "man", "-o", "{tmp}/a.png", "--size", "99999x5"), "not a size"),
         (("render", "man", "-o", "{tmp}/a.png", "--view", "below"), "invalid choice"),
-        (("render", "ghost", "-o", "{tmp}/a.png"), "'ghost' is no subject"),
+        (("render", "ghost", "-o", "{tmp}/a.png"), "'ghost' is no character"),
         (("render", "ghost.obj", "-o", "{tmp}/a.png"), "ghost.obj"),
         (("--bogus",), "--bogus"),
     ],

@@ -8,8 +8,8 @@ import pytest
 
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.obj_io import write_obj
-from faceposer.model.subject import ARKIT_SHAPES
-from faceposer.model.subject_file import load_subject
+from faceposer.model.character import ARKIT_SHAPES
+from faceposer.model.character_file import load_character
 from faceposer.training import expressions, mode_statistics
 from tests.command_line import run_captured
 from tests.training.faces import base, morph_mesh, write_examples
@@ -49,12 +49,12 @@ def test_a_rig_is_trained_described_posed_and_renamed(
     assert (summary / "summary.png").read_bytes().startswith(b"\x89PNG")
     assert sorted(path.name for path in summary.iterdir()) == ["summary.json", "summary.png"]
 
-    status, out, _ = run_captured(capsys, "subject", "info", output, "--json")
+    status, out, _ = run_captured(capsys, "character", "info", output, "--json")
     about = json.loads(out)
     assert status == 0
     assert about["name"] == "my-face"
     assert about["statistics"] == "shipped"
-    status, out, _ = run_captured(capsys, "subject", "check", output)
+    status, out, _ = run_captured(capsys, "character", "check", output)
     assert status == 0
     assert "can be posed" in out
 
@@ -68,9 +68,9 @@ def test_a_rig_is_trained_described_posed_and_renamed(
     np.testing.assert_array_equal(mesh.polygons, base().polygons)
     np.testing.assert_allclose(mesh.vertices, base().vertices, atol=1e-6)
 
-    status, _, _ = run_captured(capsys, "subject", "rename", output, "--name", "hero", "--shape", "jawOpen=JAW")
+    status, _, _ = run_captured(capsys, "character", "rename", output, "--name", "hero", "--shape", "jawOpen=JAW")
     assert status == 0
-    renamed = load_subject(output)
+    renamed = load_character(output)
     assert renamed.name == "hero"
     assert "JAW" in renamed.shape_names
     assert renamed.title == "My face"
@@ -85,14 +85,14 @@ def test_examples_are_trained(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert (status, err) == (0, "")
     assert "15 examples, 8 modes" in out
     assert "not converged" not in out
-    subject = load_subject(output)
-    assert subject.statistics is not None
-    old = subject.shape_names[0]
-    assert run_captured(capsys, "subject", "rename", output, "--shape", f"{old}=first")[0] == 0
-    renamed = load_subject(output)
+    character = load_character(output)
+    assert character.statistics is not None
+    old = character.shape_names[0]
+    assert run_captured(capsys, "character", "rename", output, "--shape", f"{old}=first")[0] == 0
+    renamed = load_character(output)
     assert renamed.statistics is not None
     assert renamed.statistics.shape_names[0] == "first"
-    assert run_captured(capsys, "subject", "check", output)[0] == 0
+    assert run_captured(capsys, "character", "check", output)[0] == 0
 
 
 def test_a_prior_that_did_not_converge_is_reported(
@@ -128,11 +128,11 @@ def test_a_prior_that_did_not_converge_is_reported(
         (["train", "--examples", ".", "--capture", "a.csv", "-o", "a.npz"], "Performances (--capture)"),
         (["train", "--examples", ".", "-o", "a.npz"], "The folder '.' has no meshes"),
         (["train", "--markers", "take.csv", "-o", "a.npz"], "need a map (--marker-map)"),
-        (["subject", "info", "nobody"], "There is no subject 'nobody'"),
-        (["subject", "rename", "man", "--name", "x"], "'man' is no subject file"),
-        (["subject", "rename", "a.npz"], "Nothing is to be renamed"),
-        (["subject", "rename", "a.npz", "--shape", "jawOpen"], "'jawOpen' does not say how to rename"),
-        (["subject", "check", "a.npz"], "There is no subject file 'a.npz'"),
+        (["character", "info", "nobody"], "There is no character 'nobody'"),
+        (["character", "rename", "man", "--name", "x"], "'man' is no character file"),
+        (["character", "rename", "a.npz"], "Nothing is to be renamed"),
+        (["character", "rename", "a.npz", "--shape", "jawOpen"], "'jawOpen' does not say how to rename"),
+        (["character", "check", "a.npz"], "There is no character file 'a.npz'"),
     ],
 )
 def test_what_cannot_be_is_said_in_one_sentence(
@@ -152,10 +152,10 @@ def test_shapes_are_not_renamed_into_each_other(rig: Path, tmp_path: Path, capsy
     output = tmp_path / "me.npz"
     assert run_captured(capsys, "train", "--rig", rig, "-o", output)[0] == 0
     before = output.read_bytes()
-    status, _, err = run_captured(capsys, "subject", "rename", output, "--shape", "jawOpen=jawLeft")
+    status, _, err = run_captured(capsys, "character", "rename", output, "--shape", "jawOpen=jawLeft")
     assert status == 2
     assert "Two shapes would be called 'jawLeft'" in err
-    status, _, err = run_captured(capsys, "subject", "rename", output, "--shape", "smirk=jawOpen")
+    status, _, err = run_captured(capsys, "character", "rename", output, "--shape", "smirk=jawOpen")
     assert "has no shape 'smirk'" in err
     assert output.read_bytes() == before
 
@@ -188,4 +188,4 @@ def test_two_examples_are_the_fewest(tmp_path: Path, capsys: pytest.CaptureFixtu
     status, out, err = run_captured(capsys, "train", "--examples", tmp_path, "-o", tmp_path / "me.npz")
     assert (status, err) == (0, "")
     assert "2 examples are too few to judge the model" in out
-    assert run_captured(capsys, "subject", "check", tmp_path / "me.npz")[0] == 0
+    assert run_captured(capsys, "character", "check", tmp_path / "me.npz")[0] == 0

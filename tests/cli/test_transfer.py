@@ -38,15 +38,17 @@ def test_a_pose_becomes_a_session_of_the_other_face_and_a_mesh(tmp_path: Path, s
     out = tmp_path / "out.json"
     assert run("transfer", smile, "low", "-o", out) == 0
     session = open_session(str(out))
-    assert session.model.subject.name == "low"
-    weights = dict(zip(session.model.subject.shape_names, session.model.weights_of(session.coefficients), strict=True))
+    assert session.model.character.name == "low"
+    weights = dict(
+        zip(session.model.character.shape_names, session.model.weights_of(session.coefficients), strict=True)
+    )
     assert weights["mouthSmileLeft"] > 0.5
     assert not session.document.constraints
     mesh = tmp_path / "out.obj"
     assert run("transfer", smile, "low", "-o", mesh, "--method", "weights") == 0
     read = read_mesh(mesh).vertices
-    assert read.shape == session.model.subject.vertices.shape
-    assert np.abs(read - session.model.subject.vertices).max() > 0.1
+    assert read.shape == session.model.character.vertices.shape
+    assert np.abs(read - session.model.character.vertices).max() > 0.1
 
 
 def test_a_capture_becomes_an_animation_and_goes_on_from_there(tmp_path: Path, take: Path) -> None:
@@ -62,7 +64,9 @@ def test_a_capture_becomes_an_animation_and_goes_on_from_there(tmp_path: Path, t
     one = tmp_path / "one.json"
     assert run("transfer", take, "woman", "-o", one, "--frames", "5", "--method", "weights") == 0
     session = open_session(str(one))
-    weights = dict(zip(session.model.subject.shape_names, session.model.weights_of(session.coefficients), strict=True))
+    weights = dict(
+        zip(session.model.character.shape_names, session.model.weights_of(session.coefficients), strict=True)
+    )
     assert weights["jawOpen"] == pytest.approx(0.5, abs=0.1)
 
 
@@ -83,7 +87,7 @@ def test_a_session_goes_over_with_all_its_keys(tmp_path: Path, model: FaceModel)
     assert (found.rate, found.length, found.loop) == (24.0, 25, True)
     assert [key.frame for key in found.keys] == list(frames)
     assert (session.document.frame, session.document.prior_weight) == (12, 2.0)
-    names = session.model.subject.shape_names
+    names = session.model.character.shape_names
     smile, jaw = (
         np.array([session.model.weights_of(key.pose)[names.index(name)] for key in found.keys])
         for name in ("mouthSmileLeft", "jawOpen")
@@ -131,7 +135,7 @@ def test_the_pairs_of_a_file_are_those_that_count(tmp_path: Path, smile: Path) -
         (("smile.json", "low", "-o", "o.json", "--pairs", "none.json"), "cannot be read"),
         (("smile.json", "low", "-o", "o.json", "--pairs", "paper", "--method", "weights"), "leave out --pairs"),
         (("smile.json", "low", "-o", "o.fbx"), "must end in one of .glb, .obj, "),
-        (("smile.json", "nobody", "-o", "o.json"), "no subject 'nobody'"),
+        (("smile.json", "nobody", "-o", "o.json"), "no character 'nobody'"),
         (("smile.png", "low", "-o", "o.json"), "neither a session"),
         (("none.json", "low", "-o", "o.json"), "cannot be read"),
         (("take.csv", "low", "-o", "o.obj"), "has 8 frames, and '.obj' holds one"),

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.model.character import ARKIT_SHAPES
 
 
 def weights(frames: int, seed: int) -> np.ndarray:

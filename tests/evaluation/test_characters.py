@@ -15,8 +15,8 @@ from faceposer.evaluation.methods.method import ModelMethod, prepared
 from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.trials import Cell, TrialMaker, skin_vertices
-from faceposer.model.subject import ARKIT_SHAPES, Subject
-from faceposer.model.subject_file import load_subject, save_subject
+from faceposer.model.character import ARKIT_SHAPES, Character
+from faceposer.model.character_file import load_character, save_character
 from faceposer.training.capture import Capture
 from faceposer.training.expressions import Recipe
 from tests.evaluation.performances import weights, write_take
@@ -26,21 +26,21 @@ METHODS_OF_ALL_KINDS = "mfa,mfa-whole,mfa-undamped,ppca,pca,lwr,opt-blend,interp
 KINDS_AND_COUNTS = ("--counts", "point=1,8", "distance=4", "stroke=300", "--region-counts", "point=1", "stroke=300")
 
 
-def foreign(**changes: object) -> Subject:
+def foreign(**changes: object) -> Character:
     """Return the low head with parts of other names, the skin last."""
-    low = load_subject("low")
+    low = load_character("low")
     parts = tuple(replace(part, name=f"Mesh {i} of {part.material}") for i, part in enumerate(low.parts))
     textures = {name: image for name, image in low.textures.items() if name in {part.material for part in parts}}
     return replace(low, name="foreign", parts=parts, textures=textures, **changes)  # type: ignore[arg-type]
 
 
-def setting_of(subject: Subject) -> StudyContext:
-    return StudyContext.of(subject, [Capture(ARKIT_SHAPES, weights(120, 0))], Recipe(n_examples=300))
+def setting_of(character: Character) -> StudyContext:
+    return StudyContext.of(character, [Capture(ARKIT_SHAPES, weights(120, 0))], Recipe(n_examples=300))
 
 
-def study(capsys: pytest.CaptureFixture[str], folder: Path, subject: Path, *words: str) -> tuple[int, str, str]:
+def study(capsys: pytest.CaptureFixture[str], folder: Path, character: Path, *words: str) -> tuple[int, str, str]:
     takes = [write_take(folder / f"{i}.csv", weights(90, i)) for i in (0, 1)]
-    given = ("-o", folder / "study", "--subject", subject, "--capture", takes[0], "--capture-test", takes[1])
+    given = ("-o", folder / "study", "--character", character, "--capture", takes[0], "--capture-test", takes[1])
     given += ("--examples", "300", "--noise", "1.5", "--trials", "2", "--jobs", "1", "--no-figures", *words)
     with pytest.raises(SystemExit) as ended:
         main(["evaluate", *map(str, given)])
@@ -49,8 +49,8 @@ def study(capsys: pytest.CaptureFixture[str], folder: Path, subject: Path, *word
 
 
 def test_parts_of_a_face_may_have_any_names() -> None:
-    low, other = setting_of(load_subject("low")), setting_of(foreign())
-    np.testing.assert_array_equal(skin_vertices(other.subject), np.arange(*low.subject.part("skin").vertices))
+    low, other = setting_of(load_character("low")), setting_of(foreign())
+    np.testing.assert_array_equal(skin_vertices(other.character), np.arange(*low.character.part("skin").vertices))
     frames = low.rig_weights(weights(40, 1))
     for cell in (Cell("point", 4, 1.5), Cell("distance", 4, 1.5), Cell("stroke", 300, 1.5)):
         ours, theirs = (list(TrialMaker(setting).trials(cell, frames, 2, 0)) for setting in (low, other))
@@ -60,14 +60,14 @@ def test_parts_of_a_face_may_have_any_names() -> None:
 
 
 def test_without_a_part_of_skin_all_of_it_is_skin() -> None:
-    low = load_subject("low")
-    subject = replace(low, parts=tuple(replace(part, material="tongue") for part in low.parts))
-    assert len(skin_vertices(subject)) == len(low.vertices)
+    low = load_character("low")
+    character = replace(low, parts=tuple(replace(part, material="tongue") for part in low.parts))
+    assert len(skin_vertices(character)) == len(low.vertices)
 
 
 def test_as_rigid_as_possible_holds_loose_pieces_of_skin() -> None:
     pytest.importorskip("igl", reason="igl is not installed: faceposer[bench]")
-    low = load_subject("low")
+    low = load_character("low")
     # The lower teeth are of skin, too, and no vertex of them is still.
     parts = tuple(replace(part, material="skin") if part.name == "teeth_lower" else part for part in low.parts)
     setting = setting_of(replace(low, parts=parts))
@@ -83,11 +83,11 @@ def test_as_rigid_as_possible_holds_loose_pieces_of_skin() -> None:
 def test_what_a_character_has_no_place_for_is_left_out_with_a_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    points = {name: vertex for name, vertex in load_subject("low").feature_points.items() if name.startswith("8.")}
-    regions = load_subject("low").regions
+    points = {name: vertex for name, vertex in load_character("low").feature_points.items() if name.startswith("8.")}
+    regions = load_character("low").regions
     few = {"lids_left": regions["lids_left"][:3], "mouth": regions["mouth"], "lip_upper": regions["lip_upper"]}
     path = tmp_path / "foreign.npz"
-    save_subject(path, foreign(feature_points=points, feature_titles={}, regions=few))
+    save_character(path, foreign(feature_points=points, feature_titles={}, regions=few))
     words = ("--methods", "bounded-weights", "--counts", "point=2,500", "distance=4", "stroke=300")
     status, _, err = study(capsys, tmp_path, path, *words, "--region-counts", "point=4", "distance=2", "stroke=300")
     assert status == 0, err
@@ -110,7 +110,7 @@ def test_what_a_character_has_no_place_for_is_left_out_with_a_sentence(
 
 def test_strokes_alone_on_a_face_without_lines_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "foreign.npz"
-    save_subject(path, foreign(feature_points={}, feature_titles={}))
+    save_character(path, foreign(feature_points={}, feature_titles={}))
     for words in (("--kinds", "stroke"), ("--kinds", "stroke", "--tune")):
         status, out, err = study(capsys, tmp_path, path, "--methods", "bounded-weights", *words)
         assert (status, out) == (2, "")
@@ -124,10 +124,10 @@ def test_strokes_alone_on_a_face_without_lines_are_refused(tmp_path: Path, capsy
 def test_an_imported_rig_is_studied(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from faceposer.training.request import TrainingRequest, train
 
-    subject = train(TrainingRequest("rig", Path(RIGS or "") / f"{name}.glb", name, name))
-    assert "skin" not in {part.name for part in subject.parts}
+    character = train(TrainingRequest("rig", Path(RIGS or "") / f"{name}.glb", name, name))
+    assert "skin" not in {part.name for part in character.parts}
     path = tmp_path / f"{name}.npz"
-    save_subject(path, subject)
+    save_character(path, character)
     status, _, err = study(capsys, tmp_path, path, "--methods", METHODS_OF_ALL_KINDS, *KINDS_AND_COUNTS)
     assert status == 0, err
     rows = json.loads((tmp_path / "study" / "results.json").read_text())["rows"]
@@ -148,11 +148,11 @@ def test_the_other_heads_are_studied(name: str, tmp_path: Path, capsys: pytest.C
 
 
 def test_vertices_of_coefficients_are_made_in_one_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    setting = setting_of(load_subject("low"))
+    setting = setting_of(load_character("low"))
     monkeypatch.setattr(method_module, "posed", lambda model, coefficients: model.instance(coefficients) + 1.0)
     for name, kind in METHODS.items():
         if issubclass(kind, ModelMethod) and kind.requires is None and name not in ("mfa-plain",):
             method = prepared(kind, setting)
             assert isinstance(method, ModelMethod)
             found = method.vertices(method.model.neutral())
-            np.testing.assert_allclose(found, setting.subject.vertices + 1.0, atol=1e-5)
+            np.testing.assert_allclose(found, setting.character.vertices + 1.0, atol=1e-5)

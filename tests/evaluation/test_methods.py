@@ -8,8 +8,8 @@ from faceposer.evaluation.methods.method import prepared
 from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.trials import Cell, TrialMaker
-from faceposer.model.subject import ARKIT_SHAPES
-from faceposer.model.subject_file import load_subject
+from faceposer.model.character import ARKIT_SHAPES
+from faceposer.model.character_file import load_character
 from faceposer.training.capture import Capture
 from faceposer.training.expressions import Recipe
 
@@ -32,7 +32,7 @@ def setting():
     # Random frames jump all the time.
     recipe = replace(Recipe(), jump=9.0, n_examples=400, n_components=2, n_factors=3)
     capture = Capture(ARKIT_SHAPES, performance(60, 0))
-    return StudyContext.of(load_subject("low"), [capture], recipe)
+    return StudyContext.of(load_character("low"), [capture], recipe)
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_constraints_without_noise_are_met_by_the_frame_that_they_come_from(sett
     for trial in trials:
         vertices = setting.vertices_of(trial.weights)
         assert all(residual_px(setting, constraint, vertices) < 1.0 for constraint in trial.constraints)
-        neutral = setting.subject.vertices
+        neutral = setting.character.vertices
         assert np.mean([residual_px(setting, constraint, neutral) for constraint in trial.constraints]) > 0.5
 
 

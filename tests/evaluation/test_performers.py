@@ -20,7 +20,7 @@ from faceposer.training.expressions import Recipe
 from tests.evaluation.performances import weights, write_take
 
 SMALL = ("--trials", "4", "--kinds", "point", "--counts", "point=2,8", "--noise", "1.5", "--regions", "none")
-QUICK = ("--methods", "ppca,bounded-weights", "--jobs", "1", "--examples", "300", "--subject", "low", "--no-figures")
+QUICK = ("--methods", "ppca,bounded-weights", "--jobs", "1", "--examples", "300", "--character", "low", "--no-figures")
 
 
 @pytest.fixture(scope="module")
@@ -164,7 +164,7 @@ def test_only_one_performer_may_be_split(takes: dict[str, tuple[Path, ...]]) -> 
     setting, frames = source.load()
     assert [len(capture.weights) for capture in setting.captures] == [54, 80]
     assert len(frames) == 34
-    assert source.identity(setting.subject) != replace(source, within=None).identity(setting.subject)
+    assert source.identity(setting.character) != replace(source, within=None).identity(setting.character)
 
 
 def test_jumps_are_changes_per_second(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from faceposer.training.expressions import Recipe
 from tests.command_line import run_captured
 from tests.evaluation.performances import weights, write_take
 
-QUICK = ("--methods", "ppca,bounded-weights", "--jobs", "1", "--examples", "300", "--subject", "low")
+QUICK = ("--methods", "ppca,bounded-weights", "--jobs", "1", "--examples", "300", "--character", "low")
 SMALL = ("--trials", "3", "--kinds", "point", "--counts", "point=2,8", "--noise", "1.5", "--regions", "none")
 KEYS = {
     "method",

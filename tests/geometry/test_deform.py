@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 from faceposer.geometry.deform import MarkerDeformer
 from faceposer.geometry.mesh import TriangleMesh
 from faceposer.geometry.picking import SurfacePoints
-from faceposer.model.subject import Subject
-from faceposer.model.subject_file import load_subject
+from faceposer.model.character import Character
+from faceposer.model.character_file import load_character
 
 
 def grid(n: int = 21, size: float = 10.0, slit: bool = False) -> TriangleMesh:
@@ -143,7 +143,7 @@ def test_slivers_and_odd_handles() -> None:
             MarkerDeformer(mesh.vertices, mesh.triangles, handles if handles else np.zeros(0, dtype=int))
 
 
-def markers_on(subject: Subject) -> np.ndarray:
+def markers_on(character: Character) -> np.ndarray:
     """Return 55 vertices: the feature points that a marker can be put on, and places between them, far from others."""
     numbers = {
         2: (1, 10, 11, 12, 13, 14),
@@ -156,32 +156,34 @@ def markers_on(subject: Subject) -> np.ndarray:
         11: (1, 2, 3),
     }
     names = [f"{group}.{number}" for group, members in numbers.items() for number in members]
-    chosen = [subject.feature_points[name] for name in names]
+    chosen = [character.feature_points[name] for name in names]
     regions = ("cheek_left", "cheek_right", "mouth", "jaw", "forehead", "nose", "lids_left", "lids_right")
-    face = np.unique(np.concatenate([subject.regions[name] for name in regions]))
+    face = np.unique(np.concatenate([character.regions[name] for name in regions]))
     # Not inside the mouth, nor under the lids.
-    face = face[subject.vertices[face, 2] > 0.5 * subject.vertices[:, 2].max()]
+    face = face[character.vertices[face, 2] > 0.5 * character.vertices[:, 2].max()]
     while len(chosen) < 55:
-        between = np.linalg.norm(subject.vertices[face, None] - subject.vertices[chosen], axis=2).min(axis=1)
+        between = np.linalg.norm(character.vertices[face, None] - character.vertices[chosen], axis=2).min(axis=1)
         chosen.append(int(face[np.argmax(between)]))
     return np.array(chosen)
 
 
 def test_expressions_come_back_from_55_markers_on_a_head() -> None:
-    subject = load_subject("man")
-    vertices = subject.vertices.astype(np.float64)
-    markers = markers_on(subject)
-    deformer = MarkerDeformer(vertices, subject.triangles, markers)
-    first, last = subject.part("skin").vertices
-    wanted = [i for i, name in enumerate(subject.shape_names) if not name.startswith("eyeLook") and name != "tongueOut"]
-    expressions = subject.shapes[wanted].astype(np.float64)
+    character = load_character("man")
+    vertices = character.vertices.astype(np.float64)
+    markers = markers_on(character)
+    deformer = MarkerDeformer(vertices, character.triangles, markers)
+    first, last = character.part("skin").vertices
+    wanted = [
+        i for i, name in enumerate(character.shape_names) if not name.startswith("eyeLook") and name != "tongueOut"
+    ]
+    expressions = character.shapes[wanted].astype(np.float64)
     found = deformer.displaced(expressions[:, markers]) - vertices
     errors = np.linalg.norm(found - expressions, axis=2)[:, first:last]
     sizes = np.linalg.norm(expressions, axis=2)[:, first:last]
     assert errors.mean() < 0.45 * sizes.mean()
-    lips = np.concatenate([subject.regions["lip_upper"], subject.regions["lip_lower"]])
+    lips = np.concatenate([character.regions["lip_upper"], character.regions["lip_lower"]])
     assert errors[:, lips].mean() < 0.2 * sizes[:, lips].mean()
     # The back of the head, the neck's rim and the eyes stay.
-    back = [subject.feature_points["11.6"]]
+    back = [character.feature_points["11.6"]]
     rim = np.flatnonzero(vertices[:, 1] < vertices[:, 1].min() + 0.5)
-    assert not found[:, np.concatenate([back, rim, subject.regions["eye_left"]])].any()
+    assert not found[:, np.concatenate([back, rim, character.regions["eye_left"]])].any()

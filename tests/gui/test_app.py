@@ -45,9 +45,9 @@ def answer(robot: Robot, choice: int) -> None:
 def moved(robot: Robot) -> float:
     """How far the corner of the mouth is from where it is on the neutral face, in pixels of the view."""
     app = robot.app
-    vertex = app.session.model.subject.feature_points[LEFT_CORNER]
+    vertex = app.session.model.character.feature_points[LEFT_CORNER]
     rest, now = app.viewport.camera.project(
-        np.stack([app.session.model.subject.vertices[vertex], app.scene.vertices[vertex]])
+        np.stack([app.session.model.character.vertices[vertex], app.scene.vertices[vertex]])
     )
     return float(np.hypot(*(now - rest)))
 
@@ -62,7 +62,7 @@ def save_by_dialog(robot: Robot, key: str, path: Path) -> None:
 def test_starts_neutral_and_draws_nothing_while_nothing_happens(robot: Robot) -> None:
     app = robot.app
     robot.frames(4)
-    np.testing.assert_allclose(app.scene.vertices, app.session.model.subject.vertices, atol=1e-4)
+    np.testing.assert_allclose(app.scene.vertices, app.session.model.character.vertices, atol=1e-4)
     drawn = app.frames_drawn
     for _ in range(50):
         app.step()
@@ -78,7 +78,7 @@ def test_the_point_sticks_under_the_pointer_and_the_rest_follows(robot: Robot) -
     robot.drag((x, y), (x + 12, y - 14))
     seen = robot.at(LEFT_CORNER)
     assert np.hypot(seen[0] - (x + 12), seen[1] - (y - 14)) < 2.0
-    names = app.session.model.subject.shape_names
+    names = app.session.model.character.shape_names
     weights = dict(zip(names, app.session.model.weights_of(app.session.coefficients), strict=True))
     assert weights["mouthSmileLeft"] > 0.2
     assert weights["mouthSmileRight"] > 0.08
@@ -228,11 +228,11 @@ def test_the_saved_obj_is_the_solved_face(robot: Robot, tmp_path: Path) -> None:
     smile(robot)
     save_by_dialog(robot, "Ctrl+E", tmp_path / "posed")
     mesh = read_mesh(tmp_path / "posed.obj")
-    subject = app.session.model.subject
+    character = app.session.model.character
     solved = app.session.vertices
-    height = float(np.ptp(subject.vertices[:, 1]))
+    height = float(np.ptp(character.vertices[:, 1]))
     assert np.abs(mesh.vertices - solved).max() < 1e-5 * height
-    assert np.abs(solved - subject.vertices).max() > 0.3
+    assert np.abs(solved - character.vertices).max() > 0.3
     smile(robot)
     robot.key("Ctrl+E")
     assert not app.file_dialogs.open
@@ -264,10 +264,10 @@ def test_session_saved_and_opened_again(robot: Robot, tmp_path: Path) -> None:
 def test_unsaved_changes_are_asked_about(robot: Robot, tmp_path: Path) -> None:
     app = robot.app
     smile(robot)
-    robot.click_widget("subject")
-    robot.click_widget("subject:woman")
+    robot.click_widget("character")
+    robot.click_widget("character:woman")
     answer(robot, 2)
-    assert app.session.document.subject == "man"
+    assert app.session.document.character == "man"
     assert count(robot) == 1
     app.window.play_event(CloseRequest())
     robot.frames(2)
@@ -281,11 +281,11 @@ def test_unsaved_changes_are_asked_about(robot: Robot, tmp_path: Path) -> None:
     assert app.closing
 
 
-def test_another_subject_opens(robot: Robot) -> None:
+def test_another_character_opens(robot: Robot) -> None:
     app = robot.app
-    robot.click_widget("subject")
-    robot.click_widget("subject:woman")
-    assert app.session.model.subject.name == "woman"
+    robot.click_widget("character")
+    robot.click_widget("character:woman")
+    assert app.session.model.character.name == "woman"
     smile(robot)
     assert moved(robot) > 5.0
 

@@ -11,8 +11,8 @@ from faceposer.gui.features.import_character.form import ImportForm
 from faceposer.gui.features.import_character.summary import facts_of, sentence_of
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
-from faceposer.model.subject import ARKIT_SHAPES
-from faceposer.model.subject_file import load_subject, save_subject
+from faceposer.model.character import ARKIT_SHAPES
+from faceposer.model.character_file import load_character, save_character
 from faceposer.training.summary import arkit_shapes_of
 
 pytestmark = pytest.mark.gl
@@ -33,7 +33,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
 
 def make_character(path: Path, title: str) -> str:
     path.parent.mkdir(parents=True, exist_ok=True)
-    save_subject(path, replace(load_subject("low"), name=path.stem, title=title))
+    save_character(path, replace(load_character("low"), name=path.stem, title=title))
     return str(path)
 
 
@@ -44,7 +44,7 @@ def smile(robot: Robot) -> None:
 
 def open_list(robot: Robot) -> None:
     robot.frames(2)
-    robot.click_widget("subject")
+    robot.click_widget("character")
     robot.frames(2)
 
 
@@ -52,19 +52,19 @@ def test_an_imported_character_is_listed_opened_renamed_and_removed(robot: Robot
     app = robot.app
     own = make_character(app.characters.folder / "head.npz", "My head")
     open_list(robot)
-    robot.click_widget(f"subject:{own}")
+    robot.click_widget(f"character:{own}")
     robot.frames(2)
-    assert app.session.document.subject == own
-    assert app.session.model.subject.title == "My head"
+    assert app.session.document.character == own
+    assert app.session.model.character.title == "My head"
     assert app.settings.characters == [], "what the library holds is known anyway"
     open_list(robot)
-    robot.click_widget(f"subject:{own}:remove")
+    robot.click_widget(f"character:{own}:remove")
     robot.frames(2)
     assert not app.dialogs.open, "the open one stays"
     robot.key("Esc")
     robot.frames(2)
     open_list(robot)
-    robot.click_widget(f"subject:{own}:rename")
+    robot.click_widget(f"character:{own}:rename")
     robot.frames(3)
     robot.key("Ctrl+A")
     robot.type("Somebody")
@@ -73,16 +73,16 @@ def test_an_imported_character_is_listed_opened_renamed_and_removed(robot: Robot
     assert not app.dialogs.open
     assert [one.title for one in app.characters.all() if one.home == "library"] == ["Somebody"]
     open_list(robot)
-    robot.click_widget("subject:low")
+    robot.click_widget("character:low")
     robot.frames(2)
     open_list(robot)
-    robot.click_widget(f"subject:{own}:remove")
+    robot.click_widget(f"character:{own}:remove")
     robot.frames(3)
     robot.click_widget("choice:1")
     robot.frames(2)
     assert Path(own).exists(), "cancelled"
     open_list(robot)
-    robot.click_widget(f"subject:{own}:remove")
+    robot.click_widget(f"character:{own}:remove")
     robot.frames(3)
     robot.click_widget("choice:0")
     robot.frames(2)
@@ -93,7 +93,7 @@ def test_an_empty_name_is_refused_in_the_dialog(robot: Robot) -> None:
     app = robot.app
     own = make_character(app.characters.folder / "head.npz", "My head")
     open_list(robot)
-    robot.click_widget(f"subject:{own}:rename")
+    robot.click_widget(f"character:{own}:rename")
     robot.frames(3)
     question = app.dialogs.waiting[0]
     robot.key("Ctrl+A")
@@ -116,8 +116,8 @@ def test_files_elsewhere_are_remembered_and_can_be_forgotten(robot: Robot, tmp_p
     assert app.settings.characters == [other]
     app.files.open("low")
     open_list(robot)
-    assert f"subject:{other}" in app.widget_rects
-    robot.click_widget(f"subject:{other}:remove")
+    assert f"character:{other}" in app.widget_rects
+    robot.click_widget(f"character:{other}:remove")
     robot.frames(2)
     assert app.settings.characters == []
     assert Path(other).exists()
@@ -137,14 +137,14 @@ def test_new_begins_with_the_character_and_asks_about_changes(robot: Robot) -> N
     robot.click_widget("choice:1")
     robot.frames(2)
     assert app.session is not session
-    assert app.session.document.subject == "low"
+    assert app.session.document.character == "low"
     assert app.session.document.constraints == ()
     assert app.session.path is None
     entries = app.files.new_with()
     assert [entry.label for entry in entries] == [one.title for one in app.characters.all()]
     next(entry for entry in entries if entry.name == "new:woman").run()
     robot.frames(2)
-    assert app.session.document.subject == "woman"
+    assert app.session.document.character == "woman"
 
 
 def test_saving_begins_in_the_users_documents(robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

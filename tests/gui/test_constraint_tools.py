@@ -117,7 +117,7 @@ def test_a_ready_made_distance_and_its_slider(robot: Robot) -> None:
     assert kinds(robot) == ["distance"]
     assert app.point_name(0) == "mouth height"
     closed = constraints(robot)[0].target
-    features = app.session.model.subject.feature_points
+    features = app.session.model.character.feature_points
     lips = [features["2.2"], features["2.3"]]
     height = np.diff(app.scene.vertices[lips][:, 1])[0]
     slide(robot, "detail:target", 0.05, 0.4, let_go=False)
@@ -203,12 +203,12 @@ def test_a_region_is_held_and_weighed(robot: Robot) -> None:
     robot.click_widget("hold:Mouth")
     assert kinds(robot) == ["fixed"]
     place_pin(robot)
-    moved = np.abs(app.scene.vertices - app.session.model.subject.vertices).max()
+    moved = np.abs(app.scene.vertices - app.session.model.character.vertices).max()
     robot.frames(2)
     weight = constraints(robot)[0].weight
     slide(robot, "hold-weight", 0.5, 0.0)
     assert constraints(robot)[0].weight < weight
-    assert np.abs(app.scene.vertices - app.session.model.subject.vertices).max() > moved
+    assert np.abs(app.scene.vertices - app.session.model.character.vertices).max() > moved
     robot.key("Ctrl+Z")
     assert constraints(robot)[0].weight == weight
     robot.key("H")
@@ -285,7 +285,7 @@ def test_the_sliders_of_shapes_move_the_face_and_follow_it(robot: Robot) -> None
     robot.click_widget("shapes:filter")
     robot.type("jawOpen")
     robot.frames(2)
-    names = app.session.model.subject.shape_names
+    names = app.session.model.character.shape_names
 
     def weight(name: str) -> float:
         return float(app.session.model.weights_of(app.session.coefficients)[names.index(name)])
@@ -293,7 +293,7 @@ def test_the_sliders_of_shapes_move_the_face_and_follow_it(robot: Robot) -> None
     slide(robot, "shape:jawOpen", 0.1, 0.6)
     opened = weight("jawOpen")
     assert opened > 0.3
-    assert np.abs(app.scene.vertices - app.session.model.subject.vertices).max() > 0.3
+    assert np.abs(app.scene.vertices - app.session.model.character.vertices).max() > 0.3
     robot.key("Ctrl+Z")
     assert weight("jawOpen") == pytest.approx(0.0, abs=1e-9)
     robot.key("Ctrl+Y")

@@ -53,7 +53,7 @@ def texts(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def midpoint(robot: Robot) -> MidpointConstraint:
     """Return a constraint that pulls the middle of the lips 15 pixels down."""
     app = robot.app
-    vertices = tuple(app.session.model.subject.feature_points[name] for name in LIPS)
+    vertices = tuple(app.session.model.character.feature_points[name] for name in LIPS)
     u, v = app.viewport.camera.project(app.scene.vertices[list(vertices)]).mean(axis=0).tolist()
     return MidpointConstraint((vertices[0], vertices[1]), (u, v + 15.0), app.viewport.camera)
 

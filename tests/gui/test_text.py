@@ -68,7 +68,7 @@ def test_every_name_of_a_place_is_whole_in_the_list(robot: Robot, monkeypatch: p
     drawn: list[list[str]] = []
     rows = panel._rows
     monkeypatch.setattr(panel, "_rows", lambda *given: (found := rows(*given), drawn.append(found[0].lines))[0])
-    for title in app.session.model.subject.feature_titles.values():
+    for title in app.session.model.character.feature_titles.values():
         monkeypatch.setattr(app, "point_name", lambda index, title=title: title)
         robot.frames(1)
         assert " ".join(drawn[-1]) == title
@@ -89,9 +89,9 @@ def test_tooltips_cover_nothing_of_the_window_that_they_explain(
     last: list[imgui.ImVec2] = []
     monkeypatch.setattr(imgui, "set_next_window_pos", lambda pos, *rest: (last.append(pos), set_pos(pos, *rest))[1])
     monkeypatch.setattr(imgui, "begin_tooltip", lambda: (placed.append((last[-1][0], last[-1][1])), begin())[1])
-    panel = app.widget_rects["subject"][0]
+    panel = app.widget_rects["character"][0]
     view = app.widget_rects["view"]
-    for name in ("tab:Pose", "tab:View", "subject", "spread", "reset", "point:0:lock", "export", "save"):
+    for name in ("tab:Pose", "tab:View", "character", "spread", "reset", "point:0:lock", "export", "save"):
         robot.move(app.widget_rects.center(name))
         placed.clear()
         robot.frames(3)

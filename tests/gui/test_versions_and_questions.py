@@ -10,7 +10,7 @@ from faceposer.gui.features.range_marks.feature import RangeMarksFeature
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.dialogs import Choice, Question
-from faceposer.model.subject_file import load_subject, save_subject
+from faceposer.model.character_file import load_character, save_character
 from tests.versions import renumbered
 
 pytestmark = pytest.mark.gl
@@ -38,14 +38,14 @@ def pull(robot: Robot) -> None:
 
 @pytest.mark.parametrize("later", [False, True])
 def test_a_session_of_another_version_says_so_once(tmp_path: Path, later: bool) -> None:
-    save_subject(tmp_path / "own.npz", load_subject("low"))
+    save_character(tmp_path / "own.npz", load_character("low"))
     first = opened(tmp_path / "own.npz", tmp_path)
     pull(first)
     path = tmp_path / "pulled.json"
     first.app.session.save(path, first.app.viewport.camera)
     was = first.at(CORNER)
     first.app.close()
-    save_subject(tmp_path / "own.npz", renumbered(load_subject("low")))
+    save_character(tmp_path / "own.npz", renumbered(load_character("low")))
     robot = opened("low" if later else path, tmp_path)
     if later:
         robot.app.files.open(str(path))
@@ -111,12 +111,12 @@ def test_enter_saves_and_esc_stays_when_another_file_is_opened(robot: Robot, tmp
     assert app.dialogs.waiting[0].title == "Save a.json?"
     robot.key("Esc")
     robot.frames(2)
-    assert app.session.model.subject.name == "low"
+    assert app.session.model.character.name == "low"
     app.files.open("man")
     robot.frames(2)
     robot.key("Enter")
     robot.frames(2)
-    assert app.session.model.subject.name == "man"
+    assert app.session.model.character.name == "man"
     app.files.open(str(tmp_path / "a.json"))
     assert len(app.session.document.constraints) == 2
 

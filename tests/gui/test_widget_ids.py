@@ -24,7 +24,7 @@ from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.dialogs import Question
 from faceposer.interchange.formats import FORMATS
-from faceposer.model.subject_file import load_subject, save_subject
+from faceposer.model.character_file import load_character, save_character
 from faceposer.poses.pose_file import Pose, pose_text
 from tests.gui.test_constraint_tools import make_all
 from tests.gui.widget_ids import WidgetIds, hovered_conflicts, widget_lines
@@ -315,14 +315,14 @@ def visit_characters(robot: Robot, folder: Path) -> None:
     """Open the list with two characters of the same name in the library and one elsewhere, and the rename dialog."""
     app = robot.app
     app.characters.make_folder()
-    subject = replace(load_subject("low"), title="Head")
+    character = replace(load_character("low"), title="Head")
     paths = [app.characters.folder / "one.npz", app.characters.folder / "two.npz", folder / "three.npz"]
     for path in paths:
-        save_subject(path, subject)
+        save_character(path, character)
     app.settings.characters = [str(paths[2])]
-    robot.click_widget("subject")
+    robot.click_widget("character")
     robot.frames(3)
-    robot.click_widget(f"subject:{paths[0]}:rename")
+    robot.click_widget(f"character:{paths[0]}:rename")
     robot.frames(3)
     assert app.dialogs.open
     robot.key("Esc")

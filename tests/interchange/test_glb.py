@@ -18,11 +18,11 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.gltf_io import read_gltf
 from faceposer.interchange.glb import write_glb
 from faceposer.interchange.gltf_builder import GltfBuilder
+from faceposer.model.character import ARKIT_SHAPES
+from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
-from faceposer.model.subject import ARKIT_SHAPES
-from faceposer.model.subject_file import load_subject
-from faceposer.training.rigs import RigOptions, subject_from_rig
+from faceposer.training.rigs import RigOptions, character_from_rig
 from tests.interchange.gltf_checks import check
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "validate_gltf.mjs"
@@ -73,32 +73,32 @@ def expected_soup(model: FaceModel, pose: np.ndarray) -> np.ndarray:
 
 
 def moving_parts(model: FaceModel) -> set[str]:
-    subject = model.subject
-    return {part.name for part in subject.parts if subject.shapes[:, slice(*part.vertices)].any()}
+    character = model.character
+    return {part.name for part in character.parts if character.shapes[:, slice(*part.vertices)].any()}
 
 
 def test_the_structure_is_as_the_standard_asks(animated: Path, low: FaceModel) -> None:
     document = check(animated)
     names = [list(mesh["extras"]["targetNames"]) for mesh in document["meshes"] if "extras" in mesh]
     assert names
-    assert all(name == [*low.subject.shape_names, "browInnerUp", "cheekPuff"] for name in names)
-    assert [mesh["name"] for mesh in document["meshes"]] == [part.name for part in low.subject.parts]
+    assert all(name == [*low.character.shape_names, "browInnerUp", "cheekPuff"] for name in names)
+    assert [mesh["name"] for mesh in document["meshes"]] == [part.name for part in low.character.parts]
     assert document["asset"]["generator"].startswith("Face Poser")
-    assert document["asset"]["copyright"] == " ".join(low.subject.credits.split())
+    assert document["asset"]["copyright"] == " ".join(low.character.credits.split())
     assert {mesh["name"] for mesh in document["meshes"] if "targets" in mesh["primitives"][0]} == moving_parts(low)
 
 
 def test_what_never_moves_has_no_targets(low: FaceModel, performance: Performance, tmp_path: Path) -> None:
-    shapes = low.subject.shapes.copy()
+    shapes = low.character.shapes.copy()
     for name in ("teeth_upper", "eye_left"):
-        shapes[:, slice(*low.subject.part(name).vertices)] = 0.0
-    model = build_face_model(replace(low.subject, shapes=shapes))
+        shapes[:, slice(*low.character.part(name).vertices)] = 0.0
+    model = build_face_model(replace(low.character, shapes=shapes))
     frames = np.zeros((len(performance), model.n_coefficients))
     write_glb(tmp_path / "a.glb", model, Performance(frames, performance.rate))
     document = check(tmp_path / "a.glb")
     still = {mesh["name"] for mesh in document["meshes"] if "targets" not in mesh["primitives"][0]}
     assert {"teeth_upper", "eye_left"} <= still
-    assert still == {part.name for part in low.subject.parts} - moving_parts(model)
+    assert still == {part.name for part in low.character.parts} - moving_parts(model)
     moved = {document["nodes"][channel["target"]["node"]]["name"] for channel in document["animations"][0]["channels"]}
     assert moved == moving_parts(model)
 
@@ -144,7 +144,7 @@ def test_what_halves_have_in_common_is_under_arkits_name(low: FaceModel, tmp_pat
 def test_normals_turn_with_the_shapes(animated: Path, low: FaceModel) -> None:
     reader = Reader(animated)
     primitive = reader.file.meshes[0].primitives[0]
-    jaw = low.subject.shape_names.index("jawOpen")
+    jaw = low.character.shape_names.index("jawOpen")
     turned = reader.array(primitive.attributes.NORMAL) + reader.array(primitive.targets[jaw]["NORMAL"])
     np.testing.assert_allclose(np.linalg.norm(turned, axis=1), 1.0, atol=1e-3)
     points = reader.array(primitive.attributes.POSITION) + reader.array(primitive.targets[jaw]["POSITION"])
@@ -155,22 +155,22 @@ def test_normals_turn_with_the_shapes(animated: Path, low: FaceModel) -> None:
 
 
 def test_pictures_and_their_places_come_along(animated: Path, low: FaceModel) -> None:
-    reader, subject = Reader(animated), low.subject
+    reader, character = Reader(animated), low.character
     skin = reader.file.meshes[0].primitives[0]
     texture = reader.file.materials[skin.material].pbrMetallicRoughness.baseColorTexture.index
     view = reader.file.bufferViews[reader.file.images[reader.file.textures[texture].source].bufferView]
     picture = reader.file.binary_blob()[view.byteOffset : view.byteOffset + view.byteLength]
-    assert picture == subject.textures["skin"]
+    assert picture == character.textures["skin"]
     assert Image.open(io.BytesIO(picture)).size[0] > 8
     uv = reader.array(skin.attributes.TEXCOORD_0)[reader.array(skin.indices)[:, 0]]
-    first, last = subject.part_triangles(subject.part("skin"))
-    expected = subject.uv[subject.triangle_uvs[first:last]].reshape(-1, 2)
+    first, last = character.part_triangles(character.part("skin"))
+    expected = character.uv[character.triangle_uvs[first:last]].reshape(-1, 2)
     np.testing.assert_allclose(uv[:, 0], expected[:, 0], atol=1e-6)
     np.testing.assert_allclose(uv[:, 1], 1.0 - expected[:, 1], atol=1e-6)
 
 
 def test_parts_without_pictures_have_colours(low: FaceModel, tmp_path: Path) -> None:
-    plain = build_face_model(replace(low.subject, textures={}))
+    plain = build_face_model(replace(low.character, textures={}))
     write_glb(tmp_path / "a.glb", plain, plain.neutral())
     document = check(tmp_path / "a.glb")
     assert "images" not in document
@@ -181,31 +181,31 @@ def test_parts_without_pictures_have_colours(low: FaceModel, tmp_path: Path) -> 
 def test_trimesh_opens_it(animated: Path, low: FaceModel) -> None:
     scene = trimesh.load(animated)
     assert sum(len(mesh.faces) for mesh in scene.geometry.values()) == len(low.triangles)
-    low_corner, high_corner = 0.01 * low.subject.vertices.min(axis=0), 0.01 * low.subject.vertices.max(axis=0)
+    low_corner, high_corner = 0.01 * low.character.vertices.min(axis=0), 0.01 * low.character.vertices.max(axis=0)
     np.testing.assert_allclose(scene.bounds, [low_corner, high_corner], atol=1e-5)
 
 
 def test_our_own_reader_has_the_same_shapes_and_parts(animated: Path, low: FaceModel) -> None:
-    morphs, subject = read_gltf(animated), low.subject
-    assert tuple(morphs.targets) == (*subject.shape_names, "browInnerUp", "cheekPuff")
-    assert [group.name for group in morphs.mesh.groups] == [part.name for part in subject.parts]
-    assert morphs.textures == dict(subject.textures)
+    morphs, character = read_gltf(animated), low.character
+    assert tuple(morphs.targets) == (*character.shape_names, "browInnerUp", "cheekPuff")
+    assert [group.name for group in morphs.mesh.groups] == [part.name for part in character.parts]
+    assert morphs.textures == dict(character.textures)
     corners = morphs.mesh.triangles()
     halves = morphs.targets["browInnerUpLeft"] + morphs.targets["browInnerUpRight"]
     np.testing.assert_allclose(morphs.targets["browInnerUp"], halves, atol=1e-6)
-    np.testing.assert_allclose(morphs.mesh.vertices[corners], 0.01 * subject.vertices[subject.triangles], atol=1e-6)
-    for name, shape in zip(subject.shape_names, subject.shapes, strict=True):
-        np.testing.assert_allclose(morphs.targets[name][corners], 0.01 * shape[subject.triangles], atol=1e-6)
+    np.testing.assert_allclose(morphs.mesh.vertices[corners], 0.01 * character.vertices[character.triangles], atol=1e-6)
+    for name, shape in zip(character.shape_names, character.shapes, strict=True):
+        np.testing.assert_allclose(morphs.targets[name][corners], 0.01 * shape[character.triangles], atol=1e-6)
 
 
 def test_it_trains_the_same_face_again(animated: Path, low: FaceModel) -> None:
-    again = subject_from_rig(animated, RigOptions("again", "Again"))
-    assert set(again.shape_names) == set(low.subject.shape_names)
+    again = character_from_rig(animated, RigOptions("again", "Again"))
+    assert set(again.shape_names) == set(low.character.shape_names)
     # Training makes all heads alike in size.
-    scales = np.ptp(again.vertices, axis=0) / np.ptp(low.subject.vertices, axis=0)
+    scales = np.ptp(again.vertices, axis=0) / np.ptp(low.character.vertices, axis=0)
     np.testing.assert_allclose(scales, scales[0], rtol=0.02)
     for name in ("jawOpen", "mouthSmileLeft", "browInnerUpLeft"):
-        ours = low.subject.shapes[low.subject.shape_names.index(name)]
+        ours = low.character.shapes[low.character.shape_names.index(name)]
         theirs = again.shapes[again.shape_names.index(name)]
         assert np.linalg.norm(theirs, axis=1).max() == pytest.approx(
             scales[0] * np.linalg.norm(ours, axis=1).max(), rel=0.02
@@ -213,12 +213,12 @@ def test_it_trains_the_same_face_again(animated: Path, low: FaceModel) -> None:
 
 
 @pytest.mark.parametrize("name", ["creature", "woman"])
-def test_other_subjects_are_well_formed(name: str, tmp_path: Path) -> None:
-    model = build_face_model(load_subject(name))
+def test_other_characters_are_well_formed(name: str, tmp_path: Path) -> None:
+    model = build_face_model(load_character(name))
     write_glb(tmp_path / "a.glb", model, Performance(np.zeros((2, model.n_coefficients)), 30.0))
     document = check(tmp_path / "a.glb")
     wholes = [] if name == "creature" else ["browInnerUp", "cheekPuff"]
-    assert document["meshes"][0]["extras"]["targetNames"] == [*model.subject.shape_names, *wholes]
+    assert document["meshes"][0]["extras"]["targetNames"] == [*model.character.shape_names, *wholes]
 
 
 @pytest.mark.skipif(

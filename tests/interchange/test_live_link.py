@@ -11,11 +11,11 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.interchange.formats import write
 from faceposer.interchange.live_link import HEADER, rate_of_capture, timecode, write_live_link
+from faceposer.model.character import ARKIT_SHAPES
+from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
 from faceposer.model.shape_names import weight_map
-from faceposer.model.subject import ARKIT_SHAPES
-from faceposer.model.subject_file import load_subject
 from faceposer.solve.weight_fit import fit_weights_of_frames
 from faceposer.training.capture import read_capture
 
@@ -43,7 +43,9 @@ def test_it_is_read_back_as_the_weights_that_fit(low: FaceModel, performance: Pe
     assert capture.shape_names == ARKIT_SHAPES
     assert not capture.missing
     fitted = fit_weights_of_frames(low, performance.coefficients)
-    np.testing.assert_allclose(capture.weights, fitted @ weight_map(ARKIT_SHAPES, low.subject.shape_names).T, atol=1e-9)
+    np.testing.assert_allclose(
+        capture.weights, fitted @ weight_map(ARKIT_SHAPES, low.character.shape_names).T, atol=1e-9
+    )
     assert capture.weights.min() >= 0
     assert capture.weights.max() <= 1
     assert rate_of_capture(tmp_path / "a.csv") == pytest.approx(24.0)
@@ -96,7 +98,7 @@ def test_header_times_and_eyes_are_those_of_real_files(model: FaceModel, tmp_pat
     assert rows[0][1] == str(len(HEADER) - 2)
     assert rate_of_capture(CAPTURES[0]) == pytest.approx(30.0, abs=0.1)
     take = np.array([[float(cell) for cell in row[2:]] for row in rows])
-    lift = weight_map(model.subject.shape_names, ARKIT_SHAPES)
+    lift = weight_map(model.character.shape_names, ARKIT_SHAPES)
     weights = read_capture(CAPTURES[0]).weights[: len(rows)] @ lift.T
     performance = Performance.from_weights(model, weights, 30.0)
     write_live_link(tmp_path / "a.csv", model, performance)
@@ -134,15 +136,15 @@ def test_the_rate_of_face_cap_and_of_takes_with_gaps(tmp_path: Path) -> None:
 
 
 def test_halves_are_one_shape_and_missing_ones_rest(low: FaceModel, tmp_path: Path) -> None:
-    subject = low.subject
-    without = subject.shape_names.index("tongueOut")
-    assert without == len(subject.shape_names) - 1
+    character = low.character
+    without = character.shape_names.index("tongueOut")
+    assert without == len(character.shape_names) - 1
     model = build_face_model(
         replace(
-            subject,
-            shape_names=subject.shape_names[:without],
-            shapes=subject.shapes[:without],
-            shape_limits=subject.shape_limits[:without],
+            character,
+            shape_names=character.shape_names[:without],
+            shapes=character.shapes[:without],
+            shape_limits=character.shape_limits[:without],
         )
     )
     write(tmp_path / "a.csv", model, model.coefficients_of({"browInnerUpLeft": 1.0}))
@@ -156,7 +158,7 @@ def test_halves_are_one_shape_and_missing_ones_rest(low: FaceModel, tmp_path: Pa
 
 
 def test_a_face_without_these_shapes_gets_a_sentence(tmp_path: Path) -> None:
-    goblin = build_face_model(load_subject("creature"))
+    goblin = build_face_model(load_character("creature"))
     with pytest.raises(FacePoserError, match=r"Goblin has none of ARKit's 52 shapes.*json"):
         write(tmp_path / "a.csv", goblin, goblin.neutral())
     assert not [*tmp_path.iterdir()]

@@ -85,7 +85,7 @@ def test_the_dialog_has_the_options_of_a_film_for_it(robot: Robot, tmp_path: Pat
 def test_the_command_writes_it(low: FaceModel, tmp_path: Path, capsys: Capture) -> None:
     assert run("export", "low", "-o", tmp_path / "a.xyz") == 0
     assert capsys.readouterr().out == f"{tmp_path / 'a.xyz'} written\n"
-    np.testing.assert_allclose(np.loadtxt(tmp_path / "a.xyz"), low.subject.vertices, atol=1e-5)
+    np.testing.assert_allclose(np.loadtxt(tmp_path / "a.xyz"), low.character.vertices, atol=1e-5)
     take = tmp_path / "take.json"
     write(take, low, Performance(np.linspace(0, 1, 3)[:, None] * low.coefficients_of({"jawOpen": 1.0}), 30.0))
     assert run("export", "low", "--animation", take, "-o", tmp_path / "take", "--sequence", "xyz") == 0

@@ -1,4 +1,4 @@
-"""Exported meshes are the solver's face with the subject's topology, one by one and as sequences."""
+"""Exported meshes are the solver's face with the character's topology, one by one and as sequences."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,15 +20,15 @@ from faceposer.progress import Progress
 def test_obj_is_the_posed_face(model: FaceModel, tmp_path: Path) -> None:
     pose = model.coefficients_of({"jawOpen": 0.5, "mouthSmileLeft": 1.0})
     write_posed_obj(tmp_path / "pose.obj", model, pose)
-    mesh, subject = read_mesh(tmp_path / "pose.obj"), model.subject
-    height = np.ptp(subject.vertices[:, 1])
+    mesh, character = read_mesh(tmp_path / "pose.obj"), model.character
+    height = np.ptp(character.vertices[:, 1])
     assert np.abs(mesh.vertices - model.surface(pose)).max() < 1e-5 * height
-    np.testing.assert_array_equal(mesh.polygons, subject.polygons)
-    np.testing.assert_array_equal(mesh.polygon_uvs, subject.polygon_uvs)
-    np.testing.assert_allclose(mesh.uv, subject.uv, atol=1e-6)
+    np.testing.assert_array_equal(mesh.polygons, character.polygons)
+    np.testing.assert_array_equal(mesh.polygon_uvs, character.polygon_uvs)
+    np.testing.assert_allclose(mesh.uv, character.uv, atol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-3)
     text = (tmp_path / "pose.obj").read_text()
-    for part in subject.parts:
+    for part in character.parts:
         material = "gums_throat" if part.name == "throat" else part.material
         assert f"\ng {part.name}\nusemtl {material}\n" in text
 
@@ -38,30 +38,30 @@ def test_ply_is_the_posed_face(low: FaceModel, tmp_path: Path) -> None:
     write_posed_ply(tmp_path / "pose.ply", low, pose)
     mesh = read_mesh(tmp_path / "pose.ply")
     np.testing.assert_array_equal(mesh.vertices, low.surface(pose))
-    np.testing.assert_array_equal(mesh.polygons, low.subject.polygons)
+    np.testing.assert_array_equal(mesh.polygons, low.character.polygons)
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-5)
 
 
 @pytest.fixture
 def inches(low: FaceModel) -> FaceModel:
     """The head as if it came from a file in inches with z up, each corner of a triangle a vertex of its own."""
-    subject = low.subject
-    corners = subject.triangles.ravel().astype(np.int32)
+    character = low.character
+    corners = character.triangles.ravel().astype(np.int32)
     linear = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]) / 2.54
-    neutral = subject.vertices[corners] @ linear.T + [1.0, 2.0, 3.0]
+    neutral = character.vertices[corners] @ linear.T + [1.0, 2.0, 3.0]
     faces = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
     no_uvs = np.zeros((0, 3), dtype=np.int32)
     origin = Origin(linear, neutral, corners, faces, np.zeros((0, 2)), no_uvs, (Group("all", (0, len(faces))),))
-    return build_face_model(replace(subject, origin=origin))
+    return build_face_model(replace(character, origin=origin))
 
 
 def test_ply_goes_back_to_the_unit_and_the_order_of_its_origin(inches: FaceModel, tmp_path: Path) -> None:
     pose = inches.coefficients_of({"jawOpen": 1.0})
     write_posed_ply(tmp_path / "a.ply", inches, pose)
-    mesh, origin = read_mesh(tmp_path / "a.ply"), inches.subject.origin
+    mesh, origin = read_mesh(tmp_path / "a.ply"), inches.character.origin
     assert origin is not None
     np.testing.assert_array_equal(mesh.polygons, origin.polygons)
-    moved = inches.surface(pose) - inches.subject.vertices
+    moved = inches.surface(pose) - inches.character.vertices
     expected = origin.neutral + moved[origin.vertex_ids] @ origin.linear.T
     np.testing.assert_allclose(mesh.vertices, expected, atol=1e-5)
     # Of binary PLY, trimesh reads those whose faces have the same number of corners.

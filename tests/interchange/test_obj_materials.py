@@ -16,11 +16,11 @@ from faceposer.geometry.mesh_sequence import open_sequence
 from faceposer.geometry.polygon_mesh import Group, MorphMesh
 from faceposer.interchange.meshes import foreign_library, write_posed_obj, write_sequence
 from faceposer.interchange.obj_materials import materials_of
+from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
-from faceposer.model.subject import Subject
 from faceposer.progress import Progress
-from faceposer.training.rigs import RigOptions, subject_from_morphs
+from faceposer.training.rigs import RigOptions, character_from_morphs
 from tests.training.faces import morph_mesh
 
 LONG = "x" * 300
@@ -45,32 +45,32 @@ def mean_colour(image: Image.Image) -> np.ndarray:
 
 @pytest.mark.parametrize("stem", ["smile", "v1.2 smile", "Lächeln"])
 def test_another_program_finds_every_texture(stem: str, model: FaceModel, tmp_path: Path) -> None:
-    path, subject = tmp_path / f"{stem}.obj", model.subject
+    path, character = tmp_path / f"{stem}.obj", model.character
     pose = model.coefficients_of({"jawOpen": 0.5})
     write_posed_obj(path, model, pose)
     pieces = by_material(path)
     assert pieces.keys() == {"skin", "eye", "teeth", "gums", "gums_throat", "tongue", "lashes"}
     for name, piece in pieces.items():
         key = name.removeprefix("gums_")
-        with Image.open(io.BytesIO(subject.textures[key])) as expected:
+        with Image.open(io.BytesIO(character.textures[key])) as expected:
             np.testing.assert_allclose(mean_colour(piece.visual.material.image), mean_colour(expected), atol=0.5)
         assert len(piece.visual.uv) == len(piece.vertices)
-    skin = subject.part("skin")
-    count = np.diff(subject.part_triangles(skin))[0]
+    skin = character.part("skin")
+    count = np.diff(character.part_triangles(skin))[0]
     assert len(pieces["skin"].faces) == count
     theirs = pieces["skin"].vertices[pieces["skin"].faces]
-    ours = model.surface(pose)[subject.triangles[:count]]
+    ours = model.surface(pose)[character.triangles[:count]]
     np.testing.assert_allclose(np.sort(theirs.reshape(-1, 3), axis=0), np.sort(ours.reshape(-1, 3), axis=0), atol=1e-4)
 
 
 def test_texture_coordinates_lie_where_the_vertices_do(low: FaceModel, tmp_path: Path) -> None:
     write_posed_obj(tmp_path / "a.obj", low, low.neutral(), contact=False)
-    subject, piece = low.subject, by_material(tmp_path / "a.obj")["skin"]
-    first, last = subject.part_triangles(subject.part("skin"))
-    corners, uvs = subject.triangles[first:last].ravel(), subject.triangle_uvs[first:last].ravel()
-    near = cKDTree(subject.vertices[corners]).query_ball_point(piece.vertices, 1e-4)
+    character, piece = low.character, by_material(tmp_path / "a.obj")["skin"]
+    first, last = character.part_triangles(character.part("skin"))
+    corners, uvs = character.triangles[first:last].ravel(), character.triangle_uvs[first:last].ravel()
+    near = cKDTree(character.vertices[corners]).query_ball_point(piece.vertices, 1e-4)
     for here, uv in zip(near, piece.visual.uv, strict=True):
-        assert np.abs(subject.uv[uvs[here]] - uv).max(axis=1).min() < 1e-5
+        assert np.abs(character.uv[uvs[here]] - uv).max(axis=1).min() < 1e-5
 
 
 def test_our_own_reader_finds_the_mesh_unchanged(model: FaceModel, tmp_path: Path) -> None:
@@ -82,33 +82,33 @@ def test_our_own_reader_finds_the_mesh_unchanged(model: FaceModel, tmp_path: Pat
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
     assert first.groups == second.groups
     assert [(group.name, group.polygons) for group in first.groups] == [
-        (part.name, part.polygons) for part in model.subject.parts
+        (part.name, part.polygons) for part in model.character.parts
     ]
     assert not list(tmp_path.glob("without*.*[!j]"))
     assert "mtllib" not in (tmp_path / "without.obj").read_text()
 
 
 def test_lashes_are_transparent_and_plain_materials_have_colours(low: FaceModel, model: FaceModel) -> None:
-    lashes = next(m for m in materials_of(model.subject).materials if m.name == "lashes")
+    lashes = next(m for m in materials_of(model.character).materials if m.name == "lashes")
     assert lashes.transparent
-    bare = replace(low.subject, textures={})
+    bare = replace(low.character, textures={})
     plain = {material.name: material for material in materials_of(bare).materials}
     assert plain["tongue"].diffuse[0] > plain["tongue"].diffuse[1]
     assert plain["eye"].exponent > plain["skin"].exponent
     assert plain.keys() == {part.material for part in bare.parts}
 
 
-def imported(textures: dict[str, bytes], groups: tuple[Group, ...] | None = None) -> Subject:
+def imported(textures: dict[str, bytes], groups: tuple[Group, ...] | None = None) -> Character:
     rig = morph_mesh()
     mesh = rig.mesh if groups is None else replace(rig.mesh, groups=groups)
-    return subject_from_morphs(MorphMesh(mesh, rig.targets, textures), "me.glb", RigOptions("me", "Me"), Progress())
+    return character_from_morphs(MorphMesh(mesh, rig.targets, textures), "me.glb", RigOptions("me", "Me"), Progress())
 
 
 def test_an_imported_character_keeps_the_materials_of_its_file(tmp_path: Path) -> None:
     groups = tuple(replace(group, material=f"M {group.name}") for group in morph_mesh().mesh.groups)
     pictures = {f"M {name}": picture(colour, form) for name, colour, form in TEXTURED}
-    subject = imported(pictures, groups)
-    model = build_face_model(subject)
+    character = imported(pictures, groups)
+    model = build_face_model(character)
     write_posed_obj(tmp_path / "a.obj", model, model.neutral())
     assert read_mesh(tmp_path / "a.obj").groups == groups
     pieces = by_material(tmp_path / "a.obj")
@@ -118,7 +118,7 @@ def test_an_imported_character_keeps_the_materials_of_its_file(tmp_path: Path) -
         np.testing.assert_allclose(mean_colour(material.image), colour, atol=3)
         assert (tmp_path / f"a_M_{name}.{'png' if form == 'PNG' else 'jpg'}").read_bytes() == pictures[f"M {name}"]
     # Eyes without a picture are drawn with the program's own, for which the file has no coordinates.
-    assert "eye" in subject.textures
+    assert "eye" in character.textures
     assert pieces["M eye_left"].visual.material.image is None
     assert len([*tmp_path.iterdir()]) == 4
 
@@ -149,7 +149,7 @@ def test_pictures_of_other_content_are_never_overwritten(low: FaceModel, tmp_pat
         write_posed_obj(path, low, low.neutral())
         assert painted.read_bytes() == b"painted over"
         assert sorted(file.name for file in tmp_path.iterdir()) == sorted([*names, "a_eye_2.jpg", "a_skin_2.jpg"])
-    assert (tmp_path / "a_skin_2.jpg").read_bytes() == low.subject.textures["skin"]
+    assert (tmp_path / "a_skin_2.jpg").read_bytes() == low.character.textures["skin"]
     assert "map_Kd a_skin_2.jpg\n" in (tmp_path / "a.mtl").read_text()
 
 
@@ -198,8 +198,8 @@ def test_names_that_no_line_can_hold_are_replaced(low: FaceModel, tmp_path: Path
     assert (tmp_path / "a_newmtl b.mtl").is_file()
     assert by_material(path)["skin"].visual.material.image is not None
     groups = tuple(replace(group, material=f"{group.name}\nv 0 0 0\ud800{LONG}") for group in morph_mesh().mesh.groups)
-    subject = imported({groups[0].material: picture((9, 99, 199))}, groups)
-    rig = build_face_model(replace(subject, title="a\ud800"))
+    character = imported({groups[0].material: picture((9, 99, 199))}, groups)
+    rig = build_face_model(replace(character, title="a\ud800"))
     write_posed_obj(tmp_path / "b.obj", rig, rig.neutral())
     assert len(read_mesh(tmp_path / "b.obj").vertices) == len(morph_mesh().mesh.vertices)
     assert by_material(tmp_path / "b.obj")[f"skin_v 0 0 0_{LONG}"].visual.material.image is not None

@@ -14,15 +14,15 @@ from faceposer.interchange.glb import write_glb
 from faceposer.interchange.meshes import write_posed_obj, write_posed_ply
 from faceposer.interchange.reading import read_performance, read_pose
 from faceposer.interchange.weights_json import read_weights
+from faceposer.model.character import ARKIT_SHAPES
+from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.performance import Performance
 from faceposer.model.sampling import resampled
 from faceposer.model.shape_names import weight_map
-from faceposer.model.subject import ARKIT_SHAPES
-from faceposer.model.subject_file import load_subject
 from faceposer.progress import Progress
 from faceposer.render.options import OutputOptions
-from faceposer.training.rigs import RigOptions, subject_from_morphs
+from faceposer.training.rigs import RigOptions, character_from_morphs
 from tests.rigs import with_wholes
 from tests.training.faces import morph_mesh, rotation
 
@@ -44,9 +44,9 @@ def test_an_exported_mesh_is_its_pose(suffix: str, low: FaceModel, performance: 
 
 def test_a_mesh_goes_through_the_unit_and_axes_of_its_origin(tmp_path: Path) -> None:
     rig = morph_mesh(rotation(4), 0.01, np.array([3.0, -2.0, 1.0]))
-    subject = subject_from_morphs(rig, "rig", RigOptions("a", "A"), Progress())
-    assert subject.origin is not None
-    model = build_face_model(subject)
+    character = character_from_morphs(rig, "rig", RigOptions("a", "A"), Progress())
+    assert character.origin is not None
+    model = build_face_model(character)
     pose = model.coefficients_of({"jawOpen": 0.6, "mouthSmileLeft": 0.7})
     write_posed_obj(tmp_path / "a.obj", model, pose, contact=False)
     assert distance(model, read_pose(tmp_path / "a.obj", model).coefficients, pose) < 1e-3
@@ -56,7 +56,7 @@ def test_what_the_face_cannot_do_is_told_in_millimetres(low: FaceModel, tmp_path
     pose = low.coefficients_of({"jawOpen": 0.5})
     bumped = low.instance(pose).astype(np.float64)
     bumped[100] += [0.0, 0.0, 2.0]
-    write_obj(tmp_path / "a.obj", bumped, low.subject.polygons)
+    write_obj(tmp_path / "a.obj", bumped, low.character.polygons)
     read = read_pose(tmp_path / "a.obj", low)
     assert distance(low, read.coefficients, pose) < 0.3
     most = float(read.note.split("at most ")[1].split(" mm")[0])
@@ -66,9 +66,9 @@ def test_what_the_face_cannot_do_is_told_in_millimetres(low: FaceModel, tmp_path
 def test_the_pose_is_the_nearest_in_least_squares(low: FaceModel, tmp_path: Path) -> None:
     rng = np.random.default_rng(2)
     target = low.instance(low.coefficients_of({"jawOpen": 0.5})) + 0.2 * rng.standard_normal(
-        (len(low.subject.vertices), 3)
+        (len(low.character.vertices), 3)
     )
-    write_obj(tmp_path / "a.obj", target, low.subject.polygons)
+    write_obj(tmp_path / "a.obj", target, low.character.polygons)
     found = read_pose(tmp_path / "a.obj", low).coefficients
     residual = (low.instance(found) - target).ravel()
     slopes = low.basis @ residual
@@ -77,7 +77,7 @@ def test_the_pose_is_the_nearest_in_least_squares(low: FaceModel, tmp_path: Path
 
 def test_a_mesh_of_another_topology_is_told_with_both_counts(low: FaceModel, model: FaceModel, tmp_path: Path) -> None:
     write_posed_ply(tmp_path / "low.ply", low, low.neutral())
-    few, many = len(low.subject.vertices), len(model.subject.vertices)
+    few, many = len(low.character.vertices), len(model.character.vertices)
     with pytest.raises(FacePoserError, match=rf"has {few} vertices, and Man has {many}"):
         read_pose(tmp_path / "low.ply", model)
 
@@ -85,7 +85,7 @@ def test_a_mesh_of_another_topology_is_told_with_both_counts(low: FaceModel, mod
 def test_a_mesh_that_was_moved_turned_and_scaled_is_laid_back(low: FaceModel, tmp_path: Path) -> None:
     pose = low.coefficients_of({"jawOpen": 0.7, "mouthSmileLeft": 1.0, "browInnerUp": 0.5})
     moved = 0.01 * low.instance(pose).astype(np.float64) @ rotation(6).T + [4.0, -2.0, 1.0]
-    write_obj(tmp_path / "a.obj", moved, low.subject.polygons)
+    write_obj(tmp_path / "a.obj", moved, low.character.polygons)
     read = read_pose(tmp_path / "a.obj", low)
     assert read.note.endswith("The mesh was moved back onto the face.")
     assert distance(low, read.coefficients, pose) < 0.01
@@ -94,8 +94,8 @@ def test_a_mesh_that_was_moved_turned_and_scaled_is_laid_back(low: FaceModel, tm
 def test_a_mesh_that_was_only_sculpted_stays_where_it_is(low: FaceModel, tmp_path: Path) -> None:
     pose = low.coefficients_of({"jawOpen": 0.5})
     sculpted = low.instance(pose).astype(np.float64)
-    sculpted[low.subject.vertices[:, 1] > 10.0] += [0.0, 1.0, 0.0]
-    write_obj(tmp_path / "a.obj", sculpted, low.subject.polygons)
+    sculpted[low.character.vertices[:, 1] > 10.0] += [0.0, 1.0, 0.0]
+    write_obj(tmp_path / "a.obj", sculpted, low.character.polygons)
     read = read_pose(tmp_path / "a.obj", low)
     assert "moved back" not in read.note
     assert distance(low, read.coefficients, pose) < 0.5
@@ -105,7 +105,7 @@ def test_a_mesh_that_was_only_sculpted_stays_where_it_is(low: FaceModel, tmp_pat
 def test_a_mesh_that_is_no_pose_is_refused(
     spoil: Callable[[np.ndarray], np.ndarray], low: FaceModel, tmp_path: Path
 ) -> None:
-    write_obj(tmp_path / "a.obj", spoil(low.subject.vertices), low.subject.polygons)
+    write_obj(tmp_path / "a.obj", spoil(low.character.vertices), low.character.polygons)
     with pytest.raises(FacePoserError, match=r"is no pose of Low-poly head: its vertices are \d+ mm off"):
         read_pose(tmp_path / "a.obj", low)
 
@@ -115,7 +115,7 @@ def test_weights_are_the_performance_again(suffix: str, low: FaceModel, tmp_path
     rng = np.random.default_rng(8)
     inside = rng.uniform(0.0, 1.0, (7, 52)) * (rng.random((7, 52)) < 0.3)
     # Live Link Face has one value for both sides of browInnerUp and cheekPuff.
-    inside = inside @ weight_map(low.subject.shape_names, ARKIT_SHAPES).T
+    inside = inside @ weight_map(low.character.shape_names, ARKIT_SHAPES).T
     performance = Performance.from_weights(low, inside, 24.0)
     path = tmp_path / f"a{suffix}"
     write(path, low, performance)
@@ -136,7 +136,7 @@ def test_a_pose_in_json_is_one_frame_without_a_rate(low: FaceModel, tmp_path: Pa
     write(tmp_path / "a.json", low, low.coefficients_of({"jawOpen": 0.4}))
     data = json.loads((tmp_path / "a.json").read_text())
     assert data["format"] == "faceposer.weights"
-    assert data["names"] == list(low.subject.shape_names)
+    assert data["names"] == list(low.character.shape_names)
     assert len(data["frames"]) == 1
     assert "rate" not in data
     assert data["frames"][0][data["names"].index("jawOpen")] == pytest.approx(0.4, abs=0.02)
@@ -145,7 +145,7 @@ def test_a_pose_in_json_is_one_frame_without_a_rate(low: FaceModel, tmp_path: Pa
 
 
 def test_halves_and_wholes_in_files_are_understood_on_every_rig(low: FaceModel, tmp_path: Path) -> None:
-    whole = build_face_model(with_wholes(low.subject))
+    whole = build_face_model(with_wholes(low.character))
 
     def read(model: FaceModel, **weights: float) -> np.ndarray:
         data = {"format": "faceposer.weights", "version": 1, "names": [*weights], "frames": [[*weights.values()]]}
@@ -166,8 +166,8 @@ def test_halves_and_wholes_in_files_are_understood_on_every_rig(low: FaceModel, 
 
 
 def test_modes_beyond_one_come_back(tmp_path: Path) -> None:
-    goblin = build_face_model(load_subject("creature"))
-    high = goblin.subject.shape_limits[:, 1].astype(np.float64)
+    goblin = build_face_model(load_character("creature"))
+    high = goblin.character.shape_limits[:, 1].astype(np.float64)
     pose = goblin.coefficients_of(0.9 * high)
     write(tmp_path / "a.json", goblin, pose)
     assert read_weights(tmp_path / "a.json").frames.max() > 1.5

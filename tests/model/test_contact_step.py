@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from faceposer.model.character_file import load_character
 from faceposer.model.contact import lid_contact
 from faceposer.model.contact.arches import find_arches
 from faceposer.model.contact.lips import find_covering
@@ -14,7 +15,6 @@ from faceposer.model.contact.measure import penetration_mm
 from faceposer.model.contact.spreading import Spreading, hinge
 from faceposer.model.contact.step import ContactStep
 from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.subject_file import load_subject
 from faceposer.poses.applying import applied, weights_on
 from faceposer.poses.library import starter_poses
 
@@ -35,10 +35,10 @@ GRIN = {
 
 @pytest.mark.parametrize("name", ["man", "woman", "low", "creature"])
 def test_the_neutral_face_stays_bit_by_bit(name: str) -> None:
-    subject = load_subject(name)
-    step = ContactStep.of(subject)
+    character = load_character(name)
+    step = ContactStep.of(character)
     assert step.parts
-    np.testing.assert_array_equal(step.apply(subject.vertices.copy()), subject.vertices)
+    np.testing.assert_array_equal(step.apply(character.vertices.copy()), character.vertices)
 
 
 def test_a_pose_without_penetration_stays_bit_by_bit(model: FaceModel) -> None:
@@ -55,13 +55,15 @@ def test_what_penetrates_is_kept_apart(model: FaceModel, weights: dict[str, floa
 
 @pytest.mark.parametrize(("pose", "strength"), [("W OO", -0.6), ("EE", 1.5), ("Happiness", 1.5)])
 def test_no_lip_lies_behind_the_triangles_of_the_teeth(woman: FaceModel, pose: str, strength: float) -> None:
-    fitting = (e.pose for e in starter_poses() if e.pose is not None and weights_on(e.pose, woman.subject) is not None)
+    fitting = (
+        e.pose for e in starter_poses() if e.pose is not None and weights_on(e.pose, woman.character) is not None
+    )
     chosen = next(each for each in fitting if each.name == pose)
     p = applied(woman, woman.neutral(), chosen, strength)
     deepest = dict.fromkeys((False, True), 0.0)
-    for arch in find_arches(woman.subject):
-        lips = find_covering(woman.subject, arch).lips
-        corners = woman.subject.vertices[arch.triangles].astype(np.float64)
+    for arch in find_arches(woman.character):
+        lips = find_covering(woman.character, arch).lips
+        corners = woman.character.vertices[arch.triangles].astype(np.float64)
         for contact in deepest:
             vertices = woman.surface(p, contact)
             resting = arch.resting(vertices[lips].astype(np.float64), vertices)
@@ -109,7 +111,7 @@ def test_gaze_takes_the_cornea_along(model: FaceModel) -> None:
         model.surface(model.coefficients_of(closed | look))
         for look in ({}, {"eyeLookOutLeft": 1.0, "eyeLookInRight": 1.0})
     )
-    skin = slice(*model.subject.part("skin").vertices)
+    skin = slice(*model.character.part("skin").vertices)
     moved = (aside - straight)[skin] - (
         model.instance(model.coefficients_of(closed | {"eyeLookOutLeft": 1.0, "eyeLookInRight": 1.0}))
         - model.instance(model.coefficients_of(closed))
@@ -118,13 +120,13 @@ def test_gaze_takes_the_cornea_along(model: FaceModel) -> None:
 
 
 def test_both_sides_are_corrected_alike(model: FaceModel) -> None:
-    subject = model.subject
+    character = model.character
     p = model.coefficients_of(BLINK | GRIN)
     moved = (model.surface(p) - model.instance(p)).astype(np.float64)
     from faceposer.geometry.mirror import SurfaceMirror
 
-    skin = np.arange(*subject.part("skin").vertices)
-    across = SurfaceMirror(subject.vertices, subject.triangles, 1e-3).vertices[skin]
+    skin = np.arange(*character.part("skin").vertices)
+    across = SurfaceMirror(character.vertices, character.triangles, 1e-3).vertices[skin]
     paired = across >= 0
     assert paired.mean() > 0.99
     difference = np.abs(moved[skin[paired]] * [-1.0, 1.0, 1.0] - moved[across[paired]]).max()
@@ -150,7 +152,7 @@ def test_what_was_corrected_before_makes_no_difference(model: FaceModel) -> None
     first = [model.surface(p) for p in poses]
     for p, vertices in reversed(list(zip(poses, first, strict=True))):
         np.testing.assert_array_equal(model.surface(p), vertices)
-    np.testing.assert_array_equal(ContactStep.of(model.subject).apply(model.instance(poses[-1])), first[-1])
+    np.testing.assert_array_equal(ContactStep.of(model.character).apply(model.instance(poses[-1])), first[-1])
 
 
 def test_each_eye_is_corrected_as_if_it_were_alone(model: FaceModel, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -162,8 +164,8 @@ def test_each_eye_is_corrected_as_if_it_were_alone(model: FaceModel, monkeypatch
     assert all(np.abs(moved).max() > 0.2 for moved in moves)
     np.testing.assert_allclose(moves[0], moves[1] + moves[2], atol=1e-4)
     # Eyes whose surroundings meet are looked at one after another, with the same result where they do not.
-    monkeypatch.setattr(lid_contact, "_surroundings", lambda subject, eye: np.zeros(1, dtype=np.intp))
-    apart = ContactStep.of(model.subject)
+    monkeypatch.setattr(lid_contact, "_surroundings", lambda character, eye: np.zeros(1, dtype=np.intp))
+    apart = ContactStep.of(model.character)
     assert len(apart.parts) == len(model.contact.parts) + 1
     np.testing.assert_allclose(apart.apply(both.copy()) - both, moves[0], atol=1e-5)
 
@@ -181,16 +183,16 @@ def test_what_would_move_too_far_stays_where_the_pose_has_it(model: FaceModel) -
 @pytest.mark.parametrize("scale", [np.nan, np.inf, 1e20, 0.0])
 def test_vertices_that_are_no_face_stay_as_they_are(model: FaceModel, scale: float) -> None:
     with np.errstate(invalid="ignore"):
-        vertices = (model.subject.vertices * scale).astype(np.float32)
+        vertices = (model.character.vertices * scale).astype(np.float32)
     np.testing.assert_allclose(model.contact.apply(vertices.copy()), vertices, atol=1e-6)
 
 
 def test_lashes_go_with_their_lid(model: FaceModel) -> None:
     p = model.coefficients_of({"eyeBlinkLeft": 1.6})
     moved = model.surface(p) - model.instance(p)
-    lashes = moved[slice(*model.subject.part("lashes_left").vertices), 1]
+    lashes = moved[slice(*model.character.part("lashes_left").vertices), 1]
     assert lashes.max() > 0.2
-    assert not moved[slice(*model.subject.part("lashes_right").vertices)].any()
+    assert not moved[slice(*model.character.part("lashes_right").vertices)].any()
 
 
 def test_pushes_begin_softly_and_end_outside() -> None:
@@ -232,6 +234,6 @@ def test_imported_rigs_use_the_parts_they_have(name: str) -> None:
     p = rig.coefficients_of({"mouthRollUpper": 2.0, "mouthRollLower": 2.0, "mouthPressLeft": 1.5, "jawOpen": 0.2})
     before, after = (penetration_mm(rig, rig.surface(p, contact)) for contact in (False, True))
     assert "lid_lid" not in before, "its eyes are not behind the lids"
-    np.testing.assert_array_equal(rig.surface(rig.neutral()), rig.subject.vertices)
+    np.testing.assert_array_equal(rig.surface(rig.neutral()), rig.character.vertices)
     assert before["lips_teeth"] > 0.5
     assert max(after.values()) <= ALLOWED_MM

@@ -12,13 +12,13 @@ from faceposer.solve.priors import centred_at
 
 def asked(model: FaceModel, start: np.ndarray, **weights: float) -> tuple[np.ndarray, np.ndarray]:
     """Return rows and residuals at ``start`` of constraints that want the rig ``weights`` to within 0.05."""
-    names = list(model.subject.shape_names)
+    names = list(model.character.shape_names)
     rows = np.array([model.subspace.directions[names.index(name)] for name in weights]) / 0.05
     return rows, rows @ start - np.array(list(weights.values())) / 0.05
 
 
 def spread(model: FaceModel, density: GaussianMixture, shape: str) -> float:
-    direction = model.subspace.directions[model.subject.shape_names.index(shape)]
+    direction = model.subspace.directions[model.character.shape_names.index(shape)]
     return float(direction @ density.covariances[0] @ direction)
 
 
@@ -51,7 +51,7 @@ def test_wholeness_goes_over_to_the_examples_own_expressions(model: FaceModel) -
 
     def shift(wholeness: float) -> float:
         mean = centred_at(model, start, wholeness=wholeness).near(rows, residual).means[0]
-        return float(np.linalg.norm(model.instance(mean) - model.subject.vertices, axis=1).mean())
+        return float(np.linalg.norm(model.instance(mean) - model.character.vertices, axis=1).mean())
 
     shifts = [shift(wholeness) for wholeness in np.linspace(0.0, 1.0, 21)]
     assert shifts[0] == 0.0
@@ -86,7 +86,7 @@ def test_it_follows_a_target_without_jumps(model: FaceModel) -> None:
 
 
 def test_regions_tell_of_each_other_only_as_far_as_they_must(model: FaceModel) -> None:
-    names = list(model.subject.shape_names)
+    names = list(model.character.shape_names)
     brow = model.subspace.directions[names.index("browOuterUpLeft")]
     mouth = model.subspace.directions[[i for i, name in enumerate(names) if name.startswith(("mouth", "jaw"))]]
     rows, residual = asked(model, model.neutral(), browOuterUpLeft=0.8)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.muscles import (
     CO_CONTRACTIONS,
     DEPENDENT_SHAPES,
@@ -14,7 +15,6 @@ from faceposer.model.muscles import (
     nearest_correlation,
     side_of_shape,
 )
-from faceposer.model.subject import ARKIT_SHAPES
 
 HALVES = tuple(
     half

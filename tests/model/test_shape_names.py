@@ -9,6 +9,7 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.gltf_io import read_gltf
+from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.shape_names import (
     SPLIT_SHAPES,
     canonical_shape,
@@ -18,7 +19,6 @@ from faceposer.model.shape_names import (
     weight_map,
     whole_of,
 )
-from faceposer.model.subject import ARKIT_SHAPES
 
 SIDEWAYS = {"jawLeft", "jawRight", "mouthLeft", "mouthRight"}
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.expression_statistics import load_expression_statistics
 from faceposer.model.split_shapes import split_to_match
-from faceposer.model.subject import ARKIT_SHAPES
 
 
 def test_halves_move_as_the_whole_does_but_not_always_together() -> None:

@@ -33,7 +33,7 @@ def taken(yaw: float = 0.35, roll: float = 0.2, mm: float = LIKELY_FOCAL_MM) -> 
 def pinned(model: FaceModel, pose: NDArray[np.float64], names: tuple[str, ...], camera: Camera | None = None) -> Photo:
     """A photo of ``model`` itself, with exact pins."""
     camera = taken() if camera is None else camera
-    vertices = model.instance(pose)[[model.subject.feature_points[name] for name in names]]
+    vertices = model.instance(pose)[[model.character.feature_points[name] for name in names]]
     pins = zip(names, camera.project(vertices).tolist(), strict=True)
     return Photo("a.jpg", SIZE, tuple(Pin(name, (u, v)) for name, (u, v) in pins))
 
@@ -41,7 +41,7 @@ def pinned(model: FaceModel, pose: NDArray[np.float64], names: tuple[str, ...], 
 def weights(model: FaceModel, photo: Photo) -> dict[str, float]:
     constraints = expression_constraints(photo, model)
     pose = solve(PoseProblem(model, constraints)).coefficients
-    return dict(zip(model.subject.shape_names, model.weights_of(pose).tolist(), strict=True))
+    return dict(zip(model.character.shape_names, model.weights_of(pose).tolist(), strict=True))
 
 
 def test_the_camera_of_a_photo_of_the_same_face_comes_back(model: FaceModel) -> None:
@@ -65,7 +65,7 @@ def test_the_face_follows_from_the_first_pin(model: FaceModel) -> None:
     photo = Photo("a.jpg", SIZE)
     start = first_camera(photo, model)
     assert aligned(photo, model, model.neutral()).camera == start
-    head = start.project(model.subject.vertices)
+    head = start.project(model.character.vertices)
     assert (head.min(axis=0) > 0.0).all()
     assert (head.max(axis=0) < SIZE).all()
     for count in (1, 2, 3, 4):
@@ -117,5 +117,5 @@ def test_places_that_a_face_lacks_are_passed_over(model: FaceModel) -> None:
     assert set(residuals_px(more, model, model.neutral())) == {*range(len(ALIGNING)), len(pins) - 1}
     with pytest.raises(ValueError, match="no camera"):
         expression_constraints(photo, model)
-    assert guided(model.subject) == list(GUIDED)
+    assert guided(model.character) == list(GUIDED)
     assert rigidity("9.3", model) > rigidity("2.1", model) > rigidity("8.3", model) > 0.0

@@ -23,28 +23,28 @@ from faceposer.poses.library import found, starter_poses
 from faceposer.poses.pose_file import Pose
 from tests.rigs import with_wholes
 
-SUBJECTS = ("man", "woman", "low", "creature")
+CHARACTERS = ("man", "woman", "low", "creature")
 
 
 @pytest.fixture(scope="module")
 def models(man: FaceModel, woman: FaceModel, low: FaceModel, creature: FaceModel) -> dict[str, FaceModel]:
-    return dict(zip(SUBJECTS, (man, woman, low, creature), strict=True))
+    return dict(zip(CHARACTERS, (man, woman, low, creature), strict=True))
 
 
 def starter(model: FaceModel, name: str) -> Pose:
-    fitting = [e for e in starter_poses() if e.pose is not None and weights_on(e.pose, model.subject) is not None]
+    fitting = [e for e in starter_poses() if e.pose is not None and weights_on(e.pose, model.character) is not None]
     pose = found(fitting, name, "here").pose
     assert pose is not None
     return pose
 
 
 def weights(model: FaceModel, p: Array) -> dict[str, float]:
-    return dict(zip(model.subject.shape_names, model.weights_of(p).tolist(), strict=True))
+    return dict(zip(model.character.shape_names, model.weights_of(p).tolist(), strict=True))
 
 
 def moved(model: FaceModel, p: Array, feature: str) -> Array:
-    vertex = model.subject.feature_points[feature]
-    return (model.instance(p)[vertex] - model.subject.vertices[vertex]).astype(np.float64)
+    vertex = model.character.feature_points[feature]
+    return (model.instance(p)[vertex] - model.character.vertices[vertex]).astype(np.float64)
 
 
 def lopsided(model: FaceModel) -> Array:
@@ -90,7 +90,7 @@ def test_all_regions_together_are_the_whole_face(model: FaceModel) -> None:
     start, pose = lopsided(model), starter(model, "disgust")
     together = applied(model, start, pose, 0.7, REGIONS)
     np.testing.assert_allclose(together, applied(model, start, pose, 0.7), atol=1e-9)
-    assert {region_of(name) for name in model.subject.shape_names} == set(REGIONS)
+    assert {region_of(name) for name in model.character.shape_names} == set(REGIONS)
 
 
 def test_the_mouth_alone_leaves_the_brows_and_the_other_way_round(models: dict[str, FaceModel]) -> None:
@@ -118,7 +118,7 @@ def test_a_side_leaves_the_other(model: FaceModel) -> None:
 
 def test_flipping_exchanges_the_sides(models: dict[str, FaceModel]) -> None:
     for name, model in models.items():
-        face = 0.6 * model.coefficients_of(np.random.default_rng(3).uniform(*model.subject.shape_limits.T))
+        face = 0.6 * model.coefficients_of(np.random.default_rng(3).uniform(*model.character.shape_limits.T))
         if name != "creature":
             face = lopsided(model)
         other = flipped(model, face)
@@ -135,7 +135,7 @@ def test_mirroring_makes_one_side_the_image_of_the_other(
     models: dict[str, FaceModel], source: str, here: str, there: str
 ) -> None:
     for name, model in models.items():
-        face = 0.6 * model.coefficients_of(np.random.default_rng(2).uniform(*model.subject.shape_limits.T))
+        face = 0.6 * model.coefficients_of(np.random.default_rng(2).uniform(*model.character.shape_limits.T))
         if name != "creature":
             face = lopsided(model)
         result = mirrored(model, face, source)  # type: ignore[arg-type]
@@ -160,11 +160,11 @@ def test_mirroring_leaves_the_eyes_looking_to_their_side(model: FaceModel) -> No
 
 
 def test_poses_fit_by_the_names_of_shapes(models: dict[str, FaceModel]) -> None:
-    people, goblin = models["man"].subject, models["creature"].subject
+    people, goblin = models["man"].character, models["creature"].character
     own = pose_of(models["creature"], np.ones(models["creature"].n_coefficients), "Mine")
     assert weights_on(own, goblin) is not None
     assert weights_on(own, people) is None
-    assert weights_on(replace(own, subject="another"), goblin) is None, "its modes are not those of another face"
+    assert weights_on(replace(own, character="another"), goblin) is None, "its modes are not those of another face"
     smile = Pose("Smile", {"mouthSmileLeft": 1.0}, "woman")
     assert weights_on(smile, people) is not None
     with pytest.raises(FacePoserError, match="needs ARKit's shapes"):
@@ -175,13 +175,13 @@ def test_poses_fit_by_the_names_of_shapes(models: dict[str, FaceModel]) -> None:
 
 def test_halves_and_wholes_stand_for_each_other(model: FaceModel) -> None:
     halves = Pose("Half", {"browInnerUpLeft": 1.0, "browInnerUpRight": 0.5})
-    whole = with_wholes(model.subject)
+    whole = with_wholes(model.character)
     on_whole = weights_on(halves, whole)
     assert on_whole is not None
     assert on_whole[whole.shape_names.index("browInnerUp")] == pytest.approx(0.75)
-    puffed = weights_on(Pose("Puff", {"cheekPuff": 0.6}), model.subject)
+    puffed = weights_on(Pose("Puff", {"cheekPuff": 0.6}), model.character)
     assert puffed is not None
-    by_name = dict(zip(model.subject.shape_names, puffed.tolist(), strict=True))
+    by_name = dict(zip(model.character.shape_names, puffed.tolist(), strict=True))
     assert {name for name, weight in by_name.items() if weight} == {"cheekPuffLeft", "cheekPuffRight"}
     assert by_name["cheekPuffLeft"] == by_name["cheekPuffRight"] == pytest.approx(0.6)
 
@@ -201,7 +201,7 @@ def test_expressions_move_what_their_action_units_say(models: dict[str, FaceMode
         faces = {pose: applied(model, model.neutral(), starter(model, pose)) for pose in EXPRESSIONS}
 
         def rise(pose: str, feature: str, model: FaceModel = model, faces: dict[str, Array] = faces) -> float:
-            return float(moved(model, faces[pose], feature)[1]) / model.subject.height
+            return float(moved(model, faces[pose], feature)[1]) / model.character.height
 
         assert rise("happiness", "8.3") > 0.015, name
         assert rise("sadness", "8.3") < -0.01, name
@@ -221,13 +221,13 @@ def test_visemes_open_and_close_the_lips(models: dict[str, FaceModel]) -> None:
 
         def gap(pose: str, model: FaceModel = model) -> float:
             vertices = model.instance(applied(model, model.neutral(), starter(model, pose)))
-            upper, lower = (vertices[model.subject.feature_points[key]][1] for key in ("2.2", "2.3"))
-            return float(upper - lower) / model.subject.height
+            upper, lower = (vertices[model.character.feature_points[key]][1] for key in ("2.2", "2.3"))
+            return float(upper - lower) / model.character.height
 
-        rest = model.subject.vertices
+        rest = model.character.vertices
         at_rest = (
-            float(rest[model.subject.feature_points["2.2"], 1] - rest[model.subject.feature_points["2.3"], 1])
-            / model.subject.height
+            float(rest[model.character.feature_points["2.2"], 1] - rest[model.character.feature_points["2.3"], 1])
+            / model.character.height
         )
         closed = gap("M B P")
         assert -0.006 < closed < at_rest + 0.004, (name, closed, at_rest)
@@ -237,8 +237,8 @@ def test_visemes_open_and_close_the_lips(models: dict[str, FaceModel]) -> None:
 
         def width(pose: str, model: FaceModel = model) -> float:
             vertices = model.instance(applied(model, model.neutral(), starter(model, pose)))
-            left, right = (vertices[model.subject.feature_points[key]][0] for key in ("8.3", "8.4"))
-            return float(left - right) / model.subject.height
+            left, right = (vertices[model.character.feature_points[key]][0] for key in ("8.3", "8.4"))
+            return float(left - right) / model.character.height
 
         assert width("EE") > width("AH") > width("OH") > 0.0, name
         assert width("W OO") < width("M B P"), name

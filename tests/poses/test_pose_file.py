@@ -25,7 +25,7 @@ def test_a_pose_comes_back_and_its_file_is_as_documented(tmp_path: Path) -> None
         "weights": {"mouthSmileLeft": 0.5, "jawOpen": -0.25},
     }
     again = read_pose(path)
-    assert (again.name, again.subject, again.tags, again.note) == ("A smile", "man", ("expression",), "Wide.")
+    assert (again.name, again.character, again.tags, again.note) == ("A smile", "man", ("expression",), "Wide.")
     assert dict(again.weights) == data["weights"]
     assert [p.name for p in tmp_path.iterdir()] == ["a-smile.json"], "no temporary file is left"
 
@@ -145,8 +145,8 @@ def test_starter_poses_are_what_the_script_would_write() -> None:
         assert differences(pose, folder / name) == ""
         assert (folder / name).read_text(encoding="utf-8") == pose_text(pose)
     titles = [one.name for one in STARTERS]
-    for subject in ("man", "creature"):
-        mine = [entry.pose for entry in entries if entry.pose is not None and entry.pose.subject == subject]
+    for character in ("man", "creature"):
+        mine = [entry.pose for entry in entries if entry.pose is not None and entry.pose.character == character]
         assert [pose.name for pose in mine] == titles
         kinds = [pose.tags[0] for pose in mine]
         assert (kinds.count("expression"), kinds.count("viseme")) == (7, 13)

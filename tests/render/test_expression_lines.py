@@ -15,12 +15,12 @@ from faceposer.gui.app import App
 from faceposer.gui.settings import Settings, load_settings, save_settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.interchange.formats import write
+from faceposer.model.character import Character
+from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel
-from faceposer.model.subject import Subject
-from faceposer.model.subject_file import load_subject
 from faceposer.poses.portrait import portrait_view
 from faceposer.render.framebuffers import ColourTarget
-from faceposer.render.offscreen import offscreen_context, render_subject
+from faceposer.render.offscreen import offscreen_context, render_character
 from faceposer.render.options import OutputOptions
 from faceposer.render.renderer import Renderer
 from tests.windows import OpenWindow
@@ -32,19 +32,19 @@ BROWS = {"browInnerUp": 1.0, "browOuterUpLeft": 1.0, "browOuterUpRight": 1.0}
 SMILE = {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8, "cheekSquintLeft": 0.6, "cheekSquintRight": 0.6}
 
 
-def posed(subject: Subject, weights: dict[str, float]) -> np.ndarray:
+def posed(character: Character, weights: dict[str, float]) -> np.ndarray:
     """Return the vertices; a shape that has been split into halves counts as both."""
-    vertices = subject.vertices.copy()
-    for i, name in enumerate(subject.shape_names):
+    vertices = character.vertices.copy()
+    for i, name in enumerate(character.shape_names):
         weight = weights.get(name, weights.get(name.removesuffix("Left").removesuffix("Right"), 0.0))
-        vertices += np.float32(weight) * subject.shapes[i]
+        vertices += np.float32(weight) * character.shapes[i]
     return vertices
 
 
-def change(subject: Subject, vertices: np.ndarray, camera: Camera) -> np.ndarray:
+def change(character: Character, vertices: np.ndarray, camera: Camera) -> np.ndarray:
     """Return how much the lines change each pixel, shape (height, width)."""
     with_lines, without = (
-        render_subject(subject, vertices, camera, expression_lines=shown).astype(int) for shown in (True, False)
+        render_character(character, vertices, camera, expression_lines=shown).astype(int) for shown in (True, False)
     )
     return np.abs(with_lines - without).max(axis=2)
 
@@ -52,15 +52,15 @@ def change(subject: Subject, vertices: np.ndarray, camera: Camera) -> np.ndarray
 @pytest.fixture(scope="module")
 def camera(model: FaceModel) -> Camera:
     """A view of the man from the hairline to the chin."""
-    view = portrait_view(model.subject).zoomed(0.75)
+    view = portrait_view(model.character).zoomed(0.75)
     x, y, z = view.target
     return replace(view, target=(x, y + 2.0, z)).camera(SIZE)
 
 
 @pytest.mark.parametrize("name", ["man", "woman", "low", "creature"])
 def test_the_neutral_face_has_none(name: str) -> None:
-    subject = load_subject(name)
-    assert not np.any(change(subject, subject.vertices, portrait_view(subject).camera((120, 120))))
+    character = load_character(name)
+    assert not np.any(change(character, character.vertices, portrait_view(character).camera((120, 120))))
 
 
 @pytest.mark.parametrize(
@@ -76,40 +76,40 @@ def test_the_neutral_face_has_none(name: str) -> None:
 def test_lines_lie_among_the_points_of_their_muscle(
     model: FaceModel, camera: Camera, weights: dict[str, float], points: tuple[str, ...], elsewhere: tuple[str, ...]
 ) -> None:
-    subject = model.subject
-    vertices = posed(subject, weights)
-    changed = change(subject, vertices, camera)
+    character = model.character
+    vertices = posed(character, weights)
+    changed = change(character, vertices, camera)
 
     def near(places: np.ndarray, reach: int) -> float:
         u, v = camera.project(places.mean(axis=0, keepdims=True).astype(np.float64))[0].astype(int)
         return float(changed[max(v - reach, 0) : v + reach + 1, max(u - reach, 0) : u + reach + 1].max())
 
-    ids = [subject.feature_points[name] for name in points]
+    ids = [character.feature_points[name] for name in points]
     assert near(vertices[ids], 18) > 10
     for name in elsewhere:
-        assert near(vertices[[subject.feature_points[name]]], 4) <= 3, name
+        assert near(vertices[[character.feature_points[name]]], 4) <= 3, name
 
 
 def test_one_side_alone(model: FaceModel, camera: Camera) -> None:
-    changed = change(model.subject, posed(model.subject, {"mouthSmileLeft": 1.0, "cheekSquintLeft": 1.0}), camera)
+    changed = change(model.character, posed(model.character, {"mouthSmileLeft": 1.0, "cheekSquintLeft": 1.0}), camera)
     # Seen a little from the left, the nose lies left of the middle of the picture.
-    nose = camera.project(model.subject.vertices[[model.subject.feature_points["9.3"]]].astype(np.float64))[0, 0]
+    nose = camera.project(model.character.vertices[[model.character.feature_points["9.3"]]].astype(np.float64))[0, 0]
     assert changed[:, int(nose) :].max() > 15
     assert changed[:, : int(nose) - 10].max() <= 6
 
 
 def test_clay_and_unknown_faces_have_none(model: FaceModel, camera: Camera) -> None:
-    vertices = posed(model.subject, BROWS)
-    clay = [render_subject(model.subject, vertices, camera, 0, "clay", expression_lines=on) for on in (True, False)]
+    vertices = posed(model.character, BROWS)
+    clay = [render_character(model.character, vertices, camera, 0, "clay", expression_lines=on) for on in (True, False)]
     assert np.array_equal(*clay)
-    unknown = replace(model.subject, feature_points={}, feature_titles={})
+    unknown = replace(model.character, feature_points={}, feature_titles={})
     assert not np.any(change(unknown, vertices, camera))
 
 
 def test_a_face_without_texture_coordinates_has_them(camera: Camera) -> None:
-    subject = load_subject("man")
-    polygon_uvs = np.where(subject.polygons < 0, -1, 0).astype(np.int32)
-    bare = replace(subject, uv=np.zeros((1, 2), dtype=np.float32), polygon_uvs=polygon_uvs, textures={})
+    character = load_character("man")
+    polygon_uvs = np.where(character.polygons < 0, -1, 0).astype(np.int32)
+    bare = replace(character, uv=np.zeros((1, 2), dtype=np.float32), polygon_uvs=polygon_uvs, textures={})
     assert change(bare, posed(bare, BROWS), camera).max() > 12
 
 
@@ -163,7 +163,7 @@ def test_the_window_switches_them(robot: Robot) -> None:
         return app.screenshot()[top:bottom, left : right - 20].astype(int)
 
     with_lines = shown()
-    portrait = app.scene.portrait(app.session.coefficients, portrait_view(app.session.model.subject).camera(SIZE), 0)
+    portrait = app.scene.portrait(app.session.coefficients, portrait_view(app.session.model.character).camera(SIZE), 0)
     action = app.actions["expression-lines"]
     assert action.menu == "View"
     assert action.checked is not None
@@ -173,7 +173,7 @@ def test_the_window_switches_them(robot: Robot) -> None:
     assert not app.settings.expression_lines
     without = shown()
     assert np.abs(with_lines - without).max() > 6
-    other = app.scene.portrait(app.session.coefficients, portrait_view(app.session.model.subject).camera(SIZE), 0)
+    other = app.scene.portrait(app.session.coefficients, portrait_view(app.session.model.character).camera(SIZE), 0)
     assert np.abs(portrait.astype(int) - other.astype(int)).max() > 6
     action.run()
     assert np.array_equal(shown(), with_lines)
@@ -196,7 +196,7 @@ def test_the_first_picture_of_a_renderer_is_like_the_next(model: FaceModel, came
     smile = model.instance(model.coefficients_of({"mouthSmileLeft": 1.0, "mouthSmileRight": 1.0}))
     with offscreen_context() as ctx:
         renderer = Renderer(ctx)
-        renderer.set_subject(model.subject)
+        renderer.set_character(model.character)
         renderer.update(smile, VertexNormals(model.triangles, len(smile))(smile))
         target = ColourTarget(ctx, camera.size, 0)
         pictures = []

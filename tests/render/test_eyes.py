@@ -12,11 +12,11 @@ from PIL import Image
 
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.mesh import VertexNormals
-from faceposer.model.subject import Subject
-from faceposer.model.subject_file import load_subject
+from faceposer.model.character import Character
+from faceposer.model.character_file import load_character
 from faceposer.render.eye_shading import Eye, EyeShading
 from faceposer.render.framebuffers import ColourTarget
-from faceposer.render.offscreen import offscreen_context, plain_subject, render_subject
+from faceposer.render.offscreen import offscreen_context, plain_character, render_character
 from faceposer.render.renderer import Renderer
 
 pytestmark = pytest.mark.gl
@@ -56,21 +56,21 @@ def gaze(across: float, up: float) -> dict[str, float]:
     return sideways | both("eyeLookUp", max(up, 0.0)) | both("eyeLookDown", max(-up, 0.0))
 
 
-def posed(subject: Subject, weights: dict[str, float]) -> NDArray[np.float32]:
-    vertices = subject.vertices.copy()
+def posed(character: Character, weights: dict[str, float]) -> NDArray[np.float32]:
+    vertices = character.vertices.copy()
     for name, weight in weights.items():
-        vertices += np.float32(weight) * subject.shapes[subject.shape_names.index(name)]
+        vertices += np.float32(weight) * character.shapes[character.shape_names.index(name)]
     return vertices
 
 
-def without_lashes(subject: Subject) -> Subject:
-    return replace(subject, textures={**subject.textures, "lashes": CLEAR})
+def without_lashes(character: Character) -> Character:
+    return replace(character, textures={**character.textures, "lashes": CLEAR})
 
 
-def axes(subject: Subject, vertices: NDArray[np.float32]) -> list[NDArray[np.float64]]:
+def axes(character: Character, vertices: NDArray[np.float32]) -> list[NDArray[np.float64]]:
     """Return where the pupils of the eyeballs lie from their centres, unit vectors, by the built eyeballs' poles."""
     found = []
-    for part in subject.parts:
+    for part in character.parts:
         if part.material == "eye":
             ball = vertices[slice(*part.vertices)].astype(np.float64)
             away = ball[0] - ball[1:].mean(axis=0)
@@ -89,10 +89,10 @@ def renderer() -> Iterator[Renderer]:
 
 
 def picture(renderer: Renderer, vertices: NDArray[np.float32], camera: Camera) -> NDArray[np.float64]:
-    """Return the picture, shape (height, width, 3), of the subject that the renderer has."""
+    """Return the picture, shape (height, width, 3), of the character that the renderer has."""
     buffers = renderer.buffers
     assert buffers is not None
-    normals = VertexNormals(buffers.subject.triangles, len(vertices))(vertices)
+    normals = VertexNormals(buffers.character.triangles, len(vertices))(vertices)
     renderer.update(vertices, normals)
     target = ColourTarget(renderer.ctx, camera.size, min(4, renderer.ctx.max_samples))
     renderer.draw(target.framebuffer, camera)
@@ -113,13 +113,13 @@ def at_eye(eye: Eye, view: str) -> Camera:
 
 @pytest.mark.parametrize("name", PEOPLE)
 def test_the_eyes_are_parallel_under_every_gaze(name: str) -> None:
-    subject = load_subject(name)
-    shading = EyeShading(subject)
+    character = load_character(name)
+    shading = EyeShading(character)
     rng = np.random.default_rng(5)
     for across, up in [(0.0, 0.0), (1, 0), (-1, 0), (0, 1), (0, -1), *rng.uniform(-1, 1, (20, 2))]:
-        vertices = posed(subject, gaze(across, up))
+        vertices = posed(character, gaze(across, up))
         shading.update(vertices)
-        left, right = axes(subject, vertices)
+        left, right = axes(character, vertices)
         assert angle(left, right) < 0.3
         one, other = (eye.gaze for eye in shading.eyes.values())
         assert angle(one, other) < 0.3
@@ -128,8 +128,8 @@ def test_the_eyes_are_parallel_under_every_gaze(name: str) -> None:
 
 
 def test_the_goblin_looks_straight_ahead() -> None:
-    subject = load_subject("creature")
-    left, right = axes(subject, subject.vertices)
+    character = load_character("creature")
+    left, right = axes(character, character.vertices)
     assert angle(left, right) < 0.05
     assert angle(left, np.array([0.0, 0.0, 1.0])) < 0.1
 
@@ -139,7 +139,7 @@ def test_the_goblin_looks_straight_ahead() -> None:
 
 @pytest.mark.parametrize("name", ALL)
 def test_the_opening_lies_between_lids_and_round_the_gaze(name: str) -> None:
-    shading = EyeShading(load_subject(name))
+    shading = EyeShading(load_character(name))
     assert len(shading.eyes) == 2
     left, right = shading.eyes["eye_left"], shading.eyes["eye_right"]
     for eye in (left, right):
@@ -155,11 +155,11 @@ def test_the_opening_lies_between_lids_and_round_the_gaze(name: str) -> None:
 
 @pytest.mark.parametrize("name", PEOPLE)
 def test_the_opening_follows_the_lids(name: str) -> None:
-    subject = load_subject(name)
-    shading = EyeShading(subject)
+    character = load_character(name)
+    shading = EyeShading(character)
 
     def height(weights: dict[str, float]) -> float:
-        shading.update(posed(subject, weights))
+        shading.update(posed(character, weights))
         upper, lower = np.degrees(shading.eyes["eye_left"].opening(0.0))
         return float(upper - lower)
 
@@ -169,20 +169,20 @@ def test_the_opening_follows_the_lids(name: str) -> None:
 
 @pytest.mark.gl
 def test_a_ball_without_lids_is_not_shaded() -> None:
-    man = load_subject("man")
+    man = load_character("man")
     part = man.part("eye_left")
     triangles = man.triangles[slice(*man.part_triangles(part))] - part.vertices[0]
-    ball = plain_subject(man.vertices[slice(*part.vertices)], triangles)
+    ball = plain_character(man.vertices[slice(*part.vertices)], triangles)
     eye = replace(ball, parts=(replace(ball.parts[0], material="eye"),))
     (found,) = EyeShading(eye).eyes.values()
     assert found.opening(0.0) == (1.5, -1.5)
-    shown = render_subject(eye, eye.vertices, at_eye(found, "front"))
+    shown = render_character(eye, eye.vertices, at_eye(found, "front"))
     assert shown[200, 200].max() > 90
 
 
 def test_lids_shade_the_ball_and_the_shadow_goes_with_them(renderer: Renderer) -> None:
-    man = load_subject("man")
-    renderer.set_subject(replace(without_lashes(man), textures={"lashes": CLEAR}))
+    man = load_character("man")
+    renderer.set_character(replace(without_lashes(man), textures={"lashes": CLEAR}))
     shading = EyeShading(man)
 
     def brightness(weights: dict[str, float], below_lid: float) -> float:
@@ -220,19 +220,19 @@ def brightest_in_iris(pixels: NDArray[np.float64], eye: Eye, camera: Camera) -> 
 
 @pytest.mark.parametrize("name", ALL)
 def test_a_catchlight_is_seen_from_every_view(name: str, renderer: Renderer) -> None:
-    subject = load_subject(name)
-    renderer.set_subject(subject)
-    eye = EyeShading(subject).eyes["eye_left"]
+    character = load_character(name)
+    renderer.set_character(character)
+    eye = EyeShading(character).eyes["eye_left"]
     for view in VIEWS:
         camera = at_eye(eye, view)
-        assert brightest_in_iris(picture(renderer, subject.vertices, camera), eye, camera) > 195, view
+        assert brightest_in_iris(picture(renderer, character.vertices, camera), eye, camera) > 195, view
 
 
 @pytest.mark.parametrize("name", PEOPLE)
 def test_a_catchlight_stays_whatever_eyes_and_lids_do(name: str, renderer: Renderer) -> None:
-    subject = load_subject(name)
-    renderer.set_subject(subject)
-    shading = EyeShading(subject)
+    character = load_character(name)
+    renderer.set_character(character)
+    shading = EyeShading(character)
     poses = {
         "left": gaze(1, 0),
         "right": gaze(-0.8, 0),
@@ -243,7 +243,7 @@ def test_a_catchlight_stays_whatever_eyes_and_lids_do(name: str, renderer: Rende
         "half": both("eyeBlink", 0.5),
     }
     for pose, weights in poses.items():
-        vertices = posed(subject, weights)
+        vertices = posed(character, weights)
         shading.update(vertices)
         eye = shading.eyes["eye_left"]
         for view in ("front", "near"):
@@ -252,8 +252,8 @@ def test_a_catchlight_stays_whatever_eyes_and_lids_do(name: str, renderer: Rende
 
 
 def test_the_catchlight_lies_on_the_side_of_the_light_and_is_small(renderer: Renderer) -> None:
-    man = load_subject("man")
-    renderer.set_subject(man)
+    man = load_character("man")
+    renderer.set_character(man)
     eye = EyeShading(man).eyes["eye_left"]
     camera = at_eye(eye, "front")
     pixels = picture(renderer, man.vertices, camera)
@@ -270,15 +270,15 @@ def test_the_catchlight_lies_on_the_side_of_the_light_and_is_small(renderer: Ren
 
 @pytest.mark.parametrize("name", ["man", "woman"])
 def test_lashes_are_dark_from_every_view(name: str, renderer: Renderer) -> None:
-    subject = load_subject(name)
-    bare = without_lashes(subject)
-    eye = EyeShading(subject).eyes["eye_left"]
+    character = load_character(name)
+    bare = without_lashes(character)
+    eye = EyeShading(character).eyes["eye_left"]
     for view in ("front", "near", "side", "profile", "below", "far"):
         camera = at_eye(eye, view)
-        renderer.set_subject(subject)
-        lashed = picture(renderer, subject.vertices, camera).mean(axis=2)
-        renderer.set_subject(bare)
-        without = picture(renderer, subject.vertices, camera).mean(axis=2)
+        renderer.set_character(character)
+        lashed = picture(renderer, character.vertices, camera).mean(axis=2)
+        renderer.set_character(bare)
+        without = picture(renderer, character.vertices, camera).mean(axis=2)
         changed = np.abs(lashed - without) > 12
         assert changed.sum() > 40, view
         assert (lashed - without).max() < 4, "nothing gets lighter"
@@ -286,19 +286,19 @@ def test_lashes_are_dark_from_every_view(name: str, renderer: Renderer) -> None:
 
 
 def test_closed_eyes_and_blinks_keep_their_lashes_dark(renderer: Renderer) -> None:
-    man = load_subject("man")
+    man = load_character("man")
     vertices = posed(man, both("eyeBlink", 1))
     eye = EyeShading(man).eyes["eye_left"]
     camera = at_eye(eye, "above")
-    renderer.set_subject(man)
+    renderer.set_character(man)
     assert np.sort(picture(renderer, vertices, camera).mean(axis=2).ravel())[200] < 50
 
 
 def test_lashes_of_an_eye_behind_the_nose_are_not_seen() -> None:
     for name in ("man", "woman"):
-        subject = load_subject(name)
-        shading = EyeShading(subject)
-        left = subject.part("lashes_left")
+        character = load_character(name)
+        shading = EyeShading(character)
+        left = character.part("lashes_left")
         for view, seen in (("front", 1.0), ("profile", 1.0), ("near", 1.0), ("far", 1.0)):
             assert shading.lashes_seen(left, at_eye(shading.eyes["eye_left"], view)) == seen, view
         for yaw in (-80, -90, -110):

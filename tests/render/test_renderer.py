@@ -13,7 +13,7 @@ from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.picking import pick
 from faceposer.model.face_model import FaceModel
 from faceposer.render.framebuffers import ColourTarget, IdTarget
-from faceposer.render.offscreen import offscreen_context, plain_subject, render_mesh, render_subject
+from faceposer.render.offscreen import offscreen_context, plain_character, render_character, render_mesh
 from faceposer.render.renderer import Renderer
 
 pytestmark = pytest.mark.gl
@@ -28,14 +28,14 @@ def ctx() -> Iterator[moderngl.Context]:
 
 
 def box(model: FaceModel) -> tuple[np.ndarray, np.ndarray]:
-    return model.subject.vertices.min(axis=0), model.subject.vertices.max(axis=0)
+    return model.character.vertices.min(axis=0), model.character.vertices.max(axis=0)
 
 
 def test_vertices_appear_where_the_camera_projects_them() -> None:
     rng = np.random.default_rng(0)
     size = (321, 247)
-    empty_subject_camera = OrbitView((0, 0, 0), distance=60).camera(size)
-    backdrop = render_mesh(np.zeros((3, 3)), [[0, 1, 2]], empty_subject_camera, samples=0).astype(int)
+    empty_character_camera = OrbitView((0, 0, 0), distance=60).camera(size)
+    backdrop = render_mesh(np.zeros((3, 3)), [[0, 1, 2]], empty_character_camera, samples=0).astype(int)
     for _ in range(12):
         view = OrbitView((0, 0, 0), rng.uniform(-3, 3), rng.uniform(-1, 1), 60)
         camera = view.camera(size)
@@ -54,16 +54,16 @@ def test_vertices_appear_where_the_camera_projects_them() -> None:
 def test_picking_by_picture_agrees_with_picking_by_ray(
     ctx: moderngl.Context, model: FaceModel, view: str, size: tuple[int, int]
 ) -> None:
-    subject = model.subject
+    character = model.character
     vertices = model.instance(model.coefficients_of({"jawOpen": 0.6, "browInnerUp": 0.8}))
     renderer, ids = Renderer(ctx), IdTarget(ctx)
-    renderer.set_subject(subject)
-    renderer.update(vertices, VertexNormals(subject.triangles, len(vertices))(vertices))
+    renderer.set_character(character)
+    renderer.update(vertices, VertexNormals(character.triangles, len(vertices))(vertices))
     camera = OrbitView.preset(*box(model), view).camera(size)
     solid = np.concatenate(
-        [subject.triangles[slice(*subject.part_triangles(p))] for p in subject.parts if p.material != "lashes"]
+        [character.triangles[slice(*character.part_triangles(p))] for p in character.parts if p.material != "lashes"]
     )
-    lookup = {tuple(triangle): i for i, triangle in enumerate(subject.triangles.tolist())}
+    lookup = {tuple(triangle): i for i, triangle in enumerate(character.triangles.tolist())}
     same, hits = 0, 0
     for pixel in np.random.default_rng(1).uniform((0, 0), size, (150, 2)):
         centre = tuple((np.floor(pixel) + 0.5).tolist())
@@ -82,10 +82,10 @@ def test_picking_by_picture_agrees_with_picking_by_ray(
 
 def test_ids_are_redrawn_for_a_new_pose_or_camera(ctx: moderngl.Context, model: FaceModel) -> None:
     renderer, ids = Renderer(ctx), IdTarget(ctx)
-    renderer.set_subject(model.subject)
-    normals_of = VertexNormals(model.triangles, len(model.subject.vertices))
+    renderer.set_character(model.character)
+    normals_of = VertexNormals(model.triangles, len(model.character.vertices))
     camera = OrbitView.preset(*box(model)).camera((200, 200))
-    vertices = model.subject.vertices
+    vertices = model.character.vertices
     renderer.update(vertices, normals_of(vertices), 1)
     before = ids.at(renderer, camera, 1, np.array([[100.0, 100.0]]))[0]
     assert before >= 0
@@ -99,8 +99,8 @@ def test_ids_are_redrawn_for_a_new_pose_or_camera(ctx: moderngl.Context, model: 
 
 def test_shading_modes_differ_and_leave_no_error(ctx: moderngl.Context, model: FaceModel) -> None:
     renderer = Renderer(ctx)
-    renderer.set_subject(model.subject)
-    vertices = model.subject.vertices
+    renderer.set_character(model.character)
+    vertices = model.character.vertices
     renderer.update(vertices, VertexNormals(model.triangles, len(vertices))(vertices))
     camera = OrbitView.preset(*box(model)).camera((160, 160))
     pictures = []
@@ -122,7 +122,7 @@ def test_shading_modes_differ_and_leave_no_error(ctx: moderngl.Context, model: F
 
 def test_the_head_fills_the_picture_and_fades_at_the_neck(model: FaceModel) -> None:
     camera = OrbitView.preset(*box(model)).camera((200, 200))
-    picture = render_subject(model.subject, model.subject.vertices, camera).astype(int)
+    picture = render_character(model.character, model.character.vertices, camera).astype(int)
     warmth = picture[..., 0] - picture[..., 2]
     rows = np.nonzero((warmth > 15).sum(axis=1) > 10)[0]
     assert rows.min() < 40
@@ -133,10 +133,10 @@ def test_the_head_fills_the_picture_and_fades_at_the_neck(model: FaceModel) -> N
 @pytest.mark.slow
 @pytest.mark.parametrize("angles", [(0, 0), (180, 0), (90, 0), (0, -35), (150, -25)])
 def test_the_cut_of_the_neck_is_an_edge_from_no_side(model: FaceModel, angles: tuple[int, int]) -> None:
-    vertices = model.subject.vertices
+    vertices = model.character.vertices
     yaw, pitch = (math.radians(angle) for angle in angles)
     camera = replace(OrbitView.preset(*box(model)), yaw=yaw, pitch=pitch).camera((300, 300))
-    shown, empty = (render_subject(model.subject, v, camera, 0).astype(int) for v in (vertices, vertices + 1e4))
+    shown, empty = (render_character(model.character, v, camera, 0).astype(int) for v in (vertices, vertices + 1e4))
     differs = np.abs(shown - empty).max(axis=2)
     strong = differs > 50
     assert strong.mean() > 0.08
@@ -150,18 +150,18 @@ def test_the_cut_of_the_neck_is_an_edge_from_no_side(model: FaceModel, angles: t
 
 def test_missing_textures_are_replaced_by_plain_colours() -> None:
     vertices = np.array([[-5, -5, 0], [5, -5, 0], [0, 5, 0]])
-    subject = plain_subject(vertices, [[0, 1, 2]])
-    picture = render_subject(subject, subject.vertices, OrbitView((0, 0, 0), distance=40).camera((64, 64)))
+    character = plain_character(vertices, [[0, 1, 2]])
+    picture = render_character(character, character.vertices, OrbitView((0, 0, 0), distance=40).camera((64, 64)))
     assert picture[32, 32, 0] > picture[32, 32, 2] + 20
 
 
 def test_a_head_that_ends_above_the_neck_does_not_fade(model: FaceModel) -> None:
-    subject = model.subject
-    regions = {name: ids for name, ids in subject.regions.items() if name != "neck"}
+    character = model.character
+    regions = {name: ids for name, ids in character.regions.items() if name != "neck"}
     camera = OrbitView.preset(*box(model)).camera((200, 200))
     faded, whole = (
-        render_subject(shown, shown.vertices, camera).astype(int)
-        for shown in (subject, replace(subject, regions=regions))
+        render_character(shown, shown.vertices, camera).astype(int)
+        for shown in (character, replace(character, regions=regions))
     )
     rows = np.flatnonzero(np.abs(whole - faded).max(axis=(1, 2)) > 20)
     assert len(rows) > 2

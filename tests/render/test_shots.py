@@ -14,12 +14,12 @@ from scipy.ndimage import binary_erosion
 
 from faceposer.errors import FacePoserError
 from faceposer.interchange.formats import Output, check_writable, offered, write, write_sequence_steps, write_steps
+from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
-from faceposer.model.subject_file import load_subject
 from faceposer.progress import Progress
 from faceposer.render.ffmpeg import find_ffmpeg, missing_ffmpeg
-from faceposer.render.offscreen import render_subject
+from faceposer.render.offscreen import render_character
 from faceposer.render.options import OutputOptions
 from faceposer.render.turntable import framed_all_round, turned
 
@@ -37,7 +37,7 @@ def yawn(low: FaceModel) -> Performance:
 @pytest.mark.parametrize("size", [(400, 400), (800, 300), (300, 800)])
 @pytest.mark.parametrize("name", ["low", "creature"])
 def test_the_head_is_framed_all_round(name: str, size: tuple[int, int]) -> None:
-    vertices = load_subject(name).vertices
+    vertices = load_character(name).vertices
     view = framed_all_round([vertices], size)
     seen = np.array([turned(view, share, size).project(vertices) for share in np.linspace(0, 1, 48, endpoint=False)])
     lowest, highest = seen.min(axis=(0, 1)), seen.max(axis=(0, 1))
@@ -48,7 +48,7 @@ def test_the_head_is_framed_all_round(name: str, size: tuple[int, int]) -> None:
 
 
 def test_a_turn_begins_in_front_and_passes_the_left_side(low: FaceModel) -> None:
-    view = framed_all_round([low.subject.vertices], SMALL)
+    view = framed_all_round([low.character.vertices], SMALL)
     front, left, back = (turned(view, share, SMALL).center for share in (0.0, 0.25, 0.5))
     assert front[2] > 10
     assert left[0] > 10
@@ -213,10 +213,10 @@ def over(picture: np.ndarray, grey: float) -> np.ndarray:
 @pytest.mark.parametrize("name", ["man", "low"])
 @pytest.mark.parametrize("view", ["front", "left"])
 def test_without_background_no_edge_shows_one(name: str, view: str) -> None:
-    subject = load_subject(name)
-    camera = framed_all_round([subject.vertices], (320, 320)).looking(view).camera((320, 320))
-    clear = render_subject(subject, subject.vertices, camera, transparent=True).astype(float)
-    solid = render_subject(subject, subject.vertices, camera).astype(float)
+    character = load_character(name)
+    camera = framed_all_round([character.vertices], (320, 320)).looking(view).camera((320, 320))
+    clear = render_character(character, character.vertices, camera, transparent=True).astype(float)
+    solid = render_character(character, character.vertices, camera).astype(float)
     alpha = clear[..., 3]
     assert clear.shape == (320, 320, 4)
     assert (alpha[:8] == 0).all()

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from faceposer.model.subject import ARKIT_SHAPES, Subject
-from faceposer.model.subject_file import load_subject
+from faceposer.model.character import ARKIT_SHAPES, Character
+from faceposer.model.character_file import load_character
 from scripts.asset_building.creature_expressions import EXPRESSIONS
 from scripts.asset_building.creature_units import goblin_units
 from scripts.asset_building.decimation import Decimation
@@ -82,12 +82,12 @@ def test_smoothstep_runs_either_way() -> None:
 
 
 @pytest.fixture(scope="module")
-def man() -> Subject:
-    return load_subject("man")
+def man() -> Character:
+    return load_character("man")
 
 
 @pytest.mark.slow
-def test_the_check_sees_every_kind_of_difference(man: Subject) -> None:
+def test_the_check_sees_every_kind_of_difference(man: Character) -> None:
     assert differences(man, man) == []
     moved = man.vertices.copy()
     moved[100, 1] += 0.01

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.model.character import ARKIT_SHAPES
 from scripts.asset_building.dental_arch import CANINE, LOWER, MOLAR, N_KINDS, UPPER, Arch, MouthFrame
 from scripts.asset_building.gums import build_gum, build_throat
 from scripts.asset_building.jaw import OPENING, jaw_hinge, jaw_opening, jaw_rotation

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from faceposer.geometry.camera import OrbitView
+from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.model.shape_names import weight_map
-from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.training.expressions import Recipe
 from scripts import study_animation
 from scripts.study_animation import Case, Study, jump_free_runs, with_gaps, with_jumps
@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture
 def study(model: FaceModel) -> Study:
-    vertices = model.subject.vertices
+    vertices = model.character.vertices
     camera = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0)).camera((800, 800))
     setting: Any = SimpleNamespace(
         model=model, camera=camera, recipe=Recipe(), rig_weights=lambda frames: rig(model, frames)
@@ -34,7 +34,7 @@ def study(model: FaceModel) -> Study:
 
 
 def rig(model: FaceModel, frames: np.ndarray) -> np.ndarray:
-    return frames @ weight_map(model.subject.shape_names, ARKIT_SHAPES).T
+    return frames @ weight_map(model.character.shape_names, ARKIT_SHAPES).T
 
 
 def test_measures_of_the_truth_and_of_a_face_that_stays(study: Study) -> None:

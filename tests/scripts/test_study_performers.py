@@ -32,7 +32,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(captures: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
-    small = ("--subject", "low", "--trials", "2", "--examples", "300")
+    small = ("--character", "low", "--trials", "2", "--examples", "300")
     command = [sys.executable, str(ROOT / "scripts" / "study_performers.py"), *small, *map(str, arguments)]
     environment = os.environ | {"FACEPOSER_CAPTURES": str(captures)}
     return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=ROOT)

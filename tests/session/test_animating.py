@@ -33,7 +33,7 @@ def set_shape(session: Session, name: str, value: float) -> None:
 def pull(session: Session, dy: float = -15.0) -> None:
     """Pull a corner of the mouth, as a drag does."""
     model = session.model
-    vertex = int(model.subject.feature_points[CORNER])
+    vertex = int(model.character.feature_points[CORNER])
     camera = OrbitView((0.0, 0.0, 0.0), 0.0, 0.0).camera((800, 800))
     u, v = camera.project(model.instance(session.coefficients)[[vertex]])[0].tolist()
     session.add_constraint(PointConstraint(vertex, (u, v + dy), camera), "Place a point")
@@ -52,7 +52,7 @@ def animated(session: Session) -> None:
 
 def weights(session: Session) -> dict[str, float]:
     values = session.model.weights_of(session.coefficients).tolist()
-    return dict(zip(session.model.subject.shape_names, values, strict=True))
+    return dict(zip(session.model.character.shape_names, values, strict=True))
 
 
 def key_pose(session: Session, frame: int) -> NDArray[np.float64]:

@@ -14,8 +14,8 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import OrbitView
+from faceposer.model.character_file import load_character, save_character
 from faceposer.model.face_model import FaceModel
-from faceposer.model.subject_file import load_subject, save_subject
 from faceposer.resources import asset_path
 from faceposer.session import autosave
 from faceposer.session.autosave import DEBOUNCE, Journal, find_orphans
@@ -64,7 +64,7 @@ def session(model: FaceModel) -> Session:
 
 def pin(session: Session, vertex: int = 77) -> None:
     # The target is where the view shows the point, so that nothing pulls.
-    u, v = CAMERA.project(session.model.subject.vertices[[vertex]])[0].tolist()
+    u, v = CAMERA.project(session.model.character.vertices[[vertex]])[0].tolist()
     session.add_constraint(PointConstraint(vertex, (u, v), CAMERA), "Place a point")
     session.wait()
 
@@ -243,13 +243,13 @@ def test_the_newest_comes_first(session: Session, folder: Path) -> None:
         orphan.release()
 
 
-def test_subjects_are_found_from_wherever_they_were_named(
+def test_characters_are_found_from_wherever_they_were_named(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     work, elsewhere = tmp_path / "work", tmp_path / "elsewhere"
     work.mkdir()
     elsewhere.mkdir()
-    save_subject(work / "hero.npz", load_subject("man"))
+    save_character(work / "hero.npz", load_character("man"))
     monkeypatch.chdir(work)
     named = open_session("hero.npz")
     pin(named)
@@ -263,13 +263,13 @@ def test_subjects_are_found_from_wherever_they_were_named(
     orphaned(folder, beside, lambda: NOON + timedelta(minutes=1))
     monkeypatch.chdir(elsewhere)
     second, first = find_orphans(folder).orphans
-    assert first.document.subject == str(work / "hero.npz")
-    assert second.document.subject == str(work / "hero.npz")
+    assert first.document.character == str(work / "hero.npz")
+    assert second.document.character == str(work / "hero.npz")
     assert second.path == work / "pose.json"
     for orphan in (first, second):
         assert len(orphan.open().document.constraints) == 1
     (work / "hero.npz").unlink()
-    monkeypatch.setattr("faceposer.session.opening.load_model", load_subject)
+    monkeypatch.setattr("faceposer.session.opening.load_model", load_character)
     for orphan in (first, second):
         with pytest.raises(FacePoserError, match=r"hero\.npz"):
             orphan.open()
@@ -441,8 +441,8 @@ def test_a_lock_is_held_by_one_and_ends_with_its_holder(tmp_path: Path) -> None:
     assert not path.exists()
 
 
-def test_shipped_subjects_are_named_by_their_name(session: Session, folder: Path) -> None:
+def test_shipped_characters_are_named_by_their_name(session: Session, folder: Path) -> None:
     pin(session)
     data = json.loads(orphaned(folder, session).read_text())
     assert data["session"]["subject"] == "man"
-    assert asset_path("subjects/man.npz").is_file()
+    assert asset_path("characters/man.npz").is_file()

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from faceposer.errors import FacePoserError
-from faceposer.model.subject_file import available_subjects, load_subject, save_subject
-from faceposer.session.character_library import Character, CharacterLibrary, library_folder
+from faceposer.model.character_file import available_characters, load_character, save_character
+from faceposer.session.character_library import CharacterLibrary, LibraryEntry, library_folder
 
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("made") / "own.npz"
-    save_subject(path, replace(load_subject("low"), name="own", title="My own"))
+    save_character(path, replace(load_character("low"), name="own", title="My own"))
     return path
 
 
@@ -29,7 +29,9 @@ def library(tmp_path: Path, file: Path) -> CharacterLibrary:
 def test_it_lies_in_the_folder_of_the_users_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     assert library_folder().is_relative_to(tmp_path)
-    assert CharacterLibrary().all() == [Character(name, title, "installed") for name, title in available_subjects()]
+    assert CharacterLibrary().all() == [
+        LibraryEntry(name, title, "installed") for name, title in available_characters()
+    ]
 
 
 def test_lists_what_is_there_and_nothing_that_is_no_character(
@@ -39,9 +41,9 @@ def test_lists_what_is_there_and_nothing_that_is_no_character(
     np.savez(library.folder / "other.npz", vertices=np.zeros(3))
     own = library.folder / "own.npz"
     found = library.all([str(file), str(own), str(tmp_path / "gone.npz")])
-    assert found[len(available_subjects()) :] == [
-        Character(str(own), "My own", "library"),
-        Character(str(file), "My own", "elsewhere"),
+    assert found[len(available_characters()) :] == [
+        LibraryEntry(str(own), "My own", "library"),
+        LibraryEntry(str(file), "My own", "elsewhere"),
     ]
     assert library.holds(own)
     assert not library.holds(file)
@@ -49,11 +51,11 @@ def test_lists_what_is_there_and_nothing_that_is_no_character(
 
 def test_renaming_changes_the_title_and_leaves_the_file_and_the_face(library: CharacterLibrary) -> None:
     own = library.all()[-1]
-    before = load_subject(own.name)
+    before = load_character(own.name)
     library.rename(own, "  Somebody else ")
     again = library.all()[-1]
     assert (again.name, again.title) == (own.name, "Somebody else")
-    after = load_subject(own.name)
+    after = load_character(own.name)
     np.testing.assert_array_equal(after.vertices, before.vertices)
     np.testing.assert_allclose(after.shapes, before.shapes, atol=1e-6)
     assert after.feature_points == before.feature_points
@@ -71,7 +73,7 @@ def test_only_the_users_own_can_be_removed(library: CharacterLibrary, file: Path
     own = library.all()[-1]
     library.remove(own)
     assert not Path(own.name).exists()
-    for other in (library.all()[0], Character(str(file), "My own", "elsewhere")):
+    for other in (library.all()[0], LibraryEntry(str(file), "My own", "elsewhere")):
         with pytest.raises(FacePoserError, match="imported"):
             library.remove(other)
         with pytest.raises(FacePoserError, match="imported"):

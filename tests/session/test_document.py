@@ -13,8 +13,8 @@ from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import convert
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.picking import SurfacePoint
+from faceposer.model.character_file import load_character, save_character
 from faceposer.model.face_model import FaceModel
-from faceposer.model.subject_file import load_subject, save_subject
 from faceposer.session.document import Document, read_document, write_document
 from faceposer.session.opening import open_session
 from faceposer.solve.constraints import registry
@@ -88,7 +88,7 @@ def test_the_least_file_is_enough(tmp_path: Path) -> None:
     path = tmp_path / "least.json"
     path.write_text('{"format": "faceposer.session", "version": 1, "subject": "woman", "constraints": []}')
     read = read_document(path)
-    assert (read.subject, read.constraints, read.prior_weight, read.coefficients) == ("woman", (), 1.0, None)
+    assert (read.character, read.constraints, read.prior_weight, read.coefficients) == ("woman", (), 1.0, None)
 
 
 def test_a_pose_without_constraints_is_where_editing_starts(tmp_path: Path) -> None:
@@ -221,32 +221,32 @@ def test_documents_are_checked_against_their_face(model: FaceModel) -> None:
         ("../other/deep", None),
     ],
 )
-def test_a_session_finds_its_subject_wherever_it_is_saved(
+def test_a_session_finds_its_character_wherever_it_is_saved(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, written: str | None
 ) -> None:
     work = tmp_path / "work"
     (work / "heads").mkdir(parents=True)
     folder = work / place
     folder.mkdir(parents=True, exist_ok=True)
-    save_subject(work / "heads" / "hero.npz", load_subject("man"))
+    save_character(work / "heads" / "hero.npz", load_character("man"))
     monkeypatch.chdir(work)
     for name in ("heads/hero.npz", str(work / "heads" / "hero.npz")):
         session = open_session(name)
         session.save(folder / "pose.json")
         assert not session.dirty
-        subject = json.loads((folder / "pose.json").read_text())["subject"]
-        assert subject == (str(work / "heads" / "hero.npz") if written is None else written)
+        character = json.loads((folder / "pose.json").read_text())["subject"]
+        assert character == (str(work / "heads" / "hero.npz") if written is None else written)
     monkeypatch.chdir(tmp_path)
     again = open_session(str(folder / "pose.json"))
-    assert again.model.subject.name == "man"
+    assert again.model.character.name == "man"
     again.save(tmp_path / "moved.json")
-    assert open_session(str(tmp_path / "moved.json")).document.subject == str(work / "heads" / "hero.npz")
+    assert open_session(str(tmp_path / "moved.json")).document.character == str(work / "heads" / "hero.npz")
 
 
-def test_a_subject_written_anew_is_loaded_anew(tmp_path: Path) -> None:
+def test_a_character_written_anew_is_loaded_anew(tmp_path: Path) -> None:
     path = tmp_path / "hero.npz"
-    save_subject(path, load_subject("man"))
+    save_character(path, load_character("man"))
     first = open_session(str(path)).model
     assert open_session(str(path)).model is first
-    save_subject(path, replace(load_subject("man"), title="Another"))
-    assert open_session(str(path)).model.subject.title == "Another"
+    save_character(path, replace(load_character("man"), title="Another"))
+    assert open_session(str(path)).model.character.title == "Another"

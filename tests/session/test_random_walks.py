@@ -30,8 +30,8 @@ def do_something(session: Session, rng: np.random.Generator) -> None:
         case 3:
             session.set_prior_weight(float(rng.choice([0.0, 0.5, 1.0, 3.0])))
         case 4 | 5:
-            camera = face_view(model.subject, "front", 4 / 3).camera((640, 480))
-            vertex = int(rng.choice(sorted(model.subject.feature_points.values())))
+            camera = face_view(model.character, "front", 4 / 3).camera((640, 480))
+            vertex = int(rng.choice(sorted(model.character.feature_points.values())))
             u, v = camera.project(model.instance(session.coefficients)[[vertex]])[0] + rng.normal(0.0, 8.0, 2)
             session.add_constraint(PointConstraint(vertex, (float(u), float(v)), camera), "Place a point")
         case 6 if document.constraints:

@@ -14,10 +14,10 @@ from faceposer.cli import main
 from faceposer.errors import FacePoserError, FacePoserWarning
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
+from faceposer.model.character import Character
+from faceposer.model.character_file import load_character, save_character
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.framing import face_view
-from faceposer.model.subject import Subject
-from faceposer.model.subject_file import load_subject, save_subject
 from faceposer.photo.photo import Photo, Pin
 from faceposer.session.autosave import Journal, find_orphans
 from faceposer.session.document import Document
@@ -35,15 +35,17 @@ from tests.versions import renumbered
 WEIGHTS = {"jawOpen": 0.4, "mouthSmileLeft": 0.6}
 
 
-def without_shape(subject: Subject, name: str) -> Subject:
-    """Return ``subject`` without the shape ``name``."""
-    kept = [i for i, other in enumerate(subject.shape_names) if other != name]
-    names = tuple(subject.shape_names[i] for i in kept)
-    return replace(subject, shape_names=names, shapes=subject.shapes[kept], shape_limits=subject.shape_limits[kept])
+def without_shape(character: Character, name: str) -> Character:
+    """Return ``character`` without the shape ``name``."""
+    kept = [i for i, other in enumerate(character.shape_names) if other != name]
+    names = tuple(character.shape_names[i] for i in kept)
+    return replace(
+        character, shape_names=names, shapes=character.shapes[kept], shape_limits=character.shape_limits[kept]
+    )
 
 
 def in_front(model: FaceModel) -> Camera:
-    return face_view(model.subject, "front", 4 / 3).camera((640, 480))
+    return face_view(model.character, "front", 4 / 3).camera((640, 480))
 
 
 def pixel_of(model: FaceModel, points: SurfacePoints, camera: Camera) -> Any:
@@ -53,12 +55,12 @@ def pixel_of(model: FaceModel, points: SurfacePoints, camera: Camera) -> Any:
 def all_kinds(model: FaceModel) -> tuple[Constraint, ...]:
     """Return a constraint of each kind, with anchors on triangles and at vertices."""
     camera = in_front(model)
-    corner = model.subject.feature_points["8.3"]
-    brow = model.subject.feature_points["4.1"]
+    corner = model.character.feature_points["8.3"]
+    brow = model.character.feature_points["4.1"]
     face = int(np.flatnonzero((model.triangles == corner).any(axis=1))[0])
     on_face = SurfacePoint(face, (0.2, 0.3, 0.5))
     (u, v) = pixel_of(model, SurfacePoints.at_vertices([corner]), camera)[0]
-    lip = model.subject.regions["mouth"][:30]
+    lip = model.character.regions["mouth"][:30]
     stroke = StrokeConstraint(((u, v), (u + 9, v)), ((u, v - 5), (u + 9, v - 5)), 8.0, camera)
     curve = CurveConstraint(((u - 20, v), (u, v)), ((u - 20, v), (u, v - 6)), camera)
     fixed = FixedConstraint(SurfacePoints.at_vertices(lip))
@@ -76,11 +78,11 @@ def all_kinds(model: FaceModel) -> tuple[Constraint, ...]:
 
 def saved(folder: Path, change: Any = None) -> tuple[Path, FaceModel]:
     """Save a session with all that there is on a character of its own, and return its file and that character."""
-    subject = load_subject("low")
-    save_subject(folder / "own.npz", subject)
-    model = build_face_model(load_subject(folder / "own.npz"))
+    character = load_character("low")
+    save_character(folder / "own.npz", character)
+    model = build_face_model(load_character(folder / "own.npz"))
     pose, other = model.coefficients_of(WEIGHTS), model.coefficients_of({"browDownLeft": 0.7})
-    vertex = model.subject.feature_points["9.3"]
+    vertex = model.character.feature_points["9.3"]
     pins = (Pin("8.3", (3.0, 4.0)), Pin(vertex, (5.0, 6.0)), Pin(SurfacePoint(40, (0.5, 0.25, 0.25)), (7.0, 8.0)))
     document = Document(
         str(folder / "own.npz"),
@@ -93,7 +95,7 @@ def saved(folder: Path, change: Any = None) -> tuple[Path, FaceModel]:
     path = folder / "session.json"
     session.save(path)
     if change is not None:
-        save_subject(folder / "own.npz", change(subject))
+        save_character(folder / "own.npz", change(character))
     return path, model
 
 
@@ -106,11 +108,11 @@ def rest_of(model: FaceModel, document: Document) -> list[Any]:
         for pin in photo.pins
         if not isinstance(pin.place, str)
     ]
-    return [points.positions(model.subject.vertices, model.triangles) for points in places]
+    return [points.positions(model.character.vertices, model.triangles) for points in places]
 
 
 def test_every_kind_of_constraint_is_tried() -> None:
-    model = build_face_model(load_subject("low"))
+    model = build_face_model(load_character("low"))
     assert {one.kind for one in all_kinds(model)} == set(CONSTRAINTS)
 
 
@@ -157,10 +159,10 @@ def test_places_are_found_again_in_another_order_of_the_mesh(tmp_path: Path) -> 
 
 
 def test_poses_come_back_by_the_weights_of_their_shapes(tmp_path: Path) -> None:
-    path, old = saved(tmp_path, lambda subject: without_shape(renumbered(subject), "tongueOut"))
+    path, old = saved(tmp_path, lambda character: without_shape(renumbered(character), "tongueOut"))
     session = open_session(str(path))
     assert session.model.n_coefficients < old.n_coefficients
-    names = session.model.subject.shape_names
+    names = session.model.character.shape_names
     weights = dict(zip(names, session.model.weights_of(session.coefficients), strict=True))
     for name, value in WEIGHTS.items():
         assert weights[name] == pytest.approx(value, abs=1e-3)
@@ -175,7 +177,7 @@ def test_poses_come_back_by_the_weights_of_their_shapes(tmp_path: Path) -> None:
 
 
 def test_a_shape_that_a_pose_needs_and_that_is_gone_is_named(tmp_path: Path) -> None:
-    path, _ = saved(tmp_path, lambda subject: without_shape(subject, "mouthSmileLeft"))
+    path, _ = saved(tmp_path, lambda character: without_shape(character, "mouthSmileLeft"))
     remark = open_session(str(path)).remark
     assert remark == (
         'This session was made with another version of "own"; its poses were taken from the weights of the shapes; '
@@ -184,22 +186,22 @@ def test_a_shape_that_a_pose_needs_and_that_is_gone_is_named(tmp_path: Path) -> 
 
 
 def test_shapes_sculpted_anew_keep_the_pose_by_its_weights(tmp_path: Path) -> None:
-    def sculpted(subject: Subject) -> Subject:
-        shapes = subject.shapes.copy()
-        shapes[subject.shape_names.index("jawOpen")] *= 1.3
-        return replace(subject, shapes=shapes)
+    def sculpted(character: Character) -> Character:
+        shapes = character.shapes.copy()
+        shapes[character.shape_names.index("jawOpen")] *= 1.3
+        return replace(character, shapes=shapes)
 
     path, old = saved(tmp_path, sculpted)
     session = open_session(str(path))
     assert "placed again" not in session.remark
     assert "weights of the shapes" in session.remark
     assert [one.places for one in session.document.constraints] == [one.places for one in all_kinds(old)]
-    jaw = session.model.weights_of(session.coefficients)[session.model.subject.shape_names.index("jawOpen")]
+    jaw = session.model.weights_of(session.coefficients)[session.model.character.shape_names.index("jawOpen")]
     assert jaw == pytest.approx(0.4, abs=1e-3)
 
 
 def test_a_character_of_another_size_takes_places_and_cameras_along(tmp_path: Path) -> None:
-    path, old = saved(tmp_path, lambda subject: renumbered(subject, 2.5, 4.0))
+    path, old = saved(tmp_path, lambda character: renumbered(character, 2.5, 4.0))
     session = open_session(str(path))
     assert "may be off" not in session.remark
     camera = in_front(old)
@@ -219,31 +221,31 @@ def test_a_character_of_another_size_takes_places_and_cameras_along(tmp_path: Pa
 
 def test_a_place_stays_on_its_part(tmp_path: Path) -> None:
     """A pin of a tooth is not put on the lip, which may be nearer than the tooth now is."""
-    subject = load_subject("low")
-    teeth = subject.part("teeth_upper")
-    save_subject(tmp_path / "own.npz", subject)
-    camera = in_front(build_face_model(subject))
+    character = load_character("low")
+    teeth = character.part("teeth_upper")
+    save_character(tmp_path / "own.npz", character)
+    camera = in_front(build_face_model(character))
     vertex = teeth.vertices[0]
     Session(
-        build_face_model(subject), Document(str(tmp_path / "own.npz"), (PointConstraint(vertex, (1.0, 2.0), camera),))
+        build_face_model(character), Document(str(tmp_path / "own.npz"), (PointConstraint(vertex, (1.0, 2.0), camera),))
     ).save(tmp_path / "s.json")
-    moved = renumbered(subject)
+    moved = renumbered(character)
     vertices = moved.vertices.copy()
     vertices[slice(*teeth.vertices), 2] -= 0.3
-    save_subject(tmp_path / "own.npz", replace(moved, vertices=vertices))
+    save_character(tmp_path / "own.npz", replace(moved, vertices=vertices))
     session = open_session(str(tmp_path / "s.json"))
     point = session.document.constraints[0].places
     assert point is not None
-    first, last = session.model.subject.part_triangles(session.model.subject.part("teeth_upper"))
+    first, last = session.model.character.part_triangles(session.model.character.part("teeth_upper"))
     assert first <= point.faces[0] < last
 
 
 def test_the_sentence_for_one_point(tmp_path: Path) -> None:
-    save_subject(tmp_path / "own.npz", load_subject("low"))
-    model = build_face_model(load_subject("low"))
+    save_character(tmp_path / "own.npz", load_character("low"))
+    model = build_face_model(load_character("low"))
     document = Document(str(tmp_path / "own.npz"), all_kinds(model)[:1]).posed(model.neutral())
     Session(model, document).save(tmp_path / "s.json")
-    save_subject(tmp_path / "own.npz", renumbered(load_subject("low")))
+    save_character(tmp_path / "own.npz", renumbered(load_character("low")))
     remark = open_session(str(tmp_path / "s.json")).remark
     assert remark == 'This session was made with another version of "own"; 1 point was placed again by its position.'
 
@@ -293,7 +295,7 @@ def test_places_that_the_character_has_no_more_are_left_out(tmp_path: Path) -> N
 
 
 def test_a_pose_of_another_version_is_solved_anew_where_that_is_possible(tmp_path: Path) -> None:
-    model = build_face_model(load_subject("low"))
+    model = build_face_model(load_character("low"))
     document = Document("low", all_kinds(model)[:2]).posed(np.full(7, 0.1))
     path = tmp_path / "old.json"
     path.write_text(json.dumps(document.to_json()))
@@ -336,7 +338,7 @@ def test_unsaved_work_is_kept_for_another_version_too(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "journals")
     journal.flush(session)
     journal.close(keep=True)
-    save_subject(tmp_path / "own.npz", renumbered(load_subject("low")))
+    save_character(tmp_path / "own.npz", renumbered(load_character("low")))
     orphan = find_orphans(tmp_path / "journals").orphans[0]
     again = orphan.open()
     orphan.release()

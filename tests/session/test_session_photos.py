@@ -21,7 +21,7 @@ CAMERA = Camera(np.diag([1.0, -1.0, -1.0]), np.array([3.0, -2.0, 120.0]), 2000.0
 
 def pinned(model: FaceModel, path: Path) -> Photo:
     pose = model.coefficients_of({"mouthSmileLeft": 0.7, "mouthSmileRight": 0.7})
-    vertices = model.instance(pose)[[model.subject.feature_points[name] for name in GUIDED]]
+    vertices = model.instance(pose)[[model.character.feature_points[name] for name in GUIDED]]
     pins = zip(GUIDED, CAMERA.project(vertices).tolist(), strict=True)
     photo = Photo(str(path), (900, 700), tuple(Pin(name, (u, v)) for name, (u, v) in pins))
     return aligned(photo, model, model.neutral())

@@ -18,20 +18,22 @@ from faceposer.solve.problem import PoseProblem, Ridge
 
 @pytest.fixture(scope="module")
 def camera(model: FaceModel) -> Camera:
-    return OrbitView.preset(model.subject.vertices.min(axis=0), model.subject.vertices.max(axis=0)).camera((800, 800))
+    return OrbitView.preset(model.character.vertices.min(axis=0), model.character.vertices.max(axis=0)).camera(
+        (800, 800)
+    )
 
 
 def pixel(model: FaceModel, camera: Camera, place: str) -> np.ndarray:
-    return camera.project(model.subject.vertices[[model.subject.feature_points[place]]].astype(np.float64))[0]
+    return camera.project(model.character.vertices[[model.character.feature_points[place]]].astype(np.float64))[0]
 
 
 def pulls(model: FaceModel, camera: Camera, count: int, far: float, seed: int) -> list[Constraint]:
     """Points that are pulled about ``far`` pixels each its own way, beyond what weights within limits can do."""
     rng = np.random.default_rng(seed)
     constraints: list[Constraint] = []
-    for place in rng.choice(sorted(model.subject.feature_points), count, replace=False):
+    for place in rng.choice(sorted(model.character.feature_points), count, replace=False):
         u, v = (pixel(model, camera, str(place)) + far * rng.normal(size=2)).tolist()
-        constraints.append(PointConstraint(int(model.subject.feature_points[str(place)]), (u, v), camera))
+        constraints.append(PointConstraint(int(model.character.feature_points[str(place)]), (u, v), camera))
     return constraints
 
 

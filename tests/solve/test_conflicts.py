@@ -17,20 +17,20 @@ from faceposer.solve.problem import PoseProblem
 
 @pytest.fixture(scope="module")
 def camera(model: FaceModel) -> Camera:
-    vertices = model.subject.vertices
+    vertices = model.character.vertices
     return OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0)).camera((800, 800))
 
 
 def pin(model: FaceModel, camera: Camera, vertex: int, dx: float, dy: float) -> PointConstraint:
     """Return a pin that pulls ``vertex`` by (dx, dy) pixels."""
-    u, v = (camera.project(model.subject.vertices[[vertex]])[0] + (dx, dy)).tolist()
+    u, v = (camera.project(model.character.vertices[[vertex]])[0] + (dx, dy)).tolist()
     return PointConstraint(vertex, (u, v), camera)
 
 
 def beside(model: FaceModel, name: str) -> tuple[int, int]:
     """Return the vertex of the feature ``name`` and its nearest neighbour."""
-    vertices = model.subject.vertices
-    vertex = model.subject.feature_points[name]
+    vertices = model.character.vertices
+    vertex = model.character.feature_points[name]
     nearest = np.argsort(np.linalg.norm(vertices - vertices[vertex], axis=1))
     return vertex, int(nearest[1])
 
@@ -42,7 +42,7 @@ def conflicts(model: FaceModel, constraints: Sequence[Constraint], prior_weight:
 
 def test_two_pins_that_fight_are_each_others_opponents(model: FaceModel, camera: Camera) -> None:
     corner, neighbour = beside(model, "8.3")
-    nose = model.subject.feature_points["9.3"]
+    nose = model.character.feature_points["9.3"]
     up_left = pin(model, camera, corner, -14, -14)
     down_right = pin(model, camera, neighbour, 14, 14)
     found = conflicts(model, [pin(model, camera, nose, 0, 0), up_left, down_right])
@@ -53,8 +53,8 @@ def test_two_pins_that_fight_are_each_others_opponents(model: FaceModel, camera:
 
 
 def test_an_absurd_pin_is_held_back_by_what_faces_do(model: FaceModel, camera: Camera) -> None:
-    corner = model.subject.feature_points["8.3"]
-    nose = model.subject.feature_points["9.3"]
+    corner = model.character.feature_points["8.3"]
+    nose = model.character.feature_points["9.3"]
     assert conflicts(model, [pin(model, camera, corner, 150, -150)]) == [Conflict(0, None, mobility=1.0)]
     found = conflicts(model, [pin(model, camera, corner, 150, -150), pin(model, camera, nose, 0, 0)])
     assert Conflict(0, None, mobility=1.0) in found

@@ -28,7 +28,7 @@ def random_pose(model: FaceModel, rng: np.random.Generator) -> np.ndarray:
 
 
 def random_point(model: FaceModel, rng: np.random.Generator) -> PointConstraint:
-    lower, upper = model.subject.vertices.min(axis=0), model.subject.vertices.max(axis=0)
+    lower, upper = model.character.vertices.min(axis=0), model.character.vertices.max(axis=0)
     view = OrbitView.preset(lower, upper).orbited(*rng.uniform(-150, 150, 2), (800, 800))
     weights = rng.dirichlet(np.ones(3))
     anchor = SurfacePoint(int(rng.integers(len(model.triangles))), tuple(weights.tolist()))
@@ -59,7 +59,7 @@ def random_curve(model: FaceModel, rng: np.random.Generator) -> CurveConstraint:
 
 
 def random_fixed(model: FaceModel, rng: np.random.Generator) -> FixedConstraint:
-    points = SurfacePoints.at_vertices(rng.choice(len(model.subject.vertices), 40, replace=False))
+    points = SurfacePoints.at_vertices(rng.choice(len(model.character.vertices), 40, replace=False))
     return FixedConstraint(points, model.positions_at(points, random_pose(model, rng)), weight=rng.uniform(0.5, 2))
 
 
@@ -190,8 +190,8 @@ def test_a_camera_that_mirrors_is_refused(model: FaceModel) -> None:
 def test_the_image_energy_counts_pixels_and_slopes_downhill(model: FaceModel) -> None:
     rng = np.random.default_rng(6)
     camera = random_front(model)
-    brow = model.subject.feature_points["4.3"]
-    u, v = camera.project(model.subject.vertices[[brow]])[0]
+    brow = model.character.feature_points["4.3"]
+    u, v = camera.project(model.character.vertices[[brow]])[0]
     way = np.array([[u - 25.0, v], [u + 25.0, v]])
     stroke = StrokeConstraint(as_pixels(way), as_pixels(way + (0.0, -6.0)), 10.0, camera, energy="image")
     stroke = stroke.resolved(model, model.neutral())
@@ -216,7 +216,7 @@ def test_the_image_energy_counts_pixels_and_slopes_downhill(model: FaceModel) ->
 
 
 def random_front(model: FaceModel) -> Camera:
-    lower, upper = model.subject.vertices.min(axis=0), model.subject.vertices.max(axis=0)
+    lower, upper = model.character.vertices.min(axis=0), model.character.vertices.max(axis=0)
     return OrbitView.preset(lower, upper).camera((800, 800))
 
 
@@ -225,7 +225,7 @@ def test_fixed_points_cost_the_same_however_many(model: FaceModel) -> None:
     p = random_pose(model, rng)
     energies = []
     for count in (200, 400):
-        points = SurfacePoints.at_vertices(model.subject.regions["mouth"][:: 1200 // count])
+        points = SurfacePoints.at_vertices(model.character.regions["mouth"][:: 1200 // count])
         problem = PoseProblem(model, [FixedConstraint(points).resolved(model, model.neutral())], bare=True)
         energies.append(problem.terms[1].value_and_gradient(problem.state(p))[0])
         assert problem.constraints[0].residual_px(model, model.neutral()) < 1e-6

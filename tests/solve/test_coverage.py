@@ -20,12 +20,12 @@ OVER_THE_FACE = ("8.3", "4.2", "2.10", "5.1", "3.2")
 
 @pytest.fixture(scope="module")
 def camera(model: FaceModel) -> Camera:
-    return face_view(model.subject, "front", 1.0).camera((960, 960))
+    return face_view(model.character, "front", 1.0).camera((960, 960))
 
 
 def pulls(model: FaceModel, camera: Camera, *places: str, by: tuple[float, float] = (0.0, 0.0)) -> list[Constraint]:
-    points = [model.subject.feature_points[place] for place in places]
-    at = camera.project(model.subject.vertices[points].astype(np.float64)) + np.array(by)
+    points = [model.character.feature_points[place] for place in places]
+    at = camera.project(model.character.vertices[points].astype(np.float64)) + np.array(by)
     return [PointConstraint(int(i), (float(u), float(v)), camera) for i, (u, v) in zip(points, at, strict=True)]
 
 
@@ -48,11 +48,11 @@ def test_four_points_around_a_mouth_smile_with_the_cheeks_and_leave_the_brows(mo
         *pulls(model, camera, "8.1", "8.2"),
     ]
     pose = solve(PoseProblem(model, smile)).coefficients
-    weights = dict(zip(model.subject.shape_names, model.weights_of(pose), strict=True))
+    weights = dict(zip(model.character.shape_names, model.weights_of(pose), strict=True))
     assert weights["mouthSmileLeft"] > 0.2
     assert weights["cheekSquintLeft"] > 0.1
-    moved = np.linalg.norm(model.instance(pose) - model.subject.vertices, axis=1)
-    assert max(moved[model.subject.regions[f"brow_{side}"]].max() for side in ("left", "right")) < 0.02
+    moved = np.linalg.norm(model.instance(pose) - model.character.vertices, axis=1)
+    assert max(moved[model.character.regions[f"brow_{side}"]].max() for side in ("left", "right")) < 0.02
 
 
 def test_it_does_not_depend_on_where_the_pulls_go(model: FaceModel, camera: Camera) -> None:

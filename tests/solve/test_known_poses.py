@@ -24,24 +24,24 @@ SMILE = {"mouthSmileLeft": 0.7, "mouthSmileRight": 0.6}
 
 @pytest.fixture(params=["front", "three-quarter"])
 def camera(request: pytest.FixtureRequest, model: FaceModel) -> Camera:
-    lower, upper = model.subject.vertices.min(axis=0), model.subject.vertices.max(axis=0)
+    lower, upper = model.character.vertices.min(axis=0), model.character.vertices.max(axis=0)
     return OrbitView.preset(lower, upper, request.param).camera((900, 800))
 
 
 def feature(model: FaceModel, name: str, p: np.ndarray, camera: Camera) -> np.ndarray:
-    vertex = model.subject.feature_points[name]
+    vertex = model.character.feature_points[name]
     return camera.project(model.positions_at(SurfacePoints.at_vertices([vertex]), p))[0]
 
 
 def moved(model: FaceModel, p: np.ndarray, regions: tuple[str, ...]) -> float:
-    rest = model.subject.vertices
-    ids = np.concatenate([model.subject.regions[name] for name in regions])
+    rest = model.character.vertices
+    ids = np.concatenate([model.character.regions[name] for name in regions])
     return float(np.linalg.norm((model.instance(p) - rest)[ids], axis=1).mean())
 
 
 @pytest.mark.parametrize("weights", [{"jawOpen": 0.5}, {"jawOpen": 0.15, "mouthSmileLeft": 0.4}])
 def test_distances(model: FaceModel, camera: Camera, weights: dict[str, float]) -> None:
-    features, truth = model.subject.feature_points, model.coefficients_of(weights)
+    features, truth = model.character.feature_points, model.coefficients_of(weights)
     constraints = []
     for first, second in (("2.2", "2.3"), ("8.3", "8.4"), ("2.1", "9.3")):
         pair = DistanceConstraint((features[first], features[second]), 0.0, camera)
@@ -54,7 +54,7 @@ def test_distances(model: FaceModel, camera: Camera, weights: dict[str, float]) 
 
 
 def test_points_that_coincide_are_pulled_apart_without_a_crash(model: FaceModel, camera: Camera) -> None:
-    vertex = model.subject.feature_points["8.3"]
+    vertex = model.character.feature_points["8.3"]
     solution = solve(PoseProblem(model, [DistanceConstraint((vertex, vertex), 10.0, camera)]))
     assert np.isfinite(solution.coefficients).all()
 
@@ -97,7 +97,7 @@ def test_a_stroke_drawn_where_it_is_changes_nothing(model: FaceModel, camera: Ca
     way = as_pixels([feature(model, name, model.neutral(), camera) for name in ("4.1", "4.3", "4.5")])
     stroke = StrokeConstraint(way, way, 6.0, camera).resolved(model, model.neutral())
     solution = solve(PoseProblem(model, [stroke]), model.neutral())
-    offsets = camera.project(model.instance(solution.coefficients)) - camera.project(model.subject.vertices)
+    offsets = camera.project(model.instance(solution.coefficients)) - camera.project(model.character.vertices)
     assert np.abs(offsets).max() < 1.0
 
 
@@ -108,7 +108,7 @@ def test_curves(model: FaceModel, camera: Camera) -> None:
     curve = CurveConstraint(source, source, camera).resolved(model, model.neutral())
     assert curve.residual_px(model, model.neutral()) < 0.1
     rest = solve(PoseProblem(model, [curve]), model.neutral())
-    np.testing.assert_allclose(model.instance(rest.coefficients), model.subject.vertices, atol=0.02)
+    np.testing.assert_allclose(model.instance(rest.coefficients), model.character.vertices, atol=0.02)
     solution = solve(PoseProblem(model, [replace(curve, target=target)]), model.neutral())
     assert solution.residuals_px[0] < 3.0
     for name in ("8.3", "8.4"):
@@ -118,10 +118,10 @@ def test_curves(model: FaceModel, camera: Camera) -> None:
 
 def test_fixed_points_trade_against_others_by_their_weight(model: FaceModel, camera: Camera) -> None:
     corner = feature(model, "8.3", model.neutral(), camera)
-    pull = PointConstraint(model.subject.feature_points["2.1"], (float(corner[0]), 0.0), camera)
+    pull = PointConstraint(model.character.feature_points["2.1"], (float(corner[0]), 0.0), camera)
     chin = feature(model, "2.1", model.neutral(), camera)
     pull = replace(pull, target=(float(chin[0]), float(chin[1]) + 30.0))
-    points = SurfacePoints.at_vertices(model.subject.regions["mouth"][::3])
+    points = SurfacePoints.at_vertices(model.character.regions["mouth"][::3])
     motions = []
     for weight in (0.0, 0.1, 1.0, 100.0):
         hold = FixedConstraint(points, weight=weight).resolved(model, model.neutral())
@@ -134,7 +134,7 @@ def test_fixed_points_trade_against_others_by_their_weight(model: FaceModel, cam
 
 def test_fixed_points_stay_where_they_were_when_they_were_fixed(model: FaceModel, camera: Camera) -> None:
     posed = model.coefficients_of({"jawOpen": 0.5})
-    points = SurfacePoints.at_vertices(model.subject.regions["mouth"][::3])
+    points = SurfacePoints.at_vertices(model.character.regions["mouth"][::3])
     hold = FixedConstraint(points, weight=10.0).resolved(model, posed)
     solution = solve(PoseProblem(model, [hold]), model.neutral())
     off = np.linalg.norm(model.positions_at(points, solution.coefficients) - model.positions_at(points, posed), axis=1)
@@ -153,20 +153,22 @@ def test_eyes_look_where_they_should_and_the_rest_stays(model: FaceModel) -> Non
 
 def test_gaze_does_not_change_what_other_constraints_do(model: FaceModel, camera: Camera) -> None:
     corner = feature(model, "8.3", model.neutral(), camera)
-    pull = PointConstraint(model.subject.feature_points["8.3"], (float(corner[0]) + 12, float(corner[1]) - 14), camera)
+    pull = PointConstraint(
+        model.character.feature_points["8.3"], (float(corner[0]) + 12, float(corner[1]) - 14), camera
+    )
     alone = solve(PoseProblem(model, [pull]), model.neutral()).coefficients
     both = solve(PoseProblem(model, [pull, GazeConstraint((20.0, 0.0))]), model.neutral()).coefficients
-    ids = np.concatenate([model.subject.regions[name] for name in ("mouth", "jaw", "brow_left")])
+    ids = np.concatenate([model.character.regions[name] for name in ("mouth", "jaw", "brow_left")])
     np.testing.assert_allclose(model.instance(both)[ids], model.instance(alone)[ids], atol=0.03)
 
 
 def test_mirrored_constraints_do_the_same_across(model: FaceModel, camera: Camera) -> None:
-    mirror = SurfaceMirror(model.subject.vertices, model.triangles, 0.05)
+    mirror = SurfaceMirror(model.character.vertices, model.triangles, 0.05)
     corner = feature(model, "8.3", model.neutral(), camera)
     u, v = corner.tolist()
     brow = as_pixels([feature(model, name, model.neutral(), camera) for name in ("4.1", "4.3", "4.5")])
     raised = as_pixels(np.array(brow) + (0.0, -8.0))
-    features = model.subject.feature_points
+    features = model.character.feature_points
     drawn = [
         PointConstraint(features["8.3"], (u + 10.0, v - 10.0), camera),
         StrokeConstraint(brow, raised, 5.0, camera).resolved(model, model.neutral()),
@@ -186,10 +188,10 @@ def test_mirrored_constraints_do_the_same_across(model: FaceModel, camera: Camer
 
 
 def test_mirrored_constraints_keep_what_is_uneven(model: FaceModel, camera: Camera) -> None:
-    mirror = SurfaceMirror(model.subject.vertices, model.triangles, 0.05)
+    mirror = SurfaceMirror(model.character.vertices, model.triangles, 0.05)
     uneven = model.coefficients_of({"mouthSmileRight": 0.5})
     u, v = feature(model, "8.3", uneven, camera).tolist()
-    constraint = PointConstraint(model.subject.feature_points["8.3"], (u, v), camera)
+    constraint = PointConstraint(model.character.feature_points["8.3"], (u, v), camera)
     across = constraint.mirrored(mirror, model, uneven)
     assert across is not None
     assert across.residual_px(model, uneven) < 1e-6
@@ -201,7 +203,7 @@ def test_pixels_are_found_on_the_face_as_single_rays_find_them(model: FaceModel,
     p = model.coefficients_of({"jawOpen": 0.4})
     pixels = stroke_pixels([(330.0, 300.0), (460.0, 420.0), (500.0, 60.0)], 3.0)[::9]
     points, met = model.pick(p, camera, pixels)
-    vertices, solid = model.instance(p), model.subject.solid_triangles
+    vertices, solid = model.instance(p), model.character.solid_triangles
     brute = [pick(vertices, model.triangles[solid], camera, pixel) for pixel in pixels]
     assert [hit is not None for hit in brute] == met.tolist()
     found = points.positions(vertices, model.triangles)

@@ -29,8 +29,8 @@ def made_up() -> Iterator[None]:
 
 def lips_at(model: FaceModel, pose: np.ndarray) -> MidpointConstraint:
     """Return the constraint that is met by ``pose``, shape (r,): where it shows the middle of both lips."""
-    camera = face_view(model.subject, "three-quarter", 1.0).camera((800, 800))
-    lips = tuple(model.subject.feature_points[name] for name in ("2.2", "2.3"))
+    camera = face_view(model.character, "three-quarter", 1.0).camera((800, 800))
+    lips = tuple(model.character.feature_points[name] for name in ("2.2", "2.3"))
     u, v = camera.project(model.positions_at(SurfacePoints.of(lips), pose)).mean(axis=0).tolist()
     return MidpointConstraint((lips[0], lips[1]), (u, v), camera)
 
@@ -78,7 +78,7 @@ def test_its_derivatives_agree_with_finite_differences(model: FaceModel) -> None
 def test_the_solver_meets_it_beside_others(model: FaceModel) -> None:
     pose = model.coefficients_of({"jawOpen": 0.6})
     lips = lips_at(model, pose)
-    brow = model.subject.feature_points["4.1"]
+    brow = model.character.feature_points["4.1"]
     u, v = lips.camera.project(model.positions_at(SurfacePoints.of([brow]), pose))[0].tolist()
     problem = PoseProblem(model, [PointConstraint(brow, (u, v), lips.camera), lips])
     before = problem.residuals_px(model.neutral())

@@ -16,11 +16,11 @@ SIZE = (800, 800)
 
 @pytest.fixture
 def camera(model: FaceModel) -> Camera:
-    return OrbitView.preset(model.subject.vertices.min(axis=0), model.subject.vertices.max(axis=0)).camera(SIZE)
+    return OrbitView.preset(model.character.vertices.min(axis=0), model.character.vertices.max(axis=0)).camera(SIZE)
 
 
 def corner(model: FaceModel) -> SurfacePoint:
-    return SurfacePoint.at_vertex(model.triangles, model.subject.feature_points["8.3"])
+    return SurfacePoint.at_vertex(model.triangles, model.character.feature_points["8.3"])
 
 
 def pixels(model: FaceModel, p: np.ndarray, camera: Camera, points: list[SurfacePoint]) -> np.ndarray:
@@ -42,13 +42,13 @@ def test_constraints_made_from_a_pose_are_met_again(model: FaceModel, camera: Ca
     solution = solve(PoseProblem(model, constraints))
     assert max(solution.residuals_px) < 3.5
     error = np.linalg.norm(model.instance(solution.coefficients) - model.instance(truth), axis=1).mean()
-    assert error < 0.42 * np.linalg.norm(model.instance(truth) - model.subject.vertices, axis=1).mean()
+    assert error < 0.42 * np.linalg.norm(model.instance(truth) - model.character.vertices, axis=1).mean()
 
 
 def test_without_a_prior_enough_points_give_the_pose_back(model: FaceModel, camera: Camera) -> None:
     truth = model.coefficients_of({"jawOpen": 0.6, "mouthFunnel": 0.4})
     side = OrbitView.preset(
-        model.subject.vertices.min(axis=0), model.subject.vertices.max(axis=0), "three-quarter"
+        model.character.vertices.min(axis=0), model.character.vertices.max(axis=0), "three-quarter"
     ).camera(SIZE)
     constraints = points_made_from(model, truth, camera, 300) + points_made_from(model, truth, side, 300, seed=1)
     solution = solve(PoseProblem(model, constraints, bare=True))
@@ -60,7 +60,7 @@ def test_a_point_placed_where_it_is_changes_nothing(model: FaceModel, camera: Ca
     constraints = points_made_from(model, model.neutral(), camera, 3)
     for x0 in (None, model.neutral()):
         solution = solve(PoseProblem(model, constraints, prior_weight=prior_weight), x0)
-        np.testing.assert_allclose(model.instance(solution.coefficients), model.subject.vertices, atol=1e-3)
+        np.testing.assert_allclose(model.instance(solution.coefficients), model.character.vertices, atol=1e-3)
 
 
 def test_the_first_pixel_of_a_drag_moves_the_face_by_about_a_pixel(model: FaceModel, camera: Camera) -> None:
@@ -72,7 +72,7 @@ def test_the_first_pixel_of_a_drag_moves_the_face_by_about_a_pixel(model: FaceMo
     moved = pixels(model, solution.coefficients, camera, [anchor])[0] - begun
     assert 0.3 < moved @ (0.8, -0.6) <= 1.05
     everything = np.linalg.norm(
-        camera.project(model.instance(solution.coefficients)) - camera.project(model.subject.vertices), axis=1
+        camera.project(model.instance(solution.coefficients)) - camera.project(model.character.vertices), axis=1
     )
     assert everything.max() < 3.0
 
@@ -80,7 +80,7 @@ def test_the_first_pixel_of_a_drag_moves_the_face_by_about_a_pixel(model: FaceMo
 def test_a_long_drag_is_followed_without_a_jump(model: FaceModel, camera: Camera) -> None:
     anchor = corner(model)
     begun = pixels(model, model.neutral(), camera, [anchor])[0]
-    p, previous = model.neutral(), model.subject.vertices
+    p, previous = model.neutral(), model.character.vertices
     for step in np.linspace(0, 1, 41)[1:]:
         target = begun + step * np.array([22.0, -22.0])
         problem = PoseProblem(model, [PointConstraint(anchor, (float(target[0]), float(target[1])), camera)])
@@ -113,9 +113,9 @@ def test_disabled_constraints_do_not_pull_but_are_measured(model: FaceModel, cam
 
 def test_constraints_keep_their_own_cameras(model: FaceModel, camera: Camera) -> None:
     truth = model.coefficients_of({"jawOpen": 0.5})
-    lower, upper = model.subject.vertices.min(axis=0), model.subject.vertices.max(axis=0)
+    lower, upper = model.character.vertices.min(axis=0), model.character.vertices.max(axis=0)
     side = OrbitView.preset(lower, upper, "left").camera((500, 700))
-    anchors = [SurfacePoint.at_vertex(model.triangles, model.subject.feature_points[name]) for name in ("2.1", "8.3")]
+    anchors = [SurfacePoint.at_vertex(model.triangles, model.character.feature_points[name]) for name in ("2.1", "8.3")]
     constraints = [
         PointConstraint(anchor, tuple(pixels(model, truth, view, [anchor])[0].tolist()), view)
         for anchor, view in zip(anchors, (camera, side), strict=True)
@@ -142,7 +142,7 @@ def test_the_mixture_as_learned_pulls_a_face_that_nobody_touches(model: FaceMode
     assert problem.mixture is model.mixture
     found = solve(problem)
     assert found.energy < problem.energy_and_gradient(model.neutral())[0] - 1.0
-    assert np.linalg.norm(model.instance(found.coefficients) - model.subject.vertices, axis=1).max() > 0.05
+    assert np.linalg.norm(model.instance(found.coefficients) - model.character.vertices, axis=1).max() > 0.05
 
 
 def test_conditional_means_answer_the_linearised_problem(model: FaceModel, camera: Camera) -> None:
@@ -177,14 +177,14 @@ def test_scaled_coordinates_need_few_evaluations(model: FaceModel, camera: Camer
 def test_fitted_weights_are_those_that_made_the_pose(model: FaceModel) -> None:
     weights = {"jawOpen": 0.6, "mouthSmileLeft": 0.8, "browOuterUpLeft": 0.4}
     fitted = fit_weights(model, model.coefficients_of(weights))
-    assert set(fitted) == set(model.subject.shape_names)
+    assert set(fitted) == set(model.character.shape_names)
     assert all(0.0 <= value <= 1.0 for value in fitted.values())
     for name, value in weights.items():
         assert fitted[name] == pytest.approx(value, abs=0.1)
 
 
 def test_a_view_from_very_near_is_solved_too(model: FaceModel) -> None:
-    vertices = model.subject.vertices
+    vertices = model.character.vertices
     view = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0))
     camera = view.zoomed(1e9).camera((4000, 4000))
     constraints = points_made_from(model, model.coefficients_of({"jawOpen": 0.3}), camera, 20)

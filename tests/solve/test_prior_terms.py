@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from faceposer.geometry.camera import Camera, OrbitView
+from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.face_model import FaceModel
-from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.least_motion import LeastMotion
@@ -23,14 +23,16 @@ WEIGHTS = (0.0, 0.1, 1.0, 10.0)
 
 @pytest.fixture(scope="module")
 def camera(model: FaceModel) -> Camera:
-    return OrbitView.preset(model.subject.vertices.min(axis=0), model.subject.vertices.max(axis=0)).camera((800, 800))
+    return OrbitView.preset(model.character.vertices.min(axis=0), model.character.vertices.max(axis=0)).camera(
+        (800, 800)
+    )
 
 
 def pulled(
     model: FaceModel, camera: Camera, place: str, pull: tuple[float, float], p: np.ndarray | None = None
 ) -> PointConstraint:
-    vertex = model.subject.feature_points[place]
-    vertices = model.subject.vertices if p is None else model.instance(p)
+    vertex = model.character.feature_points[place]
+    vertices = model.character.vertices if p is None else model.instance(p)
     u, v = (camera.project(vertices[[vertex]].astype(np.float64))[0] + pull).tolist()
     return PointConstraint(vertex, (u, v), camera)
 
@@ -116,9 +118,9 @@ def test_the_eyes_look_the_same_way(model: FaceModel, camera: Camera, prior: Pri
 @pytest.mark.parametrize("prior", PRIORS)
 @pytest.mark.parametrize("weight", WEIGHTS)
 def test_a_far_drag_leaves_a_face(model: FaceModel, camera: Camera, prior: Prior, weight: float) -> None:
-    lower, upper = model.subject.shape_limits.T
+    lower, upper = model.character.shape_limits.T
     bounded = upper > lower
-    features, names = model.subject.feature_points, list(model.subject.shape_names)
+    features, names = model.character.feature_points, list(model.character.shape_names)
     for place in ("8.3", "8.2", "2.10", "4.1", "3.1"):
         for pull in ((0.0, -300.0), (220.0, -220.0), (0.0, 300.0)):
             constraint = pulled(model, camera, place, pull)
@@ -134,7 +136,7 @@ def test_a_far_drag_leaves_a_face(model: FaceModel, camera: Camera, prior: Prior
 @pytest.mark.parametrize("spread", [0.0, 0.5, 1.0])
 def test_the_pose_follows_a_pull_without_jumps(model: FaceModel, camera: Camera, spread: float) -> None:
     for place, direction in (("8.3", (0.6, -0.8)), ("4.1", (0.1, 1.0)), ("2.10", (0.0, 1.0))):
-        before, steps = model.subject.vertices, []
+        before, steps = model.character.vertices, []
         for length in np.arange(0.25, 30.0, 0.25):
             pull = (length * direction[0], length * direction[1])
             solution = solve(PoseProblem(model, [pulled(model, camera, place, pull)], spread=spread))
@@ -150,9 +152,9 @@ def test_a_small_pull_stays_local_and_the_spread_widens_it(model: FaceModel, cam
         problem = PoseProblem(model, [pulled(model, camera, "8.3", (6.0, -8.0))], spread=spread)
         posed = model.instance(solve(problem).coefficients)
         far = np.linalg.norm(
-            model.subject.vertices - model.subject.vertices[model.subject.feature_points["8.3"]], axis=1
+            model.character.vertices - model.character.vertices[model.character.feature_points["8.3"]], axis=1
         )
-        return float(np.linalg.norm(posed - model.subject.vertices, axis=1)[far > 5.0].mean())
+        return float(np.linalg.norm(posed - model.character.vertices, axis=1)[far > 5.0].mean())
 
     local, usual, whole = (moved_elsewhere(spread) for spread in (0.0, 0.5, 1.0))
     assert local < usual < whole
@@ -162,7 +164,7 @@ def test_a_small_pull_stays_local_and_the_spread_widens_it(model: FaceModel, cam
 def test_least_motion_yields_to_pulls_that_say_much(model: FaceModel, camera: Camera) -> None:
     truth = model.coefficients_of({"mouthSmileLeft": 0.6, "mouthSmileRight": 0.6, "jawOpen": 0.3})
     rng = np.random.default_rng(3)
-    vertices = rng.choice(model.subject.regions["mouth"], 40, replace=False)
+    vertices = rng.choice(model.character.regions["mouth"], 40, replace=False)
     targets = camera.project(model.instance(truth)[vertices])
     constraints = [
         PointConstraint(int(vertex), (float(u), float(v)), camera)
@@ -170,7 +172,7 @@ def test_least_motion_yields_to_pulls_that_say_much(model: FaceModel, camera: Ca
     ]
     found = [solve(PoseProblem(model, constraints, spread=spread)).coefficients for spread in (0.0, 1.0)]
     errors = [np.linalg.norm(model.instance(p) - model.instance(truth), axis=1).mean() for p in found]
-    scale = np.linalg.norm(model.instance(truth) - model.subject.vertices, axis=1).mean()
+    scale = np.linalg.norm(model.instance(truth) - model.character.vertices, axis=1).mean()
     assert errors[0] < 1.2 * errors[1]
     assert max(errors) < 0.45 * scale
 
@@ -190,7 +192,7 @@ def captured(model: FaceModel, count: int) -> list[np.ndarray]:
 
     path = Path(os.environ["FACEPOSER_CAPTURES"]) / "alex_rom_4.csv"
     take = read_capture(path).with_shapes(ARKIT_SHAPES)
-    own = model.subject.shape_names
+    own = model.character.shape_names
     poses = []
     for frame in take.weights[np.linspace(0, len(take.weights) - 1, count).astype(int)]:
         weights = dict.fromkeys(own, 0.0)

@@ -18,11 +18,13 @@ FLESH = ("8.3", "8.4", "8.1", "8.2", "4.1", "4.3", "3.13", "5.1", "2.10")
 
 @pytest.fixture(scope="module")
 def camera(model: FaceModel) -> Camera:
-    return OrbitView.preset(model.subject.vertices.min(axis=0), model.subject.vertices.max(axis=0)).camera((800, 800))
+    return OrbitView.preset(model.character.vertices.min(axis=0), model.character.vertices.max(axis=0)).camera(
+        (800, 800)
+    )
 
 
 def points(model: FaceModel, *names: str) -> SurfacePoints:
-    return SurfacePoints.at_vertices([model.subject.feature_points[name] for name in names])
+    return SurfacePoints.at_vertices([model.character.feature_points[name] for name in names])
 
 
 def circle(count: int) -> np.ndarray:
@@ -46,9 +48,9 @@ def test_bone_has_no_reach_and_flesh_has(model: FaceModel, camera: Camera) -> No
 
 
 def test_mobility_goes_over_from_bone_to_flesh_without_a_step(model: FaceModel, camera: Camera) -> None:
-    front = np.argsort(np.abs(model.subject.vertices[:, 0]))[:400]
-    column = front[model.subject.vertices[front, 2] > 7.0]
-    order = column[np.argsort(model.subject.vertices[column, 1])]
+    front = np.argsort(np.abs(model.character.vertices[:, 0]))[:400]
+    column = front[model.character.vertices[front, 2] > 7.0]
+    order = column[np.argsort(model.character.vertices[column, 1])]
     mobility = reach_of(model, model.neutral(), SurfacePoints.at_vertices(order), camera).mobility
     assert mobility.min() == 0.0
     assert mobility.max() == 1.0
@@ -86,7 +88,7 @@ def test_the_face_goes_where_the_outline_says(model: FaceModel, camera: Camera) 
     place = points(model, "8.3")
     here = camera.project(model.positions_at(place, model.neutral()))[0]
     reach = reach_of(model, model.neutral(), place, camera)
-    vertex = model.subject.feature_points["8.3"]
+    vertex = model.character.feature_points["8.3"]
     for direction in circle(6):
         u, v = (here + 300.0 * direction).tolist()
         solution = solve(PoseProblem(model, [PointConstraint(vertex, (u, v), camera)]))
@@ -97,12 +99,12 @@ def test_the_face_goes_where_the_outline_says(model: FaceModel, camera: Camera) 
 
 @pytest.mark.parametrize("place", BONE)
 def test_a_pull_on_bone_moves_nothing(model: FaceModel, camera: Camera, place: str) -> None:
-    vertex = model.subject.feature_points[place]
-    here = camera.project(model.subject.vertices[[vertex]].astype(float))[0]
+    vertex = model.character.feature_points[place]
+    here = camera.project(model.character.vertices[[vertex]].astype(float))[0]
     for pull in ((0.0, -40.0), (40.0, 0.0), (-150.0, 150.0)):
         u, v = (here + pull).tolist()
         solution = solve(PoseProblem(model, [PointConstraint(vertex, (u, v), camera)]))
-        moved = np.linalg.norm(model.instance(solution.coefficients) - model.subject.vertices, axis=1)
+        moved = np.linalg.norm(model.instance(solution.coefficients) - model.character.vertices, axis=1)
         assert moved.max() < 0.1, "a millimetre"
 
 

@@ -22,7 +22,7 @@ class HeadlessContext:
 
     def __init__(self, model: FaceModel, document: Document | None = None) -> None:
         self.session = Session(model, document or Document("man"))
-        vertices = model.subject.vertices
+        vertices = model.character.vertices
         self.view = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0))
         self.size = (800, 800)
         self.ui_scale = 1.0
@@ -106,7 +106,7 @@ class HeadlessContext:
     def feature(self, name: str) -> Pixel:
         """Return where the view shows a feature point of the current face."""
         session = self.session
-        point = SurfacePoint.at_vertex(session.model.triangles, session.model.subject.feature_points[name])
+        point = SurfacePoint.at_vertex(session.model.triangles, session.model.character.feature_points[name])
         vertices = session.vertices
         u, v = self.camera.project(surface_positions(vertices, session.model.triangles, [point]))[0].tolist()
         return (u, v)

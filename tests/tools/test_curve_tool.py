@@ -48,7 +48,7 @@ def test_points_are_clicked_and_accepted_as_one_step(context: HeadlessContext) -
     assert isinstance(curve, CurveConstraint)
     assert curve.source == curve.target
     assert context.toolbox.selection == {0}
-    np.testing.assert_allclose(context.vertices, context.session.model.subject.vertices, atol=1e-2)
+    np.testing.assert_allclose(context.vertices, context.session.model.character.vertices, atol=1e-2)
     context.undo()
     assert context.constraints == ()
     context.redo()
@@ -124,8 +124,8 @@ def test_a_target_point_is_dragged_while_the_face_follows(context: HeadlessConte
     assert after.source == before.source
     assert after.target[1] == pytest.approx(shifted(at, 0, 12))
     assert after.target[0] == before.target[0]
-    lips = context.session.model.subject.regions["lip_lower"]
-    assert (context.vertices - context.session.model.subject.vertices)[lips, 1].min() < -0.1
+    lips = context.session.model.character.regions["lip_lower"]
+    assert (context.vertices - context.session.model.character.vertices)[lips, 1].min() < -0.1
     document = context.session.document
     context.click(after.target[1])
     assert context.session.document is document, "a click changes nothing"

@@ -36,7 +36,7 @@ def test_a_drag_joins_two_points_as_far_apart_as_they_are(context: HeadlessConte
     assert isinstance(pair, DistanceConstraint)
     assert pair.target == pytest.approx(np.hypot(*np.subtract(begin, end)), abs=0.5)
     assert context.toolbox.selection == {0}
-    np.testing.assert_allclose(context.vertices, context.session.model.subject.vertices, atol=1e-3)
+    np.testing.assert_allclose(context.vertices, context.session.model.character.vertices, atol=1e-3)
 
 
 def test_two_clicks_join_as_a_drag_does(context: HeadlessContext) -> None:
@@ -183,7 +183,7 @@ def test_from_another_view_it_is_taken_as_seen_there(context: HeadlessContext) -
 
 
 def test_a_ready_made_distance_is_added_once(context: HeadlessContext) -> None:
-    features = context.session.model.subject.feature_points
+    features = context.session.model.character.feature_points
     for anchors in ((features["2.2"], features["2.3"]), (features["2.3"], features["2.2"])):
         context.toolbox.cancel()
         add_distance(anchors, context, context.toolbox.tool_settings)

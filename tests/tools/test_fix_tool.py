@@ -34,18 +34,18 @@ def held(context: HeadlessContext) -> set[int]:
 def test_painted_vertices_stay_where_they_are(context: HeadlessContext) -> None:
     check_stages(context, along(mouth(context)))
     (fixed,) = context.constraints
-    subject = context.session.model.subject
+    character = context.session.model.character
     vertices = -1 - fixed.points.faces
-    np.testing.assert_allclose(fixed.positions, subject.vertices[vertices], atol=1e-9)
+    np.testing.assert_allclose(fixed.positions, character.vertices[vertices], atol=1e-9)
     pixels = context.camera.project(fixed.positions)
     assert np.hypot(*(pixels - mouth(context)[0]).T).min() < 18
     assert pixels[:, 1].min() > context.feature(NOSE)[1]
     context.toolbox.choose("point")
     begin = context.feature("2.1")
     context.drag(begin, shifted(begin, 0, 15))
-    with_hold = np.abs(context.vertices - subject.vertices)[vertices].max()
+    with_hold = np.abs(context.vertices - character.vertices)[vertices].max()
     context.change(0, enabled=False)
-    assert np.abs(context.vertices - subject.vertices)[vertices].max() > 2 * with_hold
+    assert np.abs(context.vertices - character.vertices)[vertices].max() > 2 * with_hold
 
 
 def test_only_what_is_seen_is_held(context: HeadlessContext) -> None:
@@ -53,8 +53,8 @@ def test_only_what_is_seen_is_held(context: HeadlessContext) -> None:
     options.fix_mode = "lasso"
     context.follow([(0, 0), (799, 0), (799, 799), (0, 799)])
     (fixed,) = context.constraints
-    subject = context.session.model.subject
-    assert subject.vertices[-1 - fixed.points.faces][:, 2].min() > subject.vertices[:, 2].min() + 2
+    character = context.session.model.character
+    assert character.vertices[-1 - fixed.points.faces][:, 2].min() > character.vertices[:, 2].min() + 2
 
 
 def test_painting_on_lets_the_selected_area_grow(context: HeadlessContext) -> None:
@@ -137,7 +137,7 @@ def test_a_region_is_held_and_let_go_by_a_click(context: HeadlessContext) -> Non
     toggle_region(names, context, tool_settings)
     assert region_held(names, context) == 0
     assert context.toolbox.selection == {0}
-    regions = context.session.model.subject.regions
+    regions = context.session.model.character.regions
     assert held(context) == {int(v) for name in names if name in regions for v in regions[name]}
     toggle_region(names, context, tool_settings)
     assert context.constraints == ()

@@ -38,8 +38,8 @@ def test_the_eyes_follow_the_handle_and_the_mouth_does_not(context: HeadlessCont
     model, pose = context.session.model, context.session.coefficients
     np.testing.assert_allclose(gaze_direction(model, pose), gaze.direction, atol=0.3)
     assert context.session.residuals_px[0] < 3
-    lips = model.subject.regions["lip_lower"]
-    assert np.abs(context.vertices - model.subject.vertices)[lips].max() < 0.02
+    lips = model.character.regions["lip_lower"]
+    assert np.abs(context.vertices - model.character.vertices)[lips].max() < 0.02
     np.testing.assert_allclose(handle(context), shifted(begin, 60, -40), atol=0.5)
 
 
@@ -94,13 +94,13 @@ def test_elsewhere_than_on_the_handle_the_point_tool_drags_points(context: Headl
 
 @pytest.mark.parametrize("direction", [(0.0, 0.0), (25.0, 10.0), (-25.0, -15.0)])
 def test_lines_begin_at_the_pupils_that_one_sees(model: FaceModel, direction: tuple[float, float]) -> None:
-    subject = model.subject
-    pupils = pupils_of(subject, direction)
+    character = model.character
+    pupils = pupils_of(character, direction)
     assert pupils is not None
     constraint = GazeConstraint(direction)
     posed = model.instance(constraint.moved_start(model, model.neutral()))
     for name, pupil in zip(("3.5", "3.6"), sorted(pupils, key=lambda place: -place[0]), strict=True):
-        seen = posed[subject.feature_points[name]]
+        seen = posed[character.feature_points[name]]
         assert np.linalg.norm(pupil - seen) < 0.45, "centimetres"
 
 
@@ -111,7 +111,7 @@ def test_right_click_lets_the_eyes_go(context: HeadlessContext, tool: str) -> No
     context.toolbox.choose(tool)
     context.click(handle(context), "right")
     assert context.constraints == ()
-    np.testing.assert_allclose(context.vertices, context.session.model.subject.vertices, atol=1e-3)
+    np.testing.assert_allclose(context.vertices, context.session.model.character.vertices, atol=1e-3)
     context.undo()
     assert context.constraints == kept
 

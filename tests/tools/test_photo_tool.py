@@ -31,8 +31,8 @@ def context(model: FaceModel) -> HeadlessContext:
 
 def in_view(context: HeadlessContext, name: str) -> Pixel:
     """Where the view shows what the photo has of the feature point ``name``."""
-    vertex = context.session.model.subject.feature_points[name]
-    u, v = TAKEN.project(context.session.model.subject.vertices[[vertex]])[0]
+    vertex = context.session.model.character.feature_points[name]
+    u, v = TAKEN.project(context.session.model.character.vertices[[vertex]])[0]
     view = context.view
     scale = view.scale(context.size)  # type: ignore[attr-defined]
     return (400.0 + (u - view.middle[0]) * scale, 400.0 + (v - view.middle[1]) * scale)  # type: ignore[attr-defined]
@@ -52,8 +52,8 @@ def test_one_is_led_from_pin_to_pin_and_the_view_takes_up_the_camera(context: He
     found = context.session.document.photos[0].camera
     assert found is not None
     np.testing.assert_allclose(found.rotation, TAKEN.rotation, atol=0.03)
-    vertex = context.session.model.subject.feature_points["9.3"]
-    seen = context.camera.project(context.session.model.subject.vertices[[vertex]])[0]
+    vertex = context.session.model.character.feature_points["9.3"]
+    seen = context.camera.project(context.session.model.character.vertices[[vertex]])[0]
     np.testing.assert_allclose(seen, in_view(context, "9.3"), atol=3.0)
     assert tool.pixels(context)[GUIDED.index("9.3")] == pytest.approx(in_view(context, "9.3"))
     context.undo()

@@ -32,19 +32,19 @@ def test_a_drag_pulls_the_face_under_the_pointer(context: HeadlessContext) -> No
     assert len(document.constraints) == 1
     assert document.constraints[0].target == pytest.approx(end)  # type: ignore[attr-defined]
     assert context.session.residuals_px[0] < 3
-    assert np.abs(vertices(context) - context.session.model.subject.vertices).max() > 0.1
+    assert np.abs(vertices(context) - context.session.model.character.vertices).max() > 0.1
 
 
 def test_a_click_pins_the_face_where_it_is(context: HeadlessContext) -> None:
     context.click(context.feature(NOSE))
     assert len(context.session.document.constraints) == 1
-    np.testing.assert_allclose(vertices(context), context.session.model.subject.vertices, atol=1e-3)
+    np.testing.assert_allclose(vertices(context), context.session.model.character.vertices, atol=1e-3)
 
 
 def test_a_click_with_a_trembling_hand_is_still_a_click(context: HeadlessContext) -> None:
     begin = context.feature(NOSE)
     context.drag(begin, shifted(begin, 1.5, 1.0))
-    np.testing.assert_allclose(vertices(context), context.session.model.subject.vertices, atol=2e-3)
+    np.testing.assert_allclose(vertices(context), context.session.model.character.vertices, atol=2e-3)
 
 
 def test_grabbing_a_pin_off_its_centre_does_not_make_it_jump(context: HeadlessContext) -> None:
@@ -95,7 +95,7 @@ def test_escape_takes_a_gesture_back_at_every_stage(context: HeadlessContext) ->
         assert session.document.constraints == ()
         assert not session.can_undo
         session.poll()
-        np.testing.assert_array_equal(vertices(context), session.model.subject.vertices)
+        np.testing.assert_array_equal(vertices(context), session.model.character.vertices)
         context.send("release", begin)
     assert not context.toolbox.cancel()
 
@@ -138,7 +138,7 @@ def test_without_pins_the_face_is_neutral_again(context: HeadlessContext) -> Non
     begin = context.feature(CORNER)
     context.drag(begin, shifted(begin, 12, -12))
     context.click(shifted(begin, 12, -12), "right")
-    np.testing.assert_allclose(vertices(context), context.session.model.subject.vertices, atol=1e-3)
+    np.testing.assert_allclose(vertices(context), context.session.model.character.vertices, atol=1e-3)
 
 
 def test_selected_pins_move_together(context: HeadlessContext) -> None:
@@ -232,14 +232,14 @@ def test_apply_mode_waits_for_the_word(context: HeadlessContext) -> None:
     begin = context.feature(CORNER)
     context.drag(begin, shifted(begin, 12, -12))
     assert session.pending
-    np.testing.assert_array_equal(vertices(context), session.model.subject.vertices)
+    np.testing.assert_array_equal(vertices(context), session.model.character.vertices)
     session.apply()
     session.poll()
     assert not session.pending
     assert session.residuals_px[0] < 3
     session.undo()
     assert session.pending
-    np.testing.assert_array_equal(vertices(context), session.model.subject.vertices)
+    np.testing.assert_array_equal(vertices(context), session.model.character.vertices)
     session.mode = "live"
     session.poll()
     assert session.residuals_px[0] < 3
@@ -281,7 +281,7 @@ def test_reset_is_one_step(context: HeadlessContext) -> None:
     pose = session.coefficients.copy()
     session.reset_pose()
     session.poll()
-    np.testing.assert_array_equal(vertices(context), session.model.subject.vertices)
+    np.testing.assert_array_equal(vertices(context), session.model.character.vertices)
     assert session.document.constraints == ()
     session.undo()
     np.testing.assert_array_equal(session.coefficients, pose)
@@ -371,7 +371,7 @@ def test_thousands_of_random_events_leave_a_sound_document(context: HeadlessCont
     session.document.resolved(session.model)
     while session.can_undo:
         session.undo()
-    np.testing.assert_allclose(vertices(context), session.model.subject.vertices, atol=1e-6)
+    np.testing.assert_allclose(vertices(context), session.model.character.vertices, atol=1e-6)
 
 
 def test_a_pin_on_skin_that_contact_moved_asks_for_the_pose_as_it_is(context: HeadlessContext) -> None:

@@ -54,12 +54,12 @@ def test_a_source_waits_for_its_target(context: HeadlessContext) -> None:
     assert tool.source is None
     assert context.toolbox.selection == {0}
     assert context.session.residuals_px[0] < 5
-    lips = context.session.model.subject.regions["lip_lower"]
-    assert (context.vertices - context.session.model.subject.vertices)[lips, 1].min() < -0.15
+    lips = context.session.model.character.regions["lip_lower"]
+    assert (context.vertices - context.session.model.character.vertices)[lips, 1].min() < -0.15
     posed = context.vertices
     context.undo()
     assert context.constraints == ()
-    np.testing.assert_array_equal(context.vertices, context.session.model.subject.vertices)
+    np.testing.assert_array_equal(context.vertices, context.session.model.character.vertices)
     context.redo()
     assert context.constraints == (stroke,)
     np.testing.assert_array_equal(context.vertices, posed)

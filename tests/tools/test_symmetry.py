@@ -65,10 +65,10 @@ def test_each_kind_is_mirrored_and_removed_together(
     own, image = context.constraints
     assert own.kind == image.kind
     model = context.session.model
-    rest = model.subject.vertices
+    rest = model.character.vertices
     places = own.points.positions(rest, model.triangles) * (-1, 1, 1)
     across = image.points.positions(rest, model.triangles)
-    np.testing.assert_allclose(across, places, atol=0.02 * model.subject.height)
+    np.testing.assert_allclose(across, places, atol=0.02 * model.character.height)
     partner = context.toolbox.tool_settings.symmetry.partner
     assert partner(context.session.document, 0, model) == 1
     assert partner(context.session.document, 1, model) == 0

@@ -37,7 +37,7 @@ def ends(way: NDArray[np.float64]) -> list[list[float]]:
 
 
 def test_a_press_takes_the_feature_point_nearby_and_its_way_begins_there(context: HeadlessContext) -> None:
-    features = context.session.model.subject.feature_points
+    features = context.session.model.character.feature_points
     corner = context.feature(LEFT)
     draw(context, shifted(corner, 3.0, 2.0), 20.0)
     (drawn,) = tool_of(context).drawn
@@ -164,7 +164,7 @@ def test_what_the_hand_does_while_the_wheel_turns_is_left_out(context: HeadlessC
 
 
 def test_symmetry_draws_on_the_other_side_too(context: HeadlessContext) -> None:
-    features, tool = context.session.model.subject.feature_points, tool_of(context)
+    features, tool = context.session.model.character.feature_points, tool_of(context)
     context.toolbox.tool_settings.symmetry.on = True
     corner = context.feature(LEFT)
     way = [shifted(corner, 2.0 * i, -i) for i in range(10)]

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.obj_io import write_obj
 from faceposer.geometry.polygon_mesh import Group, MorphMesh, PolygonMesh
-from faceposer.model.subject import Subject
-from faceposer.model.subject_file import load_subject
+from faceposer.model.character import Character
+from faceposer.model.character_file import load_character
 from tests.rigs import with_wholes
 
 BASE = "low"
@@ -17,9 +17,9 @@ Array = NDArray[np.float64]
 
 
 @lru_cache(maxsize=1)
-def base() -> Subject:
+def base() -> Character:
     """The head with ARKit's 52 shapes, as most rigs have them."""
-    return with_wholes(load_subject(BASE))
+    return with_wholes(load_character(BASE))
 
 
 def rotation(seed: int) -> Array:

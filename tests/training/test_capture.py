@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from faceposer.errors import FacePoserError
-from faceposer.model.subject import ARKIT_SHAPES
+from faceposer.model.character import ARKIT_SHAPES
 from faceposer.training.capture import Capture, missing_shapes, read_capture
 
 

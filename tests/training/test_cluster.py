@@ -16,7 +16,7 @@ from faceposer.progress import CancelledError, Progress
 from faceposer.training import cluster as cluster_module
 from faceposer.training import frames as frames_module
 from faceposer.training.cluster import clustered
-from faceposer.training.examples import ExampleOptions, subject_from_examples
+from faceposer.training.examples import ExampleOptions, character_from_examples
 from faceposer.training.frames import spooled
 from faceposer.training.streaming_pca import Region, regional_pca, scores_of
 from tests.training.example_meshes import moving, reader_of, sequence_of, shaken, surface
@@ -70,8 +70,8 @@ def test_same_character_as_on_one_machine(tmp_path: Path, address: str) -> None:
     path = tmp_path / "a.npz"
     np.savez(path, vertices=shaken(moving(mesh, 40)), faces=mesh.polygons)
     options = ExampleOptions("a", "A", segments="whole", n_dimensions=4, n_components=1, n_factors=2)
-    alone = subject_from_examples(path, options)
-    together = subject_from_examples(path, replace(options, scheduler=address))
+    alone = character_from_examples(path, options)
+    together = character_from_examples(path, replace(options, scheduler=address))
     np.testing.assert_allclose(np.abs(together.shapes), np.abs(alone.shapes), atol=1e-4)
     assert together.summary is not None
     assert alone.summary is not None

@@ -1,4 +1,4 @@
-"""Example meshes become a subject that makes them again, whatever the head did, and faces like them."""
+"""Example meshes become a character that makes them again, whatever the head did, and faces like them."""
 
 from pathlib import Path
 
@@ -14,14 +14,14 @@ from faceposer.geometry.mesh_sequence import frames_of, open_sequence, write_fra
 from faceposer.geometry.picking import SurfacePoint
 from faceposer.geometry.polygon_mesh import PolygonMesh
 from faceposer.interchange.meshes import write_posed_obj
+from faceposer.model.character import Character
+from faceposer.model.character_file import load_character, save_character
 from faceposer.model.face_model import build_face_model
-from faceposer.model.subject import Subject
-from faceposer.model.subject_file import load_subject, save_subject
 from faceposer.progress import Progress
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
-from faceposer.training.examples import ExampleOptions, subject_from_examples, subject_from_sequence
+from faceposer.training.examples import ExampleOptions, character_from_examples, character_from_sequence
 from tests.training.faces import base, poses, rotation, write_examples
 
 OPTIONS = ExampleOptions("me", "Me")
@@ -36,12 +36,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def subject(folder: Path) -> Subject:
-    return subject_from_examples(folder, OPTIONS)
+def character(folder: Path) -> Character:
+    return character_from_examples(folder, OPTIONS)
 
 
-def test_the_summary_says_what_was_learned(subject: Subject) -> None:
-    summary = subject.summary
+def test_the_summary_says_what_was_learned(character: Character) -> None:
+    summary = character.summary
     assert summary["examples"] == COUNT + 1
     assert "neutral.obj" in summary["neutral"]
     assert summary["kept_energy"] > 0.99
@@ -54,19 +54,19 @@ def test_the_summary_says_what_was_learned(subject: Subject) -> None:
     assert summary["prior"]["components"] >= 1
 
 
-def refitted(subject: Subject, truth: NDArray[np.float32]) -> NDArray[np.float64]:
-    """The face of the subject that comes nearest to a frame of its files, in the files' place, (M, 3)."""
-    model, origin = build_face_model(subject), subject.origin
+def refitted(character: Character, truth: NDArray[np.float32]) -> NDArray[np.float64]:
+    """The face of the character that comes nearest to a frame of its files, in the files' place, (M, 3)."""
+    model, origin = build_face_model(character), character.origin
     assert origin is not None
     flat = model.basis.astype(np.float64)
-    moved = origin.subject_vertices(truth.astype(np.float64), len(subject.vertices)).ravel()
+    moved = origin.character_vertices(truth.astype(np.float64), len(character.vertices)).ravel()
     p = np.linalg.lstsq(flat.T, moved, rcond=None)[0]
-    return origin.vertices_of(model.instance(p) - subject.vertices)
+    return origin.vertices_of(model.instance(p) - character.vertices)
 
 
-def test_examples_are_made_again_in_the_files_place(folder: Path, subject: Subject, tmp_path: Path) -> None:
-    save_subject(tmp_path / "me.npz", subject)
-    loaded = load_subject(tmp_path / "me.npz")
+def test_examples_are_made_again_in_the_files_place(folder: Path, character: Character, tmp_path: Path) -> None:
+    save_character(tmp_path / "me.npz", character)
+    loaded = load_character(tmp_path / "me.npz")
     for truth in poses(COUNT)[::7]:
         made = refitted(loaded, truth)
         # How the head is laid on the neutral leaves a faint motion of all of it.
@@ -80,72 +80,72 @@ def test_examples_are_made_again_in_the_files_place(folder: Path, subject: Subje
     assert mesh.groups == original.groups
 
 
-def test_a_drag_moves_what_the_examples_move_and_leaves_other_regions(subject: Subject) -> None:
-    model = build_face_model(subject)
-    assert subject.origin is not None
-    ours = {name: int(subject.origin.vertex_ids[vertex]) for name, vertex in base().feature_points.items()}
-    camera = OrbitView.preset(subject.vertices.min(axis=0), subject.vertices.max(axis=0)).camera((800, 800))
+def test_a_drag_moves_what_the_examples_move_and_leaves_other_regions(character: Character) -> None:
+    model = build_face_model(character)
+    assert character.origin is not None
+    ours = {name: int(character.origin.vertex_ids[vertex]) for name, vertex in base().feature_points.items()}
+    camera = OrbitView.preset(character.vertices.min(axis=0), character.vertices.max(axis=0)).camera((800, 800))
     brow = ours["4.3"]
-    pixel = camera.project(subject.vertices[[brow]])[0]
+    pixel = camera.project(character.vertices[[brow]])[0]
     constraint = PointConstraint(
-        SurfacePoint.at_vertex(subject.triangles, brow), (float(pixel[0]), float(pixel[1] - 15)), camera
+        SurfacePoint.at_vertex(character.triangles, brow), (float(pixel[0]), float(pixel[1] - 15)), camera
     )
     solution = solve(PoseProblem(model, [constraint]))
     assert solution.residuals_px[0] < 12.0
-    moved = np.linalg.norm(model.instance(solution.coefficients) - subject.vertices, axis=1)
+    moved = np.linalg.norm(model.instance(solution.coefficients) - character.vertices, axis=1)
     assert moved[brow] > 0.15
     assert moved[ours["8.2"]] < 0.35 * moved[brow], "the mouth hardly follows"
     rest = solve(PoseProblem(model, []))
     np.testing.assert_allclose(rest.coefficients, 0.0, atol=1e-6)
 
 
-def test_turned_scaled_and_shaken_examples_give_the_same_model(subject: Subject, tmp_path: Path) -> None:
+def test_turned_scaled_and_shaken_examples_give_the_same_model(character: Character, tmp_path: Path) -> None:
     write_examples(tmp_path, COUNT, turn=rotation(3), scale=0.01)
-    other = subject_from_examples(tmp_path, OPTIONS)
+    other = character_from_examples(tmp_path, OPTIONS)
     # A vertex that lies between two regions may fall to the other one, and a mode of little energy with it.
-    assert abs(len(other.shape_names) - len(subject.shape_names)) <= 2
-    assert np.abs(other.vertices - subject.vertices).max() < 0.02 * np.ptp(subject.vertices[:, 1])
+    assert abs(len(other.shape_names) - len(character.shape_names)) <= 2
+    assert np.abs(other.vertices - character.vertices).max() < 0.02 * np.ptp(character.vertices[:, 1])
     for truth in poses(COUNT)[::7]:
         far = np.linalg.norm(truth - base().vertices, axis=1)
-        difference = refitted(other, 0.01 * truth @ rotation(3).T) @ rotation(3) / 0.01 - refitted(subject, truth)
+        difference = refitted(other, 0.01 * truth @ rotation(3).T) @ rotation(3) / 0.01 - refitted(character, truth)
         assert np.linalg.norm(difference, axis=1).mean() < 0.03 * far.mean()
-    assert other.summary["prior"]["components"] == subject.summary["prior"]["components"]
+    assert other.summary["prior"]["components"] == character.summary["prior"]["components"]
 
 
 def test_whole_faces_and_a_fixed_number_of_modes(folder: Path) -> None:
-    whole = subject_from_examples(folder, ExampleOptions("me", "Me", segments="whole", n_dimensions=5))
+    whole = character_from_examples(folder, ExampleOptions("me", "Me", segments="whole", n_dimensions=5))
     assert len(whole.shape_names) == 5
     assert whole.shape_names[0] == "face 1"
     fixed = ExampleOptions("me", "Me", n_dimensions=9, n_components=2, n_factors=3)
-    parted = subject_from_examples(folder, fixed)
+    parted = character_from_examples(folder, fixed)
     assert len(parted.shape_names) == 9
     assert parted.summary["prior"]["fixed_by_user"]
     assert (parted.summary["prior"]["components"], parted.summary["prior"]["factors"]) == (2, 3)
-    found = subject_from_examples(folder, ExampleOptions("me", "Me", segments=3))
+    found = character_from_examples(folder, ExampleOptions("me", "Me", segments=3))
     assert 3 <= len({name.rsplit(" ", 1)[0] for name in found.shape_names}) <= 6
-    for subject in (whole, parted, found):
-        build_face_model(subject)
+    for character in (whole, parted, found):
+        build_face_model(character)
 
 
 def test_a_few_examples_work_and_are_called_few(tmp_path: Path) -> None:
     write_examples(tmp_path, 3)
-    subject = subject_from_examples(tmp_path, OPTIONS)
-    assert any("too few" in warning for warning in subject.summary["warnings"])
-    build_face_model(subject)
+    character = character_from_examples(tmp_path, OPTIONS)
+    assert any("too few" in warning for warning in character.summary["warnings"])
+    build_face_model(character)
 
 
 def test_arrays_are_examples_too(tmp_path: Path) -> None:
     face = base()
     frames = np.concatenate([face.vertices[None], poses(12)])
     np.savez_compressed(tmp_path / "frames.npz", vertices=frames, faces=face.triangles)
-    subject = subject_from_examples(tmp_path / "frames.npz", OPTIONS)
-    assert subject.summary["examples"] == 13
+    character = character_from_examples(tmp_path / "frames.npz", OPTIONS)
+    assert character.summary["examples"] == 13
     write_frames(tmp_path / "streamed.npz", iter(frames), 13, len(face.vertices))
     mesh = PolygonMesh(face.vertices.astype(np.float64), face.polygons)
-    streamed = subject_from_sequence(
+    streamed = character_from_sequence(
         frames_of(tmp_path / "streamed.npz", mesh, "the neutral"), "streamed", OPTIONS, Progress()
     )
-    np.testing.assert_allclose(streamed.shapes, subject.shapes, atol=2e-3)
+    np.testing.assert_allclose(streamed.shapes, character.shapes, atol=2e-3)
 
 
 def test_meshes_that_tell_nothing_are_refused(tmp_path: Path) -> None:
@@ -153,10 +153,10 @@ def test_meshes_that_tell_nothing_are_refused(tmp_path: Path) -> None:
     mesh = {"vertices": np.repeat(face.vertices[None], 4, axis=0), "faces": face.triangles}
     np.savez(tmp_path / "same.npz", **mesh)
     with pytest.raises(FacePoserError, match=r"same\.npz' are all the same"):
-        subject_from_examples(tmp_path / "same.npz", OPTIONS)
+        character_from_examples(tmp_path / "same.npz", OPTIONS)
     np.savez(tmp_path / "one.npz", vertices=face.vertices, faces=face.triangles)
     with pytest.raises(FacePoserError, match="single mesh"):
-        subject_from_examples(tmp_path / "one.npz", OPTIONS)
+        character_from_examples(tmp_path / "one.npz", OPTIONS)
 
 
 def test_a_frame_of_another_topology_is_named(tmp_path: Path) -> None:
@@ -167,5 +167,5 @@ def test_a_frame_of_another_topology_is_named(tmp_path: Path) -> None:
     lines[last] = " ".join([words[0], *words[:0:-1]])
     paths[2].write_text("\n".join(lines))
     with pytest.raises(FacePoserError, match=r"frame2\.obj' has another topology.*face \d+ differs"):
-        subject_from_examples(tmp_path, OPTIONS)
+        character_from_examples(tmp_path, OPTIONS)
     assert len(open_sequence(tmp_path)) == 4

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from faceposer.errors import FacePoserError
+from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.expression_statistics import load_expression_statistics
 from faceposer.model.muscles import muscle_of_shape
-from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.training.capture import Capture
 from faceposer.training.expressions import Recipe, augment, couple, fit_statistics, learn, mirror_indices
 

@@ -1,4 +1,4 @@
-"""Markers move a scan, and the scan's frames become a subject."""
+"""Markers move a scan, and the scan's frames become a character."""
 
 import json
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.model.face_model import build_face_model
 from faceposer.training.examples import ExampleOptions
-from faceposer.training.marked import subject_from_markers
+from faceposer.training.marked import character_from_markers
 from tests.training.faces import BASE, base, poses
 
 OPTIONS = ExampleOptions("me", "Me")
@@ -33,18 +33,18 @@ def write_markers(folder: Path, frames: int = 24) -> tuple[Path, Path]:
     return motion, marker_map
 
 
-def test_a_performance_of_markers_becomes_a_subject_with_the_scans_landmarks(tmp_path: Path) -> None:
+def test_a_performance_of_markers_becomes_a_character_with_the_scans_landmarks(tmp_path: Path) -> None:
     motion, marker_map = write_markers(tmp_path)
-    subject = subject_from_markers(motion, marker_map, BASE, OPTIONS)
+    character = character_from_markers(motion, marker_map, BASE, OPTIONS)
     face = base()
-    np.testing.assert_array_equal(subject.vertices, face.vertices)
-    assert subject.feature_points == face.feature_points
-    assert subject.parts == face.parts
-    assert subject.textures.keys() == face.textures.keys()
-    assert subject.summary["kind"] == "markers"
-    assert subject.summary["markers"]["frames"] == 24
-    assert subject.summary["markers"]["frames_left_out"] == 0
-    model = build_face_model(subject)
+    np.testing.assert_array_equal(character.vertices, face.vertices)
+    assert character.feature_points == face.feature_points
+    assert character.parts == face.parts
+    assert character.textures.keys() == face.textures.keys()
+    assert character.summary["kind"] == "markers"
+    assert character.summary["markers"]["frames"] == 24
+    assert character.summary["markers"]["frames_left_out"] == 0
+    model = build_face_model(character)
     # A smile that the markers never made is still within what they taught the corners to do.
     corner = face.feature_points["8.3"]
     reach = np.linalg.norm(model.basis.reshape(model.n_coefficients, -1, 3)[:, corner], axis=0)
@@ -57,6 +57,6 @@ def test_maps_that_do_not_fit_are_named(tmp_path: Path) -> None:
     content["markers"]["Ghost"] = {"vertex": 3}
     marker_map.write_text(json.dumps(content))
     with pytest.raises(FacePoserError, match=r"map\.json' has Ghost, which is no marker"):
-        subject_from_markers(motion, marker_map, BASE, OPTIONS)
-    with pytest.raises(FacePoserError, match="no subject 'nobody'"):
-        subject_from_markers(motion, marker_map, "nobody", OPTIONS)
+        character_from_markers(motion, marker_map, BASE, OPTIONS)
+    with pytest.raises(FacePoserError, match="no character 'nobody'"):
+        character_from_markers(motion, marker_map, "nobody", OPTIONS)

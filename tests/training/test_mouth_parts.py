@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.polygon_mesh import Group, PolygonMesh
 from faceposer.interchange.glb import write_glb
+from faceposer.model.character import Part
 from faceposer.model.contact.arches import find_arches
 from faceposer.model.contact.eyeballs import find_eyeballs
 from faceposer.model.contact.measure import penetration_mm
 from faceposer.model.face_model import build_face_model
-from faceposer.model.subject import Part
 from faceposer.training.eyes import add_gaze, misplaced_eyes
 from faceposer.training.mouth_parts import find_mouth
 from faceposer.training.parts import into_parts, material_of
@@ -131,10 +131,10 @@ def test_concentric_shells_turn_about_one_centre_and_eyes_in_one_place_are_named
 @pytest.mark.skipif(not RIGS, reason="FACEPOSER_RIGS names no folder of rigs")
 @pytest.mark.parametrize(("name", "arches"), [("facecap", 1), ("facecap_multi", 2)])
 def test_contact_keeps_lips_before_teeth_that_are_in_the_skin(name: str, arches: int, tmp_path: Path) -> None:
-    subject = train(TrainingRequest("rig", Path(RIGS or "") / f"{name}.glb", name, name))
-    model = build_face_model(subject)
-    assert len(find_arches(subject)) == arches, "the soft inside of the mouth is none"
-    np.testing.assert_array_equal(model.surface(model.neutral()), subject.vertices)
+    character = train(TrainingRequest("rig", Path(RIGS or "") / f"{name}.glb", name, name))
+    model = build_face_model(character)
+    assert len(find_arches(character)) == arches, "the soft inside of the mouth is none"
+    np.testing.assert_array_equal(model.surface(model.neutral()), character.vertices)
     deepest = {False: 0.0, True: 0.0}
     for weights in (
         {"jawOpen": 0.6, "mouthRollLower": 1.5},
@@ -147,5 +147,5 @@ def test_contact_keeps_lips_before_teeth_that_are_in_the_skin(name: str, arches:
             deepest[contact] = max(before, depth)
     assert deepest[False] > 0.3
     assert deepest[True] <= 0.1
-    assert len(find_eyeballs(subject)) == (2 if name == "facecap_multi" else 0)
+    assert len(find_eyeballs(character)) == (2 if name == "facecap_multi" else 0)
     write_glb(tmp_path / "a.glb", model, model.neutral())

@@ -1,4 +1,4 @@
-"""Rigs become subjects: whatever their axes, units, spellings and seams, and back out as they came."""
+"""Rigs become characters: whatever their axes, units, spellings and seams, and back out as they came."""
 
 import os
 from dataclasses import replace
@@ -12,33 +12,33 @@ from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.obj_io import write_obj
 from faceposer.geometry.polygon_mesh import Group, MorphMesh, PolygonMesh
 from faceposer.interchange.meshes import write_posed_obj
+from faceposer.model.character_file import load_character, save_character
 from faceposer.model.face_model import build_face_model
 from faceposer.model.materials import BASE_COLOURS
-from faceposer.model.subject_file import load_subject, save_subject
 from faceposer.progress import CancelledError, Progress
 from faceposer.solve.problem import PoseProblem
 from faceposer.training.parts import material_of
-from faceposer.training.rigs import RigOptions, subject_from_morphs, subject_from_rig
+from faceposer.training.rigs import RigOptions, character_from_morphs, character_from_rig
 from tests.training.faces import base, morph_mesh, rotation
 
 OPTIONS = RigOptions("me", "Me")
 
 
 def imported(rig: MorphMesh):  # type: ignore[no-untyped-def]
-    return subject_from_morphs(rig, "me.glb", OPTIONS, Progress())
+    return character_from_morphs(rig, "me.glb", OPTIONS, Progress())
 
 
 def test_a_rig_in_the_programs_axes_stays_as_it_is() -> None:
-    subject, face = imported(morph_mesh()), base()
-    assert [part.name for part in subject.parts] == [part.name for part in face.parts]
-    assert [part.material for part in subject.parts] == [part.material for part in face.parts]
-    man = load_subject("man")
+    character, face = imported(morph_mesh()), base()
+    assert [part.name for part in character.parts] == [part.name for part in face.parts]
+    assert [part.material for part in character.parts] == [part.material for part in face.parts]
+    man = load_character("man")
     # It is laid on the man, so that its own proportions may shift it a little.
-    assert np.abs(subject.vertices - face.vertices).max() < 0.12 * np.ptp(man.vertices[:, 1])
-    assert subject.origin is not None
-    gram = subject.origin.linear @ subject.origin.linear.T
+    assert np.abs(character.vertices - face.vertices).max() < 0.12 * np.ptp(man.vertices[:, 1])
+    assert character.origin is not None
+    gram = character.origin.linear @ character.origin.linear.T
     np.testing.assert_allclose(gram, gram[0, 0] * np.eye(3), atol=1e-6)
-    assert subject.summary["missing"] == []
+    assert character.summary["missing"] == []
 
 
 def test_turned_scaled_and_shifted_rigs_give_the_same_model() -> None:
@@ -56,9 +56,9 @@ def test_turned_scaled_and_shifted_rigs_give_the_same_model() -> None:
 
 def test_a_pose_goes_back_in_the_files_axes_unit_and_order(tmp_path: Path) -> None:
     rig = morph_mesh(rotation(2), 0.013, np.array([1.0, 2.0, 3.0]))
-    subject = imported(rig)
-    save_subject(tmp_path / "me.npz", subject)
-    model = build_face_model(load_subject(tmp_path / "me.npz"))
+    character = imported(rig)
+    save_character(tmp_path / "me.npz", character)
+    model = build_face_model(load_character(tmp_path / "me.npz"))
     weights = {"jawOpen": 0.5, "eyeBlinkLeft": 1.0}
     write_posed_obj(tmp_path / "pose.obj", model, model.coefficients_of(weights), contact=False)
     mesh = read_mesh(tmp_path / "pose.obj")
@@ -82,11 +82,13 @@ def test_seams_are_closed_for_the_light_and_open_in_the_file(tmp_path: Path) -> 
     soup = np.full(rig.mesh.polygons.shape, -1, dtype=np.int32)
     soup[used] = np.arange(len(ids))
     mesh = PolygonMesh(rig.mesh.vertices[ids], soup, groups=rig.mesh.groups)
-    subject = imported(MorphMesh(mesh, {name: offsets[ids] for name, offsets in rig.targets.items()}))
+    character = imported(MorphMesh(mesh, {name: offsets[ids] for name, offsets in rig.targets.items()}))
     whole = imported(rig)
-    assert len(subject.vertices) <= len(whole.vertices)
-    assert len(subject.vertices) > 0.9 * len(whole.vertices)
-    write_posed_obj(tmp_path / "a.obj", build_face_model(subject), np.zeros(build_face_model(subject).n_coefficients))
+    assert len(character.vertices) <= len(whole.vertices)
+    assert len(character.vertices) > 0.9 * len(whole.vertices)
+    write_posed_obj(
+        tmp_path / "a.obj", build_face_model(character), np.zeros(build_face_model(character).n_coefficients)
+    )
     back = read_mesh(tmp_path / "a.obj")
     np.testing.assert_array_equal(back.polygons, soup)
     np.testing.assert_allclose(back.vertices, mesh.vertices, atol=1e-5)
@@ -109,9 +111,11 @@ def test_large_faces_and_interleaved_groups_come_back(tmp_path: Path) -> None:
     wide[:-1, : rig.mesh.polygons.shape[1]] = rig.mesh.polygons
     wide[-1] = [*triangles[0], *rig.mesh.polygons[1, :2]]
     mesh = PolygonMesh(rig.mesh.vertices, wide, groups=groups)
-    subject = imported(replace(rig, mesh=mesh))
-    assert [part.name for part in subject.parts].count("scalp") == 0, "head and scalp share vertices: one part"
-    write_posed_obj(tmp_path / "a.obj", build_face_model(subject), np.zeros(build_face_model(subject).n_coefficients))
+    character = imported(replace(rig, mesh=mesh))
+    assert [part.name for part in character.parts].count("scalp") == 0, "head and scalp share vertices: one part"
+    write_posed_obj(
+        tmp_path / "a.obj", build_face_model(character), np.zeros(build_face_model(character).n_coefficients)
+    )
     back = read_mesh(tmp_path / "a.obj")
     np.testing.assert_array_equal(back.polygons, wide)
     assert {"head", "scalp"} <= {group.name for group in back.groups}
@@ -124,11 +128,11 @@ def test_spellings_missing_empty_and_foreign_shapes_are_reported() -> None:
     targets.pop("Head.tongueOut")
     targets["Head.jawForward"] = np.zeros_like(targets["Head.jawForward"])
     targets["Head.mySpecial"] = targets["Head.jawOpen"]
-    subject = imported(replace(rig, targets=targets))
-    assert subject.summary["missing"] == ["tongueOut"]
-    assert subject.summary["empty"] == ["jawForward"]
-    assert subject.summary["not_arkit"] == ["Head.mySpecial"]
-    build_face_model(subject)
+    character = imported(replace(rig, targets=targets))
+    assert character.summary["missing"] == ["tongueOut"]
+    assert character.summary["empty"] == ["jawForward"]
+    assert character.summary["not_arkit"] == ["Head.mySpecial"]
+    build_face_model(character)
 
 
 def test_shapes_in_halves_can_be_moved_by_themselves() -> None:
@@ -139,13 +143,13 @@ def test_shapes_in_halves_can_be_moved_by_themselves() -> None:
     for name in ("browInnerUp", "cheekPuff"):
         whole = targets.pop(name)
         targets |= {f"{name}_L": (left * whole).astype("f4"), f"{name}_R": ((1.0 - left) * whole).astype("f4")}
-    subject = imported(replace(rig, targets=targets))
-    assert subject.summary["missing"] == []
-    assert len(subject.shape_names) == 54
-    model = build_face_model(subject)
-    raised = model.instance(model.coefficients_of({"browInnerUpLeft": 1.0})) - subject.vertices
+    character = imported(replace(rig, targets=targets))
+    assert character.summary["missing"] == []
+    assert len(character.shape_names) == 54
+    model = build_face_model(character)
+    raised = model.instance(model.coefficients_of({"browInnerUpLeft": 1.0})) - character.vertices
     up = raised[:, 1]
-    assert up[subject.vertices[:, 0] > 0.8].max() > 4.0 * up[subject.vertices[:, 0] < -0.8].max()
+    assert up[character.vertices[:, 0] > 0.8].max() > 4.0 * up[character.vertices[:, 0] < -0.8].max()
     energy, gradient = PoseProblem(model, []).energy_and_gradient(model.neutral())
     assert np.isfinite(energy)
     np.testing.assert_allclose(gradient, 0.0, atol=1e-9)
@@ -158,25 +162,25 @@ def test_eyes_without_shapes_follow_the_gaze_and_get_a_look() -> None:
     for offsets in targets.values():
         for part in eyes.values():
             offsets[slice(*part.vertices)] = 0.0
-    subject = imported(replace(rig, targets=targets))
-    assert sorted(subject.summary["eyes_turned"]) == sorted(eyes)
-    left = next(part for part in subject.parts if part.name == "eye_left")
+    character = imported(replace(rig, targets=targets))
+    assert sorted(character.summary["eyes_turned"]) == sorted(eyes)
+    left = next(part for part in character.parts if part.name == "eye_left")
     ball = slice(*left.vertices)
-    outward = subject.shapes[subject.shape_names.index("eyeLookOutLeft"), ball]
-    front = subject.vertices[ball, 2].argmax()
+    outward = character.shapes[character.shape_names.index("eyeLookOutLeft"), ball]
+    front = character.vertices[ball, 2].argmax()
     assert outward[front, 0] > 0.3, "the front of the left eye turns to its left"
-    assert subject.shapes[subject.shape_names.index("eyeLookUpLeft"), ball][front, 1] > 0.2
-    assert subject.textures["eye"]
+    assert character.shapes[character.shape_names.index("eyeLookUpLeft"), ball][front, 1] > 0.2
+    assert character.textures["eye"]
 
 
 def test_landmarks_lie_where_they_belong() -> None:
-    face, subject = base(), imported(morph_mesh())
-    assert subject.origin is not None
+    face, character = base(), imported(morph_mesh())
+    assert character.origin is not None
     for name in ("8.3", "8.4", "2.1", "3.1", "3.2", "4.1", "4.2"):
-        found = subject.feature_points[name]
-        file_vertex = int(np.flatnonzero(subject.origin.vertex_ids == found)[0])
+        found = character.feature_points[name]
+        file_vertex = int(np.flatnonzero(character.origin.vertex_ids == found)[0])
         assert np.linalg.norm(face.vertices[file_vertex] - face.vertices[face.feature_points[name]]) < 1.2, name
-    centre = {name: subject.vertices[ids].mean(axis=0) for name, ids in subject.regions.items()}
+    centre = {name: character.vertices[ids].mean(axis=0) for name, ids in character.regions.items()}
     assert centre["brow_left"][0] > 1.0 > -1.0 > centre["brow_right"][0]
     assert centre["brow_left"][1] > centre["mouth"][1]
 
@@ -187,8 +191,8 @@ def test_folders_of_shapes_are_rigs(tmp_path: Path) -> None:
         ours = name.replace("_L", "Left").replace("_R", "Right")
         vertices = rig.mesh.vertices + (0.0 if name == "neutral" else rig.targets[ours])
         write_obj(tmp_path / f"face_{name}.obj", vertices, rig.mesh.polygons)
-    subject = subject_from_rig(tmp_path, OPTIONS)
-    assert set(subject.shape_names) == {
+    character = character_from_rig(tmp_path, OPTIONS)
+    assert set(character.shape_names) == {
         "jawOpen",
         "mouthSmileLeft",
         "mouthSmileRight",
@@ -196,8 +200,8 @@ def test_folders_of_shapes_are_rigs(tmp_path: Path) -> None:
         "eyeBlinkLeft",
         "eyeBlinkRight",
     }
-    assert len(subject.summary["missing"]) == 46
-    build_face_model(subject)
+    assert len(character.summary["missing"]) == 46
+    build_face_model(character)
 
 
 def test_rigs_of_few_shapes_are_refused() -> None:
@@ -208,21 +212,28 @@ def test_rigs_of_few_shapes_are_refused() -> None:
 
 def test_a_training_can_be_stopped() -> None:
     with pytest.raises(CancelledError, match="nothing was written"):
-        subject_from_morphs(morph_mesh(), "me.glb", OPTIONS, Progress(cancelled=lambda: True))
+        character_from_morphs(morph_mesh(), "me.glb", OPTIONS, Progress(cancelled=lambda: True))
 
 
 @pytest.mark.skipif("FACEPOSER_RIGS" not in os.environ, reason="FACEPOSER_RIGS does not name the folder of rigs")
 def test_a_rig_of_another_program() -> None:
     path = Path(os.environ["FACEPOSER_RIGS"]) / "facecap_multi.glb"
-    subject = subject_from_rig(path, OPTIONS)
-    assert [part.name for part in subject.parts] == ["eyeLeft", "eyeRight", "teeth", "head", "head_teeth", "head_mouth"]
-    assert [part.material for part in subject.parts] == ["eye", "eye", "teeth", "skin", "teeth", "gums"]
+    character = character_from_rig(path, OPTIONS)
+    assert [part.name for part in character.parts] == [
+        "eyeLeft",
+        "eyeRight",
+        "teeth",
+        "head",
+        "head_teeth",
+        "head_mouth",
+    ]
+    assert [part.material for part in character.parts] == ["eye", "eye", "teeth", "skin", "teeth", "gums"]
     # Its exporter has lost the places of the eyes.
-    assert "eyeLeft and eyeRight lie in the same place" in subject.summary["warnings"][0]
-    assert subject.summary["empty"] == ["tongueOut"]
-    corners = subject.vertices[[subject.feature_points["8.3"], subject.feature_points["8.4"]]]
+    assert "eyeLeft and eyeRight lie in the same place" in character.summary["warnings"][0]
+    assert character.summary["empty"] == ["tongueOut"]
+    corners = character.vertices[[character.feature_points["8.3"], character.feature_points["8.4"]]]
     np.testing.assert_allclose(corners[0], corners[1] * [-1, 1, 1], atol=0.3)
-    assert max(build_face_model(subject).unreached().values()) < 0.15
+    assert max(build_face_model(character).unreached().values()) < 0.15
 
 
 def test_left_and_right_exchanged_is_noticed() -> None:
@@ -233,10 +244,10 @@ def test_left_and_right_exchanged_is_noticed() -> None:
     flipped = np.where(faces[:, 3:] >= 0, faces[:, ::-1], faces[:, [2, 1, 0, 3]])
     mesh = PolygonMesh(rig.mesh.vertices * mirror, flipped, groups=rig.mesh.groups)
     targets = {name: (offsets * mirror).astype(np.float32) for name, offsets in rig.targets.items()}
-    subject = imported(MorphMesh(mesh, targets))
-    assert "mirrored" in subject.summary["warnings"][0]
+    character = imported(MorphMesh(mesh, targets))
+    assert "mirrored" in character.summary["warnings"][0]
     # The face still looks forward, with the mouth below the brows, and the left corner is on the left.
-    corner, chin = (subject.vertices[subject.feature_points[name]] for name in ("8.3", "2.1"))
+    corner, chin = (character.vertices[character.feature_points[name]] for name in ("8.3", "2.1"))
     assert corner[0] > 1.0
     assert chin[1] < corner[1]
     assert corner[2] > 4.0

@@ -7,16 +7,16 @@ from typing import Any
 import pytest
 
 from faceposer.errors import FacePoserError
-from faceposer.model.subject_file import available_subjects, load_subject
+from faceposer.model.character_file import available_characters, load_character
 from faceposer.transfer.pairs import DEFAULT_PAIRS, PAPER_PAIRS, Pair, pairs_from_json, pairs_to_json, read_pairs
 
 
 def test_every_shipped_face_has_all_points_and_each_pair_has_a_name_of_its_own() -> None:
     assert len({pair.name for pair in DEFAULT_PAIRS}) == len(DEFAULT_PAIRS)
     assert set(PAPER_PAIRS) < set(DEFAULT_PAIRS)
-    for name, _ in available_subjects():
-        subject = load_subject(name)
-        assert all(pair.measurable(subject) for pair in DEFAULT_PAIRS)
+    for name, _ in available_characters():
+        character = load_character(name)
+        assert all(pair.measurable(character) for pair in DEFAULT_PAIRS)
 
 
 def test_a_list_comes_back_from_its_file(tmp_path: Path) -> None:

@@ -27,9 +27,9 @@ EXPRESSIONS = (SMILE, SURPRISE, WINK)
 
 def error(model: FaceModel, pose: np.ndarray, truth: np.ndarray) -> float:
     """How far the skin of ``pose`` is from that of ``truth``, relative to the neutral face."""
-    skin = slice(*model.subject.part("skin").vertices)
+    skin = slice(*model.character.part("skin").vertices)
     off = np.linalg.norm(model.instance(pose)[skin] - model.instance(truth)[skin], axis=1).sum()
-    return off / np.linalg.norm(model.instance(truth)[skin] - model.subject.vertices[skin], axis=1).sum()
+    return off / np.linalg.norm(model.instance(truth)[skin] - model.character.vertices[skin], axis=1).sum()
 
 
 def distance(model: FaceModel, pose: np.ndarray, first: str, second: str) -> float:
@@ -76,7 +76,7 @@ def test_scaling_takes_neutral_to_neutral_and_the_papers_takes_ends_to_ends(
 
 def test_a_relaxed_face_stays_relaxed(model: FaceModel, low: FaceModel, creature: FaceModel) -> None:
     for target in (low, creature):
-        moved = target.instance(DistanceTransfer(model, target).pose(model.neutral())) - target.subject.vertices
+        moved = target.instance(DistanceTransfer(model, target).pose(model.neutral())) - target.character.vertices
         assert np.abs(moved).max() < 0.01
 
 
@@ -93,7 +93,7 @@ def test_expressions_arrive_where_the_rig_would_put_them(model: FaceModel, low: 
 def test_a_mouth_is_opened_by_the_jaw_and_not_by_lips_that_pass_each_other(model: FaceModel, low: FaceModel) -> None:
     transfer = DistanceTransfer(model, low, PAPER_PAIRS)
     pose = transfer.pose(model.coefficients_of({"jawOpen": 0.6, "mouthLowerDownLeft": 0.3, "mouthLowerDownRight": 0.3}))
-    weights = dict(zip(low.subject.shape_names, low.weights_of(pose).tolist(), strict=True))
+    weights = dict(zip(low.character.shape_names, low.weights_of(pose).tolist(), strict=True))
     assert weights["jawOpen"] > 0.3
     assert weights["mouthClose"] < 0.25
     ranges = measure_ranges(low, (*PAPER_PAIRS, Pair("", "8.3", "3.7")))
@@ -134,7 +134,7 @@ def test_gaze_goes_by_weights_where_both_rigs_have_them_and_by_distances_elsewhe
     by_name = DistanceTransfer(model, low)
     assert not any(pair.of_gaze for pair in by_name.pairs)
     result = by_name.pose(pose)
-    weights = dict(zip(low.subject.shape_names, low.weights_of(result).tolist(), strict=True))
+    weights = dict(zip(low.character.shape_names, low.weights_of(result).tolist(), strict=True))
     assert weights["eyeLookOutLeft"] == pytest.approx(0.7, abs=0.05)
     assert weights["eyeLookInRight"] == pytest.approx(0.5, abs=0.05)
     assert gaze_direction(low, result) == pytest.approx(gaze_direction(model, pose), abs=1.5)
@@ -154,10 +154,10 @@ def test_weights_are_the_same_by_name_and_stay_within_limits(model: FaceModel, l
 
 
 def test_halves_of_a_shape_become_the_whole_and_the_other_way(model: FaceModel) -> None:
-    whole = with_wholes(model.subject)
+    whole = with_wholes(model.character)
     halved = replace(
-        model.subject,
-        shape_names=tuple(name.replace("browInnerUpRight", "browInnerUp_R") for name in model.subject.shape_names),
+        model.character,
+        shape_names=tuple(name.replace("browInnerUpRight", "browInnerUp_R") for name in model.character.shape_names),
     )
     row = whole.shape_names.index("browInnerUp")
     halves = [halved.shape_names.index(name) for name in ("browInnerUpLeft", "browInnerUp_R")]
@@ -170,7 +170,7 @@ def test_halves_of_a_shape_become_the_whole_and_the_other_way(model: FaceModel) 
 
 
 def test_a_pose_goes_from_halves_to_a_whole_and_back(model: FaceModel) -> None:
-    whole = build_face_model(with_wholes(model.subject))
+    whole = build_face_model(with_wholes(model.character))
     back = WeightTransfer(model, whole).pose(model.coefficients_of({"browInnerUpLeft": 1.0, "jawOpen": 0.4}))
     assert error(whole, back, whole.coefficients_of({"browInnerUp": 0.5, "jawOpen": 0.4})) < 0.05
     there = WeightTransfer(whole, model).pose(whole.coefficients_of({"browInnerUp": 0.7}))
@@ -182,7 +182,7 @@ def test_what_cannot_be_carried_over_is_said_in_a_sentence(model: FaceModel, cre
         make_transfer(model, creature, "weights")
     with pytest.raises(FacePoserError, match=r"None of the pairs can be measured on both 'man' and 'creature'"):
         make_transfer(model, creature, "distances", [Pair("", "8.3", "99.1")])
-    bare = replace(model, subject=replace(model.subject, feature_points={}, feature_titles={}))
+    bare = replace(model, character=replace(model.character, feature_points={}, feature_titles={}))
     with pytest.raises(FacePoserError, match="'man' has no feature points"):
         make_transfer(model, bare)
 

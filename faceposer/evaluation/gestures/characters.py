@@ -14,7 +14,7 @@ RIGS = ("facecap", "facecap_multi")
 CHARACTERS = (*SHIPPED, *RIGS)
 
 
-def load_character(name: str) -> FaceModel:
+def load_study_character(name: str) -> FaceModel:
     """Return the face called ``name``; a rig is imported as *File > Import character* does.
 
     Raises:

@@ -11,8 +11,8 @@ from faceposer.evaluation.gestures.gesture import HEAD_HEIGHT, Gesture, Paint, P
 from faceposer.geometry.camera import Camera, OrbitView, ViewName
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.picture_view import View
+from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
-from faceposer.model.subject import Subject
 from faceposer.session.document import Document
 from faceposer.session.session import Session
 from faceposer.solve.constraints.point import PointConstraint
@@ -49,9 +49,9 @@ class PriorSettings:
         """Return the same settings under another ``prior``."""
         return replace(self, prior=prior)
 
-    def document(self, subject: Subject) -> Document:
-        """Return the document of the untouched face of ``subject`` with these settings."""
-        return Document(subject.name, prior=self.prior, prior_weight=self.weight, spread=self.spread)
+    def document(self, character: Character) -> Document:
+        """Return the document of the untouched face of ``character`` with these settings."""
+        return Document(character.name, prior=self.prior, prior_weight=self.weight, spread=self.spread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,7 @@ class Hand:
 
     def __init__(self, model: FaceModel, settings: PriorSettings | None = None) -> None:
         """Begin at the neutral face of ``model``."""
-        self.session = Session(model, (settings or PriorSettings()).document(model.subject))
+        self.session = Session(model, (settings or PriorSettings()).document(model.character))
         self.size = SIZE
         self.view: View = self._looking("front")
         self._toolbox = Toolbox(self)
@@ -175,12 +175,12 @@ class Hand:
 
     def _pull(self, pull: Pull) -> list[Drawn]:
         model, camera, pose = self.session.model, self.camera, self.session.coefficients
-        vertex = place_vertex(model.subject, pull.place)
+        vertex = place_vertex(model.character, pull.place)
         points = SurfacePoints.at_vertices([vertex])
         if pull.onto is None:
             aim = model.positions_at(points, model.neutral())
         else:
-            aim = model.positions_at(SurfacePoints.at_vertices([place_vertex(model.subject, pull.onto)]), pose)
+            aim = model.positions_at(SurfacePoints.at_vertices([place_vertex(model.character, pull.onto)]), pose)
         right, down, _ = camera.rotation
         goal = aim + self._millimetre * (pull.right * right - pull.up * down)
         begin, end = camera.project(np.concatenate([model.positions_at(points, pose), goal]))
@@ -202,12 +202,12 @@ class Hand:
             drawn.append(Drawn(constraint.camera, source, target, pulled, None if drawn else vertex))
         if len(drawn) != 1 + pull.both:
             side = " and its mirror image" if pull.both else ""
-            raise FacePoserError(f"'{model.subject.title}' could not be taken hold of at '{pull.place}'{side}.")
+            raise FacePoserError(f"'{model.character.title}' could not be taken hold of at '{pull.place}'{side}.")
         return drawn
 
     def _paint(self, paint: Paint) -> list[Drawn]:
         model, camera, pose = self.session.model, self.camera, self.session.coefficients
-        ids = [place_vertex(model.subject, place) for place in paint.along]
+        ids = [place_vertex(model.character, place) for place in paint.along]
         positions = model.positions_at(SurfacePoints.at_vertices(ids), pose)
         source = camera.project(positions)
         target = camera.project(positions - self._millimetre * paint.up * camera.rotation[1])
@@ -218,12 +218,12 @@ class Hand:
         self._drag(target)
         made = self.session.document.constraints[before:]
         if len(made) != 1:
-            raise FacePoserError(f"'{model.subject.title}' could not be painted on along {', '.join(paint.along)}.")
+            raise FacePoserError(f"'{model.character.title}' could not be painted on along {', '.join(paint.along)}.")
         return [Drawn(camera, source, target, made[0].residual_px(model, pose))]
 
     @property
     def _millimetre(self) -> float:
-        return 0.1 * self.session.model.subject.height / HEAD_HEIGHT
+        return 0.1 * self.session.model.character.height / HEAD_HEIGHT
 
     def _drag(self, way: Array) -> None:
         """Press at the first pixel of ``way``, shape (n, 2), move along the others, and release at the last."""
@@ -239,28 +239,28 @@ class Hand:
             self._solve_ms.append(1e3 * self.session.solution.seconds)
 
     def _looking(self, view: ViewName) -> OrbitView:
-        vertices = self.session.model.subject.vertices
+        vertices = self.session.model.character.vertices
         return OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0), view)
 
 
-def place_vertex(subject: Subject, place: str) -> int:
+def place_vertex(character: Character, place: str) -> int:
     """Return the vertex of a feature point, or the one at the front of a region, in its middle.
 
     Raises:
-        FacePoserError: If the subject has neither.
+        FacePoserError: If the character has neither.
     """
-    if place in subject.feature_points:
-        return subject.feature_points[place]
-    if place not in subject.regions:
-        raise FacePoserError(f"'{subject.title}' has neither a feature point nor a region '{place}'.")
-    ids = subject.regions[place]
-    positions = subject.vertices[ids].astype(np.float64)
+    if place in character.feature_points:
+        return character.feature_points[place]
+    if place not in character.regions:
+        raise FacePoserError(f"'{character.title}' has neither a feature point nor a region '{place}'.")
+    ids = character.regions[place]
+    positions = character.vertices[ids].astype(np.float64)
     middle = 0.5 * (positions.min(axis=0) + positions.max(axis=0))
     middle[2] = positions[:, 2].max()
     return int(ids[np.argmin(np.linalg.norm((positions - middle) * [1.0, 1.0, 0.5], axis=1))])
 
 
-def has_places(subject: Subject, gesture: Gesture) -> bool:
-    """Whether ``subject`` has all that ``gesture`` takes hold of."""
+def has_places(character: Character, gesture: Gesture) -> bool:
+    """Whether ``character`` has all that ``gesture`` takes hold of."""
     places = {place for action in gesture.actions for place in action.places}
-    return all(place in subject.feature_points or place in subject.regions for place in places)
+    return all(place in character.feature_points or place in character.regions for place in places)

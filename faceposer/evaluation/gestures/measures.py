@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from faceposer.evaluation.gestures.gesture import HEAD_HEIGHT
 from faceposer.evaluation.gestures.hand import Performed
 from faceposer.evaluation.trials import FACE_REGIONS, region_vertices
-from faceposer.model.subject import ARKIT_SHAPES, Subject
+from faceposer.model.character import ARKIT_SHAPES, Character
 from faceposer.solve.weight_fit import fit_weights
 
 Array = NDArray[np.float64]
@@ -56,24 +56,24 @@ class FaceChange:
     performed: Performed
 
     @property
-    def subject(self) -> Subject:
+    def character(self) -> Character:
         """The character."""
-        return self.performed.model.subject
+        return self.performed.model.character
 
     @cached_property
     def motion(self) -> Array:
         """The vertices' motion in millimetres, shape (N, 3)."""
-        moved = self.performed.vertices - self.subject.vertices
+        moved = self.performed.vertices - self.character.vertices
         return moved.astype(np.float64) * self._millimetres
 
     @property
     def _millimetres(self) -> float:
-        return 10.0 * HEAD_HEIGHT / self.subject.height
+        return 10.0 * HEAD_HEIGHT / self.character.height
 
     @cached_property
     def weights(self) -> Mapping[str, float]:
         """The weights of ARKit's shapes as the panel shows them and files have them; empty without such shapes."""
-        if not set(self.subject.shape_names) & set(ARKIT_SHAPES):
+        if not set(self.character.shape_names) & set(ARKIT_SHAPES):
             return {}
         return fit_weights(self.performed.model, self.performed.pose)
 
@@ -87,7 +87,7 @@ class FaceChange:
             return self.weights[name]
         place, _, direction = name.rpartition("_")
         if direction == "mean":
-            ids = region_vertices(self.subject).get(place)
+            ids = region_vertices(self.character).get(place)
             return None if ids is None else float(np.linalg.norm(self.motion[ids], axis=1).mean())
         if name.startswith("lids_"):
             return self._lids(*name.split("_")[1:])
@@ -120,7 +120,7 @@ class FaceChange:
         return float(sign * moved[axis])
 
     def _feature(self, key: str) -> Array | None:
-        vertex = self.subject.feature_points.get(key)
+        vertex = self.character.feature_points.get(key)
         return None if vertex is None else self.motion[vertex]
 
     def _gap(self, upper: str, lower: str) -> float | None:
@@ -133,7 +133,7 @@ class FaceChange:
         widened = self._gap(upper, lower)
         if widened is None:
             return None
-        points, y = self.subject.feature_points, self.subject.vertices[:, 1]
+        points, y = self.character.feature_points, self.character.vertices[:, 1]
         gap = float(y[points[upper]] - y[points[lower]]) * self._millimetres
         return (widened if direction == "open" else -widened) / max(gap, 1e-6)
 
@@ -141,13 +141,13 @@ class FaceChange:
 
     def spill_mm(self, concerned: tuple[str, ...]) -> float:
         """Return the greatest motion of skin outside the regions ``concerned`` and beyond their margin."""
-        outside = skin_outside(self.subject, concerned)
+        outside = skin_outside(self.character, concerned)
         return float(np.linalg.norm(self.motion[outside], axis=1).max(initial=0.0))
 
     def other_side(self) -> float | None:
         """Return the motion of the mirror images of the pulled places as a share of their own; None for the middle."""
         own = other = 0.0
-        points = self.subject.feature_points
+        points = self.character.feature_points
         pulled = {drawn.vertex for drawn in self.performed.drawn}
         for pair in PAIRS.values():
             if not set(pair) <= points.keys():
@@ -162,9 +162,9 @@ class FaceChange:
     def gaze_deg(self) -> float | None:
         """Return by how many degrees the axes of the eyes turn against each other; None without two eyes that move."""
         axes: list[Array] = []
-        vertices = self.subject.vertices.astype(np.float64)
+        vertices = self.character.vertices.astype(np.float64)
         for side in ("eye_left", "eye_right"):
-            ids = self.subject.regions.get(side)
+            ids = self.character.regions.get(side)
             if ids is None or not len(ids):
                 return None
             axes.append(_turned(vertices[ids], vertices[ids] + self.motion[ids] / self._millimetres)[:, 2])
@@ -197,34 +197,34 @@ def known_unit(unit: str) -> bool:
     return (one_sided or place in MIDDLES) and direction in (*_DIRECTIONS, *across, "moved")
 
 
-def region_ids(subject: Subject, name: str) -> NDArray[np.int64]:
-    """Return the vertices of a region, or of both of its sides; none where the subject has no such region."""
-    found = [subject.regions[key] for key in (name, f"{name}_left", f"{name}_right") if key in subject.regions]
+def region_ids(character: Character, name: str) -> NDArray[np.int64]:
+    """Return the vertices of a region, or of both of its sides; none where the character has no such region."""
+    found = [character.regions[key] for key in (name, f"{name}_left", f"{name}_right") if key in character.regions]
     return np.unique(np.concatenate(found)).astype(np.int64) if found else np.zeros(0, dtype=np.int64)
 
 
 @lru_cache(maxsize=256)
-def skin_outside(subject: Subject, concerned: tuple[str, ...]) -> NDArray[np.int64]:
+def skin_outside(character: Character, concerned: tuple[str, ...]) -> NDArray[np.int64]:
     """Return the skin's vertices that belong to no region ``concerned`` and lie farther than the margin from them.
 
     Skin between the regions belongs to the nearest.
     """
     from scipy.spatial import cKDTree
 
-    skin = np.concatenate([np.arange(*part.vertices) for part in subject.parts if part.material == "skin"])
-    inside = np.unique(np.concatenate([region_ids(subject, name) for name in concerned]))
+    skin = np.concatenate([np.arange(*part.vertices) for part in character.parts if part.material == "skin"])
+    inside = np.unique(np.concatenate([region_ids(character, name) for name in concerned]))
     if not len(inside):
         return skin
-    others = np.setdiff1d(np.unique(np.concatenate(list(subject.regions.values()))), inside)
+    others = np.setdiff1d(np.unique(np.concatenate(list(character.regions.values()))), inside)
     others = np.intersect1d(others, skin)
-    vertices = subject.vertices.astype(np.float64)
+    vertices = character.vertices.astype(np.float64)
     near, _ = cKDTree(vertices[inside]).query(vertices[skin])
     if len(others):
         far, _ = cKDTree(vertices[others]).query(vertices[skin])
         belongs = near <= far
     else:
         belongs = np.ones(len(skin), dtype=bool)
-    margin = 0.1 * _MARGIN_MM * subject.height / HEAD_HEIGHT
+    margin = 0.1 * _MARGIN_MM * character.height / HEAD_HEIGHT
     return skin[~belongs & (near > margin)]
 
 

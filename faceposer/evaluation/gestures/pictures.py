@@ -13,7 +13,7 @@ from faceposer.evaluation.gestures.gesture import Gesture, Pull
 from faceposer.evaluation.gestures.hand import Drawn, Performed, place_vertex
 from faceposer.geometry.camera import VIEW_ANGLES, Camera, OrbitView, ViewName
 from faceposer.geometry.mesh import VertexNormals
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 from faceposer.render.framebuffers import ColourTarget
 from faceposer.render.offscreen import offscreen_context
 from faceposer.render.renderer import Renderer
@@ -40,18 +40,18 @@ _QUALITY = 82
 class Studio:
     """Draws one character, again and again."""
 
-    def __init__(self, subject: Subject, renderer: Renderer, target: ColourTarget, size: int) -> None:
-        """Draw ``subject`` in squares of ``size`` pixels."""
-        self.subject = subject
+    def __init__(self, character: Character, renderer: Renderer, target: ColourTarget, size: int) -> None:
+        """Draw ``character`` in squares of ``size`` pixels."""
+        self.character = character
         self.size = size
         self._renderer, self._target = renderer, target
-        self._normals = VertexNormals(subject.triangles, len(subject.vertices))
+        self._normals = VertexNormals(character.triangles, len(character.vertices))
 
     def camera(self, view: ViewName, places: Sequence[str] = ()) -> Camera:
         """Return the camera that frames the face, with ``places``, from ``view``."""
-        points = self.subject.feature_points
-        ids = [points[key] for key in _FRAME if key in points] + [place_vertex(self.subject, p) for p in places]
-        shown = self.subject.vertices[ids] if ids else self.subject.vertices
+        points = self.character.feature_points
+        ids = [points[key] for key in _FRAME if key in points] + [place_vertex(self.character, p) for p in places]
+        shown = self.character.vertices[ids] if ids else self.character.vertices
         low, high = shown.min(axis=0).astype(np.float64), shown.max(axis=0).astype(np.float64)
         height = high[1] - low[1]
         low[1] -= _BELOW * height
@@ -73,7 +73,7 @@ class Studio:
 
     def before(self, gesture: Gesture) -> Image.Image:
         """Return the neutral face as seen when ``gesture`` begins."""
-        return self.draw(self.subject.vertices, self.camera(gesture.view, _pulled_places(gesture)))
+        return self.draw(self.character.vertices, self.camera(gesture.view, _pulled_places(gesture)))
 
     def after(self, performed: Performed, arrows: bool = True) -> Image.Image:
         """Return the face that a gesture left, with ``arrows`` for what was pulled and painted."""
@@ -100,25 +100,25 @@ class Studio:
     def _depth(self, drawn: Drawn) -> float:
         """Return the depth of the face's front before the camera under which something was drawn."""
         if drawn.vertex is not None:
-            return float(drawn.camera.to_camera(self.subject.vertices[[drawn.vertex]])[0, 2])
-        pixels = drawn.camera.project(self.subject.vertices)
+            return float(drawn.camera.to_camera(self.character.vertices[[drawn.vertex]])[0, 2])
+        pixels = drawn.camera.project(self.character.vertices)
         near = int(np.argmin(np.linalg.norm(pixels - drawn.source.mean(axis=0), axis=1)))
-        return float(drawn.camera.to_camera(self.subject.vertices[[near]])[0, 2])
+        return float(drawn.camera.to_camera(self.character.vertices[[near]])[0, 2])
 
 
 @contextmanager
-def studio(subject: Subject, size: int = 480) -> Iterator[Studio]:
-    """Give a studio for ``subject`` that makes squares of ``size`` pixels.
+def studio(character: Character, size: int = 480) -> Iterator[Studio]:
+    """Give a studio for ``character`` that makes squares of ``size`` pixels.
 
     Raises:
         FacePoserError: If the system has no OpenGL through EGL.
     """
     with offscreen_context() as ctx:
         renderer = Renderer(ctx)
-        renderer.set_subject(subject)
+        renderer.set_character(character)
         target = ColourTarget(ctx, (_FINER * size, _FINER * size), 0)
         try:
-            yield Studio(subject, renderer, target, size)
+            yield Studio(character, renderer, target, size)
         finally:
             target.release()
             renderer.release()

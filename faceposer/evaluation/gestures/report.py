@@ -8,7 +8,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from faceposer.evaluation.gestures.characters import load_character
+from faceposer.evaluation.gestures.characters import load_study_character
 from faceposer.evaluation.gestures.expressions import EXPRESSIONS
 from faceposer.evaluation.gestures.gesture import Gesture
 from faceposer.evaluation.gestures.hand import Performed, PriorSettings
@@ -47,11 +47,11 @@ def run(
     rows: list[Row] = []
     expressions: list[Cell] = []
     for character in characters:
-        model = load_character(character)
+        model = load_study_character(character)
         made = list(study(character, model, gestures, settings))
         rows += [row for _, row in made]
         if folders:
-            with studio(model.subject) as room:
+            with studio(model.character) as room:
                 expressions += _blind(room, [performed for performed, _ in made])
                 page = _character_sheet(room, made, None if pictures is None else pictures / character)
                 for folder in folders:

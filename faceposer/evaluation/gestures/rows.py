@@ -8,9 +8,9 @@ import numpy as np
 from faceposer.evaluation.gestures.gesture import Gesture
 from faceposer.evaluation.gestures.hand import Hand, Performed, PriorSettings, has_places
 from faceposer.evaluation.gestures.measures import FaceChange
+from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.contact.measure import penetration_mm
 from faceposer.model.face_model import FaceModel
-from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.solve.priors import PRIORS
 
 Row = dict[str, Any]
@@ -94,7 +94,7 @@ def study(
     Each is made under the other priors too, for the gaze.
     """
     for gesture in gestures:
-        if not has_places(model.subject, gesture):
+        if not has_places(model.character, gesture):
             continue
         performed = perform(model, gesture, settings)
         gaze: dict[str, float | None] = {}

@@ -59,15 +59,15 @@ class Arap(Method):
         except ImportError as error:
             raise missing_package(self.name, "libigl") from error
         self._igl: Any = igl
-        self._subject = subject = setting.subject
-        self._skin = skin_vertices(subject)
-        self._vertices = np.ascontiguousarray(subject.vertices[self._skin], dtype=np.float64)
+        self._character = character = setting.character
+        self._skin = skin_vertices(character)
+        self._vertices = np.ascontiguousarray(character.vertices[self._skin], dtype=np.float64)
         # The number of each vertex among those of the skin, -1 of the others.
-        self._among_skin = np.full(len(subject.vertices), -1, dtype=np.int64)
+        self._among_skin = np.full(len(character.vertices), -1, dtype=np.int64)
         self._among_skin[self._skin] = np.arange(len(self._skin))
-        triangles = self._among_skin[subject.triangles]
+        triangles = self._among_skin[character.triangles]
         self._triangles = np.ascontiguousarray(triangles[(triangles >= 0).all(axis=1)])
-        motion = np.linalg.norm(subject.shapes[:, self._skin].astype(np.float64), axis=2).max(axis=0)
+        motion = np.linalg.norm(character.shapes[:, self._skin].astype(np.float64), axis=2).max(axis=0)
         still = motion <= parameters["still"] * motion.max()
         self._still = np.flatnonzero(still | self._adrift(still))
         self._iterations = int(parameters["iterations"])
@@ -75,10 +75,10 @@ class Arap(Method):
         self._followers: list[tuple[slice, NDArray[np.intp]]] = []
         if parameters["follow"]:
             nearest = cKDTree(self._vertices)
-            for part in subject.parts:
+            for part in character.parts:
                 if part.material not in ("skin", "eye"):
                     run = slice(*part.vertices)
-                    ids = np.unique(nearest.query(subject.vertices[run])[1]).astype(np.intp)
+                    ids = np.unique(nearest.query(character.vertices[run])[1]).astype(np.intp)
                     if len(ids) >= 3:
                         self._followers.append((run, ids))
 
@@ -125,12 +125,12 @@ class Arap(Method):
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
         """Return the deformed skin's vertices, shape (n, 3), from the neutral face."""
-        ids, targets = self.held(Handles.of(self._subject, constraints))
+        ids, targets = self.held(Handles.of(self._character, constraints))
         return self.deformed(self.factorised(ids), targets)
 
     def vertices(self, found: Array) -> ArrayLike:
         """Return the vertices, shape (N, 3), of the face with the skin ``found``, shape (n, 3)."""
-        vertices = self._subject.vertices.astype(np.float64)
+        vertices = self._character.vertices.astype(np.float64)
         vertices[self._skin] = found
         for run, ids in self._followers:
             vertices[run] = rigid_alignment(self._vertices[ids], found[ids]).apply(vertices[run])

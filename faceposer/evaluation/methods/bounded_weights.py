@@ -31,12 +31,12 @@ class BoundedWeights(ModelMethod):
     def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
         """Take the rig of the ``setting``'s face."""
         self.model = setting.full
-        subject = self.model.subject
+        character = self.model.character
         projection = self.model.subspace.projection
         # A shape that moves nothing has nothing to fit.
         self._moving = np.flatnonzero(np.diag(self.model.gram) > 0)
         self._to_coefficients = projection[:, self._moving]
-        self._limits = subject.shape_limits[self._moving].T.astype(np.float64)
+        self._limits = character.shape_limits[self._moving].T.astype(np.float64)
         self._ridge = np.sqrt(parameters["ridge"]) * np.eye(len(self._moving))
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:

@@ -52,7 +52,7 @@ class EosPca(ModelMethod):
         except ImportError as error:
             raise missing_package(self.name, "eos-py") from error
         self.model = gaussian_model(setting, parameters["augmented"], 1.0)
-        subject = setting.subject
+        character = setting.character
         self._mean = self.model.mixture.means[0] if parameters["base"] == "mean" else self.model.neutral()
         self._deviations = np.sqrt(self.model.subspace.variances)
         self._n = min(parameters["coefficients"], self.model.n_coefficients)
@@ -62,26 +62,26 @@ class EosPca(ModelMethod):
             self.model.instance(self._mean).ravel(),
             np.asfortranarray(self.model.basis.T),
             self.model.subspace.variances.astype(np.float32),
-            subject.triangles.tolist(),
+            character.triangles.tolist(),
         )
-        self._subject = subject
-        self._moving = np.flatnonzero(np.abs(subject.shapes).max(axis=(0, 2)) > 0)
+        self._character = character
+        self._moving = np.flatnonzero(np.abs(character.shapes).max(axis=(0, 2)) > 0)
         self._affine = (setting.camera, self._nearest_affine(setting.camera))
 
     def _nearest_affine(self, camera: Camera) -> Array:
         """Return the matrix, (3, 4), that takes homogeneous points to about the pixels, v down, of ``camera``."""
-        points = self._subject.vertices[self._moving].astype(np.float64)
+        points = self._character.vertices[self._moving].astype(np.float64)
         homogeneous = np.column_stack([points, np.ones(len(points))])
         rows = np.linalg.lstsq(homogeneous, camera.project(points), rcond=None)[0].T
         return np.concatenate([rows, [[0.0, 0.0, 0.0, 1.0]]])
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
         """Return the coefficients, shape (r,), that eos fits."""
-        handles = Handles.of(self._subject, constraints)
+        handles = Handles.of(self._character, constraints)
         if self._affine[0] != handles.camera:
             self._affine = (handles.camera, self._nearest_affine(handles.camera))
         affine = self._affine[1]
-        at_rest = self._subject.vertices[handles.vertices] @ affine[:2, :3].T + affine[:2, 3]
+        at_rest = self._character.vertices[handles.vertices] @ affine[:2, :3].T + affine[:2, 3]
         landmarks = at_rest + handles.targets - handles.camera.project(handles.places)
         fitted = self._fit(
             self._pca,

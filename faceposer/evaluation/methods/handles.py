@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoints
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import Constraint
 
@@ -33,8 +33,8 @@ class Handles:
     camera: Camera
 
     @classmethod
-    def of(cls, subject: Subject, constraints: Sequence[Constraint]) -> "Handles":
-        """Return the handles that ``constraints`` make of the ``subject``; those that are off are left out.
+    def of(cls, character: Character, constraints: Sequence[Constraint]) -> "Handles":
+        """Return the handles that ``constraints`` make of the ``character``; those that are off are left out.
 
         Raises:
             TypeError: If a constraint is no point.
@@ -47,11 +47,11 @@ class Handles:
         if len({point.camera for point in points}) != 1:
             raise ValueError("handles are points of one view, at least one of them enabled")
         surface = SurfacePoints.of([point.anchor for point in points])
-        corners = surface.corners(subject.triangles)
+        corners = surface.corners(character.triangles)
         nearest = corners[np.arange(len(corners)), surface.barycentric.argmax(axis=1)]
         return cls(
             nearest.astype(np.intp),
-            surface.positions(subject.vertices, subject.triangles),
+            surface.positions(character.vertices, character.triangles),
             np.array([point.target for point in points]),
             points[0].camera,
         )

@@ -15,7 +15,7 @@ def model_with_energy(setting: StudyContext, statistics: ExpressionStatistics, e
         statistics: Moments and density of the weights of ``ARKIT_SHAPES``.
         energy: Share of the variance that the components have at least, up to 1 for all of them.
     """
-    full = build_face_model(setting.subject, statistics, len(setting.subject.shape_names), "plain")
+    full = build_face_model(setting.character, statistics, len(setting.character.shape_names), "plain")
     shares = np.cumsum(full.subspace.variances) / full.subspace.variances.sum()
     n = min(int(np.searchsorted(shares, energy)) + 1, full.n_coefficients)
-    return full if n == full.n_coefficients else build_face_model(setting.subject, statistics, n, "plain")
+    return full if n == full.n_coefficients else build_face_model(setting.character, statistics, n, "plain")

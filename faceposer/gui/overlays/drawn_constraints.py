@@ -30,7 +30,7 @@ class DrawnConstraints:
         """Show ``session``; ``busy`` says whether its document is being changed."""
         self._session, self._scene, self._viewport, self._toolbox = session, scene, viewport, toolbox
         self._busy = busy
-        self.names = PointNames(session.model.subject)
+        self.names = PointNames(session.model.character)
         self.hidden = HiddenMarks()
         self._pins: tuple[object, list[PinMark]] = (None, [])
         self._marks: tuple[object, dict[int | None, Mark]] = (None, {})

@@ -9,7 +9,7 @@ from faceposer.gui.widgets.basic import tooltip
 from faceposer.gui.widgets.dialogs import Choice, Question, TextQuestion
 from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import FAINT, Icon, em
-from faceposer.session.character_library import Character
+from faceposer.session.character_library import LibraryEntry
 
 _HEADINGS = {"library": "Imported", "elsewhere": "Opened from files"}
 _BUTTON = 1.6
@@ -18,64 +18,64 @@ _NONE = ImVec4(0.0, 0.0, 0.0, 0.0)
 
 def draw_characters(context: EditorContext) -> None:
     """Draw the drop-down list."""
-    title = context.session.model.subject.title
+    title = context.session.model.character.title
     imgui.set_next_item_width(-1.0)
     room = imgui.get_content_region_avail().x - imgui.get_frame_height() - 2.0 * imgui.get_style().frame_padding.x
     flags = imgui.ComboFlags_.height_large.value
-    opened = imgui.begin_combo("##subject", shortened(title, room), flags)
-    context.widget_rects.record("subject")
+    opened = imgui.begin_combo("##character", shortened(title, room), flags)
+    context.widget_rects.record("character")
     if not opened:
         tooltip(f"{title}\nThe character to pose; {context.actions['open'].shortcut} opens others from files")
         return
     before = "installed"
-    for character in context.characters.all(context.settings.characters):
-        if character.home != before:
-            before = character.home
+    for entry in context.characters.all(context.settings.characters):
+        if entry.home != before:
+            before = entry.home
             imgui.separator()
-            imgui.text_colored(FAINT, _HEADINGS[character.home])
-        imgui.push_id(character.name)
-        _draw_row(context, character)
+            imgui.text_colored(FAINT, _HEADINGS[entry.home])
+        imgui.push_id(entry.name)
+        _draw_row(context, entry)
         imgui.pop_id()
     imgui.separator()
     action = context.actions["import"]
     if imgui.selectable(action.label, False)[0] and action.enabled():
         action.run()
-    context.widget_rects.record("subject:import")
+    context.widget_rects.record("character:import")
     imgui.end_combo()
 
 
-def _draw_row(context: EditorContext, character: Character) -> None:
-    """Draw a character, with the buttons of one that is the user's own."""
-    here = character.name == context.session.document.subject
-    buttons = {"installed": 0, "library": 2, "elsewhere": 1}[character.home]
+def _draw_row(context: EditorContext, entry: LibraryEntry) -> None:
+    """Draw an entry of the list, with the buttons of an imported or opened character."""
+    here = entry.name == context.session.document.character
+    buttons = {"installed": 0, "library": 2, "elsewhere": 1}[entry.home]
     width = imgui.get_content_region_avail().x
     side = em(_BUTTON)
-    label = shortened(character.title, width - buttons * side - em(0.3))
+    label = shortened(entry.title, width - buttons * side - em(0.3))
     left = imgui.get_cursor_pos_x()
     imgui.set_next_item_allow_overlap()
     pressed, _ = imgui.selectable(f"{label}##name", here, 0, ImVec2(width, 0.0))
-    context.widget_rects.record(f"subject:{character.name}")
-    if character.home != "installed":
-        tooltip(f"{character.title}\n{character.name}")
+    context.widget_rects.record(f"character:{entry.name}")
+    if entry.home != "installed":
+        tooltip(f"{entry.title}\n{entry.name}")
     if pressed and not here:
-        context.open_file(character.name)
-    if character.home == "library":
+        context.open_file(entry.name)
+    if entry.home == "library":
         imgui.same_line(left + width - 2.0 * side)
         if _icon_button(Icon.RENAME, side):
             imgui.close_current_popup()
-            _ask_for_title(context, character)
-        context.widget_rects.record(f"subject:{character.name}:rename")
+            _ask_for_title(context, entry)
+        context.widget_rects.record(f"character:{entry.name}:rename")
         tooltip("Rename")
     if buttons:
         imgui.same_line(left + width - side)
         imgui.begin_disabled(here)
         gone = _icon_button(Icon.CLOSE, side)
         imgui.end_disabled()
-        context.widget_rects.record(f"subject:{character.name}:remove")
-        tooltip(_removal(character, here))
+        context.widget_rects.record(f"character:{entry.name}:remove")
+        tooltip(_removal(entry, here))
         if gone:
             imgui.close_current_popup()
-            _remove(context, character)
+            _remove(context, entry)
 
 
 def _icon_button(icon: str, side: float) -> bool:
@@ -87,36 +87,36 @@ def _icon_button(icon: str, side: float) -> bool:
     return bool(pressed)
 
 
-def _removal(character: Character, here: bool) -> str:
+def _removal(entry: LibraryEntry, here: bool) -> str:
     if here:
         return "Remove\nIt is the one that is open; open another character first."
-    if character.home == "elsewhere":
+    if entry.home == "elsewhere":
         return "Remove from this list\nThe file stays."
     return "Remove..."
 
 
-def _ask_for_title(context: EditorContext, character: Character) -> None:
-    here = character.name == context.session.document.subject
+def _ask_for_title(context: EditorContext, entry: LibraryEntry) -> None:
+    here = entry.name == context.session.document.character
 
     def rename(title: str) -> None:
-        context.characters.rename(character, title)
-        context.notify(f"{character.title} is now called {title.strip()}")
+        context.characters.rename(entry, title)
+        context.notify(f"{entry.title} is now called {title.strip()}")
         if here:
             context.notify("The open session shows the new name when it is opened again")
 
-    context.dialogs.ask(TextQuestion(f"Rename {character.title}", character.title, "Rename", rename))
+    context.dialogs.ask(TextQuestion(f"Rename {entry.title}", entry.title, "Rename", rename))
 
 
-def _remove(context: EditorContext, character: Character) -> None:
-    if character.home == "elsewhere":
-        context.settings.characters = [path for path in context.settings.characters if path != character.name]
+def _remove(context: EditorContext, entry: LibraryEntry) -> None:
+    if entry.home == "elsewhere":
+        context.settings.characters = [path for path in context.settings.characters if path != entry.name]
         return
-    text = f"Its file '{Path(character.name).name}' is deleted. Sessions that use it can then not be opened."
+    text = f"Its file '{Path(entry.name).name}' is deleted. Sessions that use it can then not be opened."
 
     def delete() -> None:
-        context.characters.remove(character)
-        context.notify(f"{character.title} is removed")
+        context.characters.remove(entry)
+        context.notify(f"{entry.title} is removed")
 
     context.dialogs.ask(
-        Question(f"Remove {character.title}?", text, (Choice("Remove", delete), Choice("Cancel")), bad=True)
+        Question(f"Remove {entry.title}?", text, (Choice("Remove", delete), Choice("Cancel")), bad=True)
     )

@@ -28,7 +28,7 @@ class ShapesPanel:
         imgui.set_next_item_width(-1.0)
         _, self._filter = imgui.input_text_with_hint("##filter", "Find a shape", self._filter)
         context.widget_rects.record("shapes:filter")
-        names = context.session.model.subject.shape_names
+        names = context.session.model.character.shape_names
         weights = context.session.model.weights_of(context.session.coefficients)
         held = any(isinstance(c, GazeConstraint) and c.enabled for c in context.session.document.constraints)
         imgui.begin_child("##shapes")
@@ -40,7 +40,7 @@ class ShapesPanel:
     def _draw_slider(self, context: EditorContext, j: int, name: str, weight: float, held: bool) -> None:
         key = f"shape:{name}"
         session = context.session
-        lower, upper = session.model.subject.shape_limits[j].tolist()
+        lower, upper = session.model.character.shape_limits[j].tolist()
         shown = self._value if context.slider_edit.dragging(key) else min(max(weight, lower), upper)
         imgui.begin_disabled(held or context.toolbox.active)
         imgui.set_next_item_width(em(7.2))

@@ -33,7 +33,7 @@ def draw_status_bar(context: EditorContext) -> None:
 
 def _figures(context: EditorContext) -> str:
     session = context.session
-    parts = [session.model.subject.title]
+    parts = [session.model.character.title]
     if session.document.constraints:
         worst = max(
             (r for r, c in zip(session.residuals_px, session.document.constraints, strict=True) if c.enabled),

@@ -7,7 +7,7 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.basic import button_width, caption, choice, fitted_button, heading, tooltip
 from faceposer.gui.widgets.text import text_width
 from faceposer.gui.widgets.theme import ACCENT_DARK, HELD, Icon, em
-from faceposer.model.subject import Subject
+from faceposer.model.character import Character
 from faceposer.session.place_names import MEASURES
 from faceposer.solve.constraints.stroke import STROKE_ENERGIES
 from faceposer.tools.distance_tool import add_distance
@@ -47,7 +47,7 @@ _TITLES = {
 def draw_tool_strip(context: EditorContext) -> None:
     """Draw the buttons of the tools, one below the other, and that of symmetry."""
     usable = [
-        name for name in context.toolbox.tools if name != "gaze" or eyes_of(context.session.model.subject) is not None
+        name for name in context.toolbox.tools if name != "gaze" or eyes_of(context.session.model.character) is not None
     ]
     # Smaller where the window is too low for all of them.
     spacing = imgui.get_style().item_spacing.y
@@ -89,7 +89,7 @@ def draw_tool_options(context: EditorContext) -> None:
 
 def _distance(context: EditorContext) -> None:
     """One click each for what one usually wants to set."""
-    features = context.session.model.subject.feature_points
+    features = context.session.model.character.feature_points
     known = [(title, pair) for title, pair in MEASURES.items() if set(pair) <= features.keys()]
     if not known:
         caption("Drag from one point of the face to another.")
@@ -142,7 +142,7 @@ def _fix(context: EditorContext) -> None:
     options.fix_mode = "lasso" if chosen else "brush"
     if options.fix_mode == "brush":
         options.fix_brush = _brush(context, "fix-brush", options.fix_brush, 160.0)
-    known = regions_to_hold(context.session.model.subject)
+    known = regions_to_hold(context.session.model.character)
     padding = 2.0 * imgui.get_style().frame_padding.x
     widest = max((text_width(title) + padding for title, _ in known), default=1.0)
     columns = min(max(int(imgui.get_content_region_avail().x // widest), 1), 3)
@@ -162,9 +162,9 @@ def _fix(context: EditorContext) -> None:
             toggle_region(names, context.viewport, context.toolbox.tool_settings)
 
 
-def regions_to_hold(subject: Subject) -> list[tuple[str, tuple[str, ...]]]:
+def regions_to_hold(character: Character) -> list[tuple[str, tuple[str, ...]]]:
     """Return the regions that have a button, with its label: those with words for them, or else all there are."""
-    regions = subject.regions
+    regions = character.regions
     known = [(title, names) for title, names in HELD_REGIONS.items() if any(name in regions for name in names)]
     return known or [(name.replace("_", " ").capitalize(), (name,)) for name in sorted(regions)]
 

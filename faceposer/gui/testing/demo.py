@@ -98,7 +98,7 @@ class _Script:
         self._rest(2)
 
     def _head_height(self) -> float:
-        camera, vertices = self.app.viewport.camera, self.app.session.model.subject.vertices
+        camera, vertices = self.app.viewport.camera, self.app.session.model.character.vertices
         rows = camera.project(vertices)[:, 1]
         return float(rows.max() - rows.min())
 

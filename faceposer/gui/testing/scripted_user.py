@@ -121,6 +121,6 @@ class Robot:
     def at(self, feature: str) -> Position:
         """Return where in the window the view shows the feature point ``feature``, hidden or not."""
         app = self.app
-        vertex = app.session.model.subject.feature_points[feature]
+        vertex = app.session.model.character.feature_points[feature]
         u, v = app.viewport.camera.project(app.scene.vertices[[vertex]])[0].tolist()
         return (u + app.viewport.origin[0], v + app.viewport.origin[1])

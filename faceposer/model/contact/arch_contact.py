@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from faceposer.model.character import Character
 from faceposer.model.contact.arches import DentalArch, columns_of
 from faceposer.model.contact.lids import skin_ids
 from faceposer.model.contact.lips import find_covering, skin_samples, surface_distance, with_neighbours
 from faceposer.model.contact.moved import Moved, moved_by
 from faceposer.model.contact.spreading import NOTHING, Spreading, fading, hinge
-from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -43,25 +43,25 @@ _LOWER_LIP = ("8.2", "8.7", "8.8", "2.3", "2.8", "2.9")
 class ArchContact:
     """Keeps the skin before one dental arch."""
 
-    def __init__(self, subject: Subject, arch: DentalArch) -> None:
-        """Prepare for an ``arch`` of ``subject``."""
-        size = subject.height
+    def __init__(self, character: Character, arch: DentalArch) -> None:
+        """Prepare for an ``arch`` of ``character``."""
+        size = character.height
         self._arch = arch
         self._start, self._margin, self._nothing = _START * size, _MARGIN * size, NOTHING * size
         self._bottom, field = _obstacle(arch, size)
         # Short numbers, and a coarse bound on them: what is looked up here and there is soon spread over much memory.
         self._field: Singles = field.astype(np.float32)
         self._ceiling = _ceiling(self._field)
-        covering = find_covering(subject, arch)
-        before = arch.gap(subject.vertices[covering.lips].astype(np.float64))
-        keys = np.intersect1d(covering.lips, with_neighbours(subject, covering.lips[before < _TOUCHES * size]))
-        self._samples = skin_samples(subject, keys)
+        covering = find_covering(character, arch)
+        before = arch.gap(character.vertices[covering.lips].astype(np.float64))
+        keys = np.intersect1d(covering.lips, with_neighbours(character, covering.lips[before < _TOUCHES * size]))
+        self._samples = skin_samples(character, keys)
         self._near = np.minimum(_NEAR * size, _STRETCHED * self._samples.spans).astype(np.float32)
-        inside = surface_distance(subject, covering.lips, _INSIDE * size)
-        skin = skin_ids(subject)
+        inside = surface_distance(character, covering.lips, _INSIDE * size)
+        skin = skin_ids(character)
         behind = np.setdiff1d(skin[inside[skin] < np.inf], keys)
         ids = np.concatenate([keys, behind])
-        points = subject.vertices[ids].astype(np.float64)
+        points = character.vertices[ids].astype(np.float64)
         place, height, radius = arch.cylinder(points)
         fade = fading(inside[ids], 0.0, _INSIDE * size)
         fade *= fading(arch.gap(points), _FADES * size, _FADED * size)
@@ -70,13 +70,13 @@ class ArchContact:
         along = arch.angle(place) * float(np.median(radius[: len(keys)])) if len(keys) else place
         spacing = _SPACING * size
         pushed = np.arange(len(keys))
-        layer = _upper_share(subject, ids)
+        layer = _upper_share(character, ids)
         spreading = Spreading.over(along / spacing, height / spacing, layer, fade, pushed)
         moving = np.concatenate([pushed, np.setdiff1d(spreading.reaches, pushed)])
         self._ids, self._spreading = ids[moving], spreading.at(moving)
-        self._jaw_at_rest = subject.vertices[arch.frame.witnesses]
-        self._skin_at_rest = subject.vertices[self._samples.ids]
-        at_rest = self._samples.places(subject.vertices)
+        self._jaw_at_rest = character.vertices[arch.frame.witnesses]
+        self._skin_at_rest = character.vertices[self._samples.ids]
+        at_rest = self._samples.places(character.vertices)
         self._allowed = np.maximum(self._depth(at_rest.T.astype(np.float32)), 0.0)
 
     def _depth(self, rows: Singles) -> Singles:
@@ -179,15 +179,15 @@ def _ceiling(field: Singles) -> Singles:
     return ceiling
 
 
-def _upper_share(subject: Subject, ids: Ids) -> Array:
+def _upper_share(character: Character, ids: Ids) -> Array:
     """Return the share of the vertices ``ids`` in the upper of two layers, parted by the lips' line, shape (n,)."""
     sources = [
-        np.array([subject.feature_points[name] for name in names if name in subject.feature_points], dtype=np.intp)
+        np.array([character.feature_points[name] for name in names if name in character.feature_points], dtype=np.intp)
         for names in (_UPPER_LIP, _LOWER_LIP)
     ]
     if not (len(sources[0]) and len(sources[1])):
         return np.full(len(ids), 0.5)
     upper, lower = (
-        np.minimum(surface_distance(subject, each, subject.height)[ids], subject.height) for each in sources
+        np.minimum(surface_distance(character, each, character.height)[ids], character.height) for each in sources
     )
     return 1.0 - fading((lower - upper) / np.maximum(lower + upper, 1e-9), -0.3, 0.3)

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from faceposer.model.character import Character
 from faceposer.model.contact.frames import AffineFrame, group_by_motion, moves_as_one, pieces, to_rest
 from faceposer.model.contact.samples import lattice
-from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
@@ -160,36 +160,36 @@ class DentalArch:
         return self.bottom + self.row * (self.front.shape[1] - 1)
 
 
-def find_arches(subject: Subject) -> list[DentalArch]:
-    """Return the dental arches of the ``subject``: its teeth and gums, sorted by how they move.
+def find_arches(character: Character) -> list[DentalArch]:
+    """Return the dental arches of the ``character``: its teeth and gums, sorted by how they move.
 
     The soft inside of a mouth that bends with the jaw is no obstacle.
     """
     candidates: list[Ids] = []
-    for part in subject.parts:
+    for part in character.parts:
         if part.material in ("teeth", "gums"):
             whole = np.arange(*part.vertices, dtype=np.intp)
-            found = [whole] if moves_as_one(subject, whole) else pieces(subject, part)
-            candidates += [ids for ids in found if part.material == "teeth" or moves_as_one(subject, ids)]
-    arches = [_arch(subject, ids) for ids in group_by_motion(subject, [ids for ids in candidates if len(ids) >= 4])]
+            found = [whole] if moves_as_one(character, whole) else pieces(character, part)
+            candidates += [ids for ids in found if part.material == "teeth" or moves_as_one(character, ids)]
+    arches = [_arch(character, ids) for ids in group_by_motion(character, [ids for ids in candidates if len(ids) >= 4])]
     return [arch for arch in arches if arch is not None]
 
 
-def _arch(subject: Subject, ids: Ids) -> DentalArch | None:
-    chosen = np.zeros(len(subject.vertices), dtype=bool)
+def _arch(character: Character, ids: Ids) -> DentalArch | None:
+    chosen = np.zeros(len(character.vertices), dtype=bool)
     chosen[ids] = True
-    triangles = subject.triangles[chosen[subject.triangles].all(axis=1)]
-    points = subject.vertices[ids].astype(np.float64)
+    triangles = character.triangles[chosen[character.triangles].all(axis=1)]
+    points = character.vertices[ids].astype(np.float64)
     low, high = points.min(axis=0), points.max(axis=0)
-    if not len(triangles) or (high - low).max() < 0.02 * subject.height:
+    if not len(triangles) or (high - low).max() < 0.02 * character.height:
         return None
     axis = (0.5 * float(low[0] + high[0]), float(low[2] + _AXIS * (high[2] - low[2])))
-    row = _COARSE_ROW * subject.height / FINE
+    row = _COARSE_ROW * character.height / FINE
     rows = int(np.ceil((high[1] - low[1]) / row)) + 1
     bottom = float(low[1])
-    surface = lattice(subject.vertices[triangles].astype(np.float64), 0.6 * row)
+    surface = lattice(character.vertices[triangles].astype(np.float64), 0.6 * row)
     front = radius_raster(surface, axis, bottom, row, rows, _COLUMNS)
-    return DentalArch(AffineFrame.of(ids, subject.vertices), triangles, axis, bottom, row, front)
+    return DentalArch(AffineFrame.of(ids, character.vertices), triangles, axis, bottom, row, front)
 
 
 def radius_raster(

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.model.character import Character
 from faceposer.model.contact.frames import AffineFrame, moves_as_one
-from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -120,40 +120,40 @@ def fit_sphere(points: Array) -> tuple[Array, float]:
     return middle + solution[:3], float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
 
 
-def find_eyeballs(subject: Subject) -> list[Eyeball]:
-    """Return the eyeballs of the ``subject``: parts of the material "eye" that are about a sphere.
+def find_eyeballs(character: Character) -> list[Eyeball]:
+    """Return the eyeballs of the ``character``: parts of the material "eye" that are about a sphere.
 
     Parts with one centre that move as one, such as sclera and iris in separate shells, are one eyeball.
     """
     balls = []
-    for ids in _spheres(subject):
-        points = subject.vertices[ids].astype(np.float64)
+    for ids in _spheres(character):
+        points = character.vertices[ids].astype(np.float64)
         centre, radius = fit_sphere(points)
         axis = _gaze_axis(points - centre, radius)
         sclera = (points - centre) @ axis < _SCLERA_COSINE * radius
         if sclera.sum() >= 12 and np.ptp((points - centre)[sclera] @ axis) > 0.8 * radius:
             centre, radius = fit_sphere(points[sclera])
         balls.append(
-            Eyeball(AffineFrame.of(ids, subject.vertices), centre, radius, axis, _profile(points - centre, axis))
+            Eyeball(AffineFrame.of(ids, character.vertices), centre, radius, axis, _profile(points - centre, axis))
         )
     return balls
 
 
-def _spheres(subject: Subject) -> list[NDArray[np.intp]]:
+def _spheres(character: Character) -> list[NDArray[np.intp]]:
     """Return the vertices of each sphere among the parts of eyes, those of concentric shells together."""
     found: list[tuple[NDArray[np.intp], Array, float]] = []
-    for part in subject.parts:
+    for part in character.parts:
         ids = np.arange(*part.vertices, dtype=np.intp)
         if part.material != "eye" or len(ids) < 12:
             continue
-        points = subject.vertices[ids].astype(np.float64)
+        points = character.vertices[ids].astype(np.float64)
         centre, radius = fit_sphere(points)
         distance = np.linalg.norm(points - centre, axis=1)
-        if not 0.0 < radius < 0.25 * subject.height or distance.min() < 0.5 * radius:
+        if not 0.0 < radius < 0.25 * character.height or distance.min() < 0.5 * radius:
             continue
         for i, (others, other_centre, other_radius) in enumerate(found):
             near = np.linalg.norm(centre - other_centre) < CONCENTRIC * min(radius, other_radius)
-            if near and moves_as_one(subject, np.concatenate([others, ids])):
+            if near and moves_as_one(character, np.concatenate([others, ids])):
                 found[i] = np.concatenate([others, ids]), other_centre, other_radius
                 break
         else:

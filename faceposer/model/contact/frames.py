@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from faceposer.model.subject import Part, Subject
+from faceposer.model.character import Character, Part
 
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
@@ -63,22 +63,22 @@ def to_rest(points: Array, origin: Array, linear: Array, moved: Array) -> Array:
     return back
 
 
-def moves_as_one(subject: Subject, ids: Ids) -> bool:
-    """Return whether the vertices ``ids`` move affinely in every shape of the ``subject``."""
-    points = subject.vertices[ids].astype(np.float64)
+def moves_as_one(character: Character, ids: Ids) -> bool:
+    """Return whether the vertices ``ids`` move affinely in every shape of the ``character``."""
+    points = character.vertices[ids].astype(np.float64)
     system = np.hstack([points - points.mean(axis=0), np.ones((len(ids), 1))])
-    offsets = np.moveaxis(subject.shapes[:, ids], 1, 0).reshape(len(ids), -1).astype(np.float64)
+    offsets = np.moveaxis(character.shapes[:, ids], 1, 0).reshape(len(ids), -1).astype(np.float64)
     basis, scale, _ = np.linalg.svd(system, full_matrices=False)
     basis = basis[:, scale > 1e-6 * scale[0]]
     left = offsets - basis @ (basis.T @ offsets)
-    return float(np.abs(left).max(initial=0.0)) <= _TOLERANCE * subject.height
+    return float(np.abs(left).max(initial=0.0)) <= _TOLERANCE * character.height
 
 
-def pieces(subject: Subject, part: Part) -> list[Ids]:
+def pieces(character: Character, part: Part) -> list[Ids]:
     """Return the connected pieces of ``part`` as vertex ids."""
     first, last = part.vertices
-    run = slice(*subject.part_triangles(part))
-    corners = subject.triangles[run] - first
+    run = slice(*character.part_triangles(part))
+    corners = character.triangles[run] - first
     count = last - first
     ends = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]]])
     graph = sparse.coo_array((np.ones(len(ends), dtype=np.int8), ends.T), shape=(count, count))
@@ -86,12 +86,12 @@ def pieces(subject: Subject, part: Part) -> list[Ids]:
     return [first + np.flatnonzero(labels == k) for k in range(n_pieces)]
 
 
-def group_by_motion(subject: Subject, candidates: Sequence[Ids]) -> list[Ids]:
+def group_by_motion(character: Character, candidates: Sequence[Ids]) -> list[Ids]:
     """Return unions of the ``candidates`` that each move as one, the largest candidate first."""
     groups: list[Ids] = []
     for ids in sorted(candidates, key=len, reverse=True):
         for number, group in enumerate(groups):
-            if moves_as_one(subject, np.concatenate([group, ids])):
+            if moves_as_one(character, np.concatenate([group, ids])):
                 groups[number] = np.concatenate([group, ids])
                 break
         else:

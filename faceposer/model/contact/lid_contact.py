@@ -13,6 +13,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.model.character import Character
 from faceposer.model.contact.eyeballs import Eyeball, Eyeballs
 from faceposer.model.contact.lid_turning import SPACING, TURNS, Turning, followers_of, runs_of, upper_share
 from faceposer.model.contact.lids import (
@@ -26,7 +27,6 @@ from faceposer.model.contact.lips import skin_samples, surface_distance, with_ne
 from faceposer.model.contact.moved import Moved, moved_by
 from faceposer.model.contact.samples import SurfaceSamples
 from faceposer.model.contact.spreading import NOTHING, Spreading, fading, hinge
-from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -65,26 +65,26 @@ class _Eye:
     followers: tuple[Ids, Ids]
 
     @classmethod
-    def of(cls, subject: Subject, ball: Eyeball, edges: LidEdges | None) -> Self:
-        """Return the eye of the ``subject`` with a ``ball``, and ``edges`` of its lids if there are any."""
+    def of(cls, character: Character, ball: Eyeball, edges: LidEdges | None) -> Self:
+        """Return the eye of the ``character`` with a ``ball``, and ``edges`` of its lids if there are any."""
         distances = None
         if edges is not None:
             reach = 4.0 * ball.radius
-            distances = [surface_distance(subject, ids, reach) for ids in (edges.upper, edges.lower)]
-        near = over_the_ball(subject, ball)
-        clearance, _ = ball.clearance(subject.vertices[near] - ball.centre)
-        touches = np.isin(near, with_neighbours(subject, near[clearance < _TOUCHES * ball.radius]))
-        samples = skin_samples(subject, near[touches])
+            distances = [surface_distance(character, ids, reach) for ids in (edges.upper, edges.lower)]
+        near = over_the_ball(character, ball)
+        clearance, _ = ball.clearance(character.vertices[near] - ball.centre)
+        touches = np.isin(near, with_neighbours(character, near[clearance < _TOUCHES * ball.radius]))
+        samples = skin_samples(character, near[touches])
         pushed = np.arange(int(touches.sum()))
         ids = np.concatenate([near[touches], near[~touches]])
-        points = subject.vertices[ids] - ball.centre
+        points = character.vertices[ids] - ball.centre
         azimuth, elevation, _ = azimuth_and_elevation(points)
         layer = upper_share(distances, ids)
         fade = fading(ball.clearance(points)[0], _FADES * ball.radius, _FADED * ball.radius)
         outward = np.sign(ball.centre[0]) or 1.0
         spreading = Spreading.over(outward * azimuth / SPACING, elevation / SPACING, layer, fade, pushed)
         moving = np.concatenate([pushed, np.setdiff1d(spreading.reaches, pushed)])
-        followers = followers_of(subject, ball, edges, ids[moving])
+        followers = followers_of(character, ball, edges, ids[moving])
         return cls(ball, edges, distances, samples, ids[moving], spreading.at(moving), followers)
 
 
@@ -94,15 +94,15 @@ class LidContact:
     What surrounds one eye has no vertex in common with what surrounds another; all are looked at together.
     """
 
-    def __init__(self, subject: Subject, eyes: Sequence[_Eye]) -> None:
-        """Prepare for the ``eyes`` of ``subject``."""
-        self._balls = Eyeballs([eye.ball for eye in eyes], subject.vertices)
+    def __init__(self, character: Character, eyes: Sequence[_Eye]) -> None:
+        """Prepare for the ``eyes`` of ``character``."""
+        self._balls = Eyeballs([eye.ball for eye in eyes], character.vertices)
         edged = [
             (number, eye.ball, eye.edges, eye.distances)
             for number, eye in enumerate(eyes)
             if eye.edges is not None and eye.distances is not None
         ]
-        self._turning = Turning(subject, edged) if edged else None
+        self._turning = Turning(character, edged) if edged else None
         self._samples = SurfaceSamples.joined([eye.samples for eye in eyes])
         numbers = np.arange(len(eyes))
         vertices = np.repeat(numbers, [len(eye.samples.ids) for eye in eyes])
@@ -114,7 +114,7 @@ class LidContact:
         self._near = ((_STRETCHED * self._samples.spans) ** 2 / (6.0 * radii)).astype(np.float32)
         widest = np.array([eye.ball.profile.max() for eye in eyes]).take(vertices)
         self._far = ((widest + self._near) ** 2).astype(np.float32)
-        at_rest = self._samples.places(subject.vertices).T.astype(np.float32)
+        at_rest = self._samples.places(character.vertices).T.astype(np.float32)
         at_rest -= (
             np.stack([eye.ball.centre for eye in eyes], axis=1).astype(np.float32).take(self._eye_of_sample, axis=1)
         )
@@ -127,8 +127,8 @@ class LidContact:
         self._own = np.concatenate([first[i] + np.arange(len(eye.samples.ids)) for i, eye in enumerate(eyes)])
         self._lashes = np.concatenate([eye.followers[0] for eye in eyes])
         self._roots = np.concatenate([first[i] + eye.followers[1] for i, eye in enumerate(eyes)])
-        self._at_rest = subject.vertices[self._samples.ids]
-        self._nothing = NOTHING * subject.height
+        self._at_rest = character.vertices[self._samples.ids]
+        self._nothing = NOTHING * character.height
 
     def apply(self, vertices: Singles) -> Iterator[Moved]:
         """Correct the pose ``vertices``, shape (N, 3), in place."""
@@ -192,29 +192,29 @@ class LidContact:
         return near
 
 
-def lid_contacts(subject: Subject, balls: list[Eyeball]) -> list[LidContact]:
+def lid_contacts(character: Character, balls: list[Eyeball]) -> list[LidContact]:
     """Return the contact of lids with those of ``balls`` that have skin before them.
 
     Eyes whose surroundings have vertices in common are looked at one after another, all others together.
     """
     eyes = [
-        _Eye.of(subject, ball, edges)
-        for ball, edges in zip(balls, find_all_edges(subject, balls), strict=True)
-        if len(over_the_ball(subject, ball))
+        _Eye.of(character, ball, edges)
+        for ball, edges in zip(balls, find_all_edges(character, balls), strict=True)
+        if len(over_the_ball(character, ball))
     ]
     together: list[list[_Eye]] = []
     for eye in eyes:
-        own = _surroundings(subject, eye)
-        if together and not any(np.isin(own, _surroundings(subject, other)).any() for other in together[-1]):
+        own = _surroundings(character, eye)
+        if together and not any(np.isin(own, _surroundings(character, other)).any() for other in together[-1]):
             together[-1].append(eye)
         else:
             together.append([eye])
-    return [LidContact(subject, group) for group in together]
+    return [LidContact(character, group) for group in together]
 
 
-def _surroundings(subject: Subject, eye: _Eye) -> Ids:
+def _surroundings(character: Character, eye: _Eye) -> Ids:
     """Return all vertices that contact at the ``eye`` looks at or moves."""
-    skin = skin_ids(subject)
+    skin = skin_ids(character)
     turning = np.zeros(0, dtype=np.intp)
     if eye.distances is not None:
         turning = skin[np.minimum(*eye.distances)[skin] < TURNS * eye.ball.radius]

@@ -8,12 +8,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.model.character import Character
 from faceposer.model.contact.eyeballs import Eyeball
 from faceposer.model.contact.frames import pieces
 from faceposer.model.contact.lids import PRESSED, LidEdges, azimuth_and_elevation, skin_ids
 from faceposer.model.contact.moved import Moved, moved_by
 from faceposer.model.contact.spreading import Spreading, fading, hinge
-from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -37,9 +37,9 @@ SPACING = 0.2
 class Turning:
     """Turns lids that have passed each other back to where they meet."""
 
-    def __init__(self, subject: Subject, eyes: Sequence[tuple[int, Eyeball, LidEdges, list[Array]]]) -> None:
+    def __init__(self, character: Character, eyes: Sequence[tuple[int, Eyeball, LidEdges, list[Array]]]) -> None:
         """Prepare for ``eyes``: of each its number, ball, edges of the lids, and distances of all vertices to them."""
-        lids = [(number, _Lids.of(subject, ball, edges, distances)) for number, ball, edges, distances in eyes]
+        lids = [(number, _Lids.of(character, ball, edges, distances)) for number, ball, edges, distances in eyes]
         first = np.cumsum([0, *(len(each.ids) for _, each in lids)])
         self._count = int(first[-1])
         # Upper lids of all eyes, then lower lids of all eyes.
@@ -66,7 +66,7 @@ class Turning:
         self._eye_of_seen = np.repeat(
             [*np.repeat(numbers, 3), *numbers, *numbers], [len(ids) for ids in (*edges, *rims)]
         )
-        self._at_rest = subject.vertices[self._seen]
+        self._at_rest = character.vertices[self._seen]
 
     def apply(self, vertices: Singles, centres: Array, looks: bool) -> Iterator[Moved]:
         """Turn the lids of the pose ``vertices``, (N, 3), in place.
@@ -146,16 +146,16 @@ class _Lids:
     roots: Ids
 
     @classmethod
-    def of(cls, subject: Subject, ball: Eyeball, edges: LidEdges, distances: list[Array]) -> Self:
-        """Return the lids with ``edges`` before a ``ball`` of ``subject``."""
-        skin = skin_ids(subject)
+    def of(cls, character: Character, ball: Eyeball, edges: LidEdges, distances: list[Array]) -> Self:
+        """Return the lids with ``edges`` before a ``ball`` of ``character``."""
+        skin = skin_ids(character)
         reach = TURNS * ball.radius
         near = skin[np.minimum(distances[0], distances[1])[skin] < reach]
-        points = subject.vertices[near].astype(np.float64) - ball.centre
+        points = character.vertices[near].astype(np.float64) - ball.centre
         azimuth, elevation, _ = azimuth_and_elevation(points)
         upper = upper_share(distances, near)
         outward = np.sign(ball.centre[0]) or 1.0
-        curves = edges.curves(subject.vertices, ball.centre)
+        curves = edges.curves(character.vertices, ball.centre)
         starts, ends = zip(*(_known(curve.azimuth) for curve in curves), strict=True)
         first, last = max(starts), min(ends)
         on_edge = (azimuth > first) & (azimuth < last) & (ball.clearance(points)[0] >= 0.0)
@@ -171,7 +171,7 @@ class _Lids:
             allowed.append(behind - np.maximum(across, PRESSED))
             spreadings.append(Spreading.over(along, up, share, fade, rim))
         turning = np.unique(np.concatenate([*rims, *(spreading.reaches for spreading in spreadings)]))
-        lashes, roots = followers_of(subject, ball, edges, near[turning])
+        lashes, roots = followers_of(character, ball, edges, near[turning])
         return cls(
             near[turning],
             edges,
@@ -196,8 +196,8 @@ def upper_share(distances: list[Array] | None, ids: Ids) -> Array:
     return 1.0 - fading((lower - upper) / np.maximum(lower + upper, 1e-9), -0.3, 0.3)
 
 
-def _azimuth(subject: Subject, ball: Eyeball, ids: Ids) -> Array:
-    return azimuth_and_elevation(subject.vertices[ids].astype(np.float64) - ball.centre)[0]
+def _azimuth(character: Character, ball: Eyeball, ids: Ids) -> Array:
+    return azimuth_and_elevation(character.vertices[ids].astype(np.float64) - ball.centre)[0]
 
 
 def _known(azimuth: Array) -> tuple[float, float]:
@@ -207,37 +207,37 @@ def _known(azimuth: Array) -> tuple[float, float]:
     return float(azimuth[first]), float(azimuth[last])
 
 
-def _lashes(subject: Subject, ball: Eyeball, edges: LidEdges | None) -> list[tuple[Ids, bool]]:
+def _lashes(character: Character, ball: Eyeball, edges: LidEdges | None) -> list[tuple[Ids, bool]]:
     """Return the pieces of lashes on the lids of ``ball``, each with whether they are those of the upper lid."""
     found = []
-    for part in subject.parts if edges is not None else ():
+    for part in character.parts if edges is not None else ():
         if part.material != "lashes":
             continue
-        for ids in pieces(subject, part):
-            points = subject.vertices[ids].astype(np.float64)
+        for ids in pieces(character, part):
+            points = character.vertices[ids].astype(np.float64)
             if np.abs(points.mean(axis=0) - ball.centre)[0] > 1.2 * ball.radius:
                 continue
             assert edges is not None
             near = [
-                np.linalg.norm(points[:, None] - subject.vertices[edge][None], axis=2).min(axis=1).mean()
+                np.linalg.norm(points[:, None] - character.vertices[edge][None], axis=2).min(axis=1).mean()
                 for edge in (edges.upper, edges.lower)
             ]
             found.append((ids, bool(near[0] < near[1])))
     return found
 
 
-def followers_of(subject: Subject, ball: Eyeball, edges: LidEdges | None, skin: Ids) -> tuple[Ids, Ids]:
+def followers_of(character: Character, ball: Eyeball, edges: LidEdges | None, skin: Ids) -> tuple[Ids, Ids]:
     """Return the vertices of lashes, and the index into ``skin`` of the edge's vertex that each goes with.
 
     Those that go with none of ``skin`` are left out.
     """
     ids, roots = [np.zeros(0, dtype=np.intp)], [np.zeros(0, dtype=np.intp)]
-    place = np.full(len(subject.vertices), -1, dtype=np.intp)
+    place = np.full(len(character.vertices), -1, dtype=np.intp)
     place[skin] = np.arange(len(skin))
-    for lashes, is_upper in _lashes(subject, ball, edges):
+    for lashes, is_upper in _lashes(character, ball, edges):
         assert edges is not None
         edge = edges.upper if is_upper else edges.lower
-        between = np.abs(_azimuth(subject, ball, lashes)[:, None] - _azimuth(subject, ball, edge)[None])
+        between = np.abs(_azimuth(character, ball, lashes)[:, None] - _azimuth(character, ball, edge)[None])
         ids.append(lashes)
         roots.append(place[edge[between.argmin(axis=1)]])
     found, root = np.concatenate(ids), np.concatenate(roots)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from faceposer.geometry.mirror import SurfaceMirror
+from faceposer.model.character import Character
 from faceposer.model.contact.eyeballs import Eyeball
 from faceposer.model.contact.samples import lattice
-from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
@@ -115,18 +115,18 @@ class EdgeCurve:
         return elevation
 
 
-def over_the_ball(subject: Subject, ball: Eyeball) -> Ids:
+def over_the_ball(character: Character, ball: Eyeball) -> Ids:
     """Return the skin vertices that lie on the eyeball or over it, before its centre, in rising order."""
-    skin = skin_ids(subject)
-    relative = subject.vertices[skin].astype(np.float64) - ball.centre
+    skin = skin_ids(character)
+    relative = character.vertices[skin].astype(np.float64) - ball.centre
     clearance, distance = ball.clearance(relative)
     ahead = relative @ ball.axis > -0.1 * distance
     return skin[(clearance >= -_TOUCHING * ball.radius) & (clearance < _REACH * ball.radius) & ahead]
 
 
-def skin_ids(subject: Subject) -> Ids:
+def skin_ids(character: Character) -> Ids:
     """Return the vertices of all parts of skin, shape (n,)."""
-    runs = [np.arange(*part.vertices, dtype=np.intp) for part in subject.parts if part.material == "skin"]
+    runs = [np.arange(*part.vertices, dtype=np.intp) for part in character.parts if part.material == "skin"]
     return np.concatenate(runs) if runs else np.zeros(0, dtype=np.intp)
 
 
@@ -137,12 +137,12 @@ def azimuth_and_elevation(relative: Array) -> tuple[Array, Array, Array]:
     return np.arctan2(relative[:, 0], relative[:, 2]), elevation, distance
 
 
-def find_all_edges(subject: Subject, balls: Sequence[Eyeball]) -> list[LidEdges | None]:
+def find_all_edges(character: Character, balls: Sequence[Eyeball]) -> list[LidEdges | None]:
     """Return the edges of the lids before each of ``balls``, None where there are none.
 
     Where the face is symmetric, the right eye has the mirror image of what is found on the left.
     """
-    edges = [find_edges(subject, ball) if ball.centre[0] >= 0.0 else None for ball in balls]
+    edges = [find_edges(character, ball) if ball.centre[0] >= 0.0 else None for ball in balls]
     lefts = [(ball, found) for ball, found in zip(balls, edges, strict=True) if found is not None]
     across: Ids | None = None
     for number, ball in enumerate(balls):
@@ -152,21 +152,21 @@ def find_all_edges(subject: Subject, balls: Sequence[Eyeball]) -> list[LidEdges 
         for left, found in lefts:
             if np.abs(left.centre * [-1.0, 1.0, 1.0] - ball.centre).max() < tolerance:
                 if across is None:
-                    across = SurfaceMirror(subject.vertices, subject.triangles, tolerance).vertices.astype(np.intp)
+                    across = SurfaceMirror(character.vertices, character.triangles, tolerance).vertices.astype(np.intp)
                 edges[number] = found.mirrored(across)
-        edges[number] = edges[number] or find_edges(subject, ball)
+        edges[number] = edges[number] or find_edges(character, ball)
     return edges
 
 
-def find_edges(subject: Subject, ball: Eyeball) -> LidEdges | None:
+def find_edges(character: Character, ball: Eyeball) -> LidEdges | None:
     """Return the edges of the lids before ``ball``, or None if it is not seen through an opening of the skin."""
-    near = over_the_ball(subject, ball)
-    chosen = np.zeros(len(subject.vertices), dtype=bool)
+    near = over_the_ball(character, ball)
+    chosen = np.zeros(len(character.vertices), dtype=bool)
     chosen[near] = True
-    triangles = subject.triangles[chosen[subject.triangles].any(axis=1)]
+    triangles = character.triangles[chosen[character.triangles].any(axis=1)]
     if not len(triangles):
         return None
-    covered = _covered(subject.vertices[triangles].astype(np.float64) - ball.centre, ball)
+    covered = _covered(character.vertices[triangles].astype(np.float64) - ball.centre, ball)
     labels, _ = ndimage.label(~covered)
     column, line = _cells(ball.axis[None])
     label = labels[column[0], line[0]]
@@ -179,7 +179,7 @@ def find_edges(subject: Subject, ball: Eyeball) -> LidEdges | None:
         return None
     highest = opening.shape[1] - 1 - np.argmax(opening[columns, ::-1], axis=1)
     lowest = np.argmax(opening[columns], axis=1)
-    relative = subject.vertices[near].astype(np.float64) - ball.centre
+    relative = character.vertices[near].astype(np.float64) - ball.centre
     azimuth, elevation, _ = azimuth_and_elevation(relative)
     across, up = np.rad2deg(azimuth) / _CELL + _SIDE / _CELL, np.rad2deg(elevation) / _CELL + _UP / _CELL
     edges = []
@@ -189,19 +189,21 @@ def find_edges(subject: Subject, ball: Eyeball) -> LidEdges | None:
         on_side = (up > middle) == is_upper
         inside = (across > columns[0]) & (across < columns[-1])
         ids = near[(distance < _NEAR) & on_side & inside]
-        edges.append(_one_per_place(ids, subject.vertices, ball, is_upper))
+        edges.append(_one_per_place(ids, character.vertices, ball, is_upper))
     upper, lower = edges
     if min(len(upper), len(lower)) < _FEWEST:
         return None
-    return LidEdges(upper, lower, _corners(subject, ball, np.concatenate([upper, lower])), bool(ball.centre[0] >= 0.0))
+    return LidEdges(
+        upper, lower, _corners(character, ball, np.concatenate([upper, lower])), bool(ball.centre[0] >= 0.0)
+    )
 
 
-def _corners(subject: Subject, ball: Eyeball, edges: Ids) -> Ids:
+def _corners(character: Character, ball: Eyeball, edges: Ids) -> Ids:
     """Return the corners of the eye, from right to left, where they lie beyond all vertices of the ``edges``."""
     names = ("3.11", "3.7") if ball.centre[0] >= 0.0 else ("3.12", "3.8")
-    known = np.array([subject.feature_points[n] for n in names if n in subject.feature_points], dtype=np.intp)
-    azimuth, elevation, _ = azimuth_and_elevation(subject.vertices[known].astype(np.float64) - ball.centre)
-    reached = azimuth_and_elevation(subject.vertices[edges].astype(np.float64) - ball.centre)[0]
+    known = np.array([character.feature_points[n] for n in names if n in character.feature_points], dtype=np.intp)
+    azimuth, elevation, _ = azimuth_and_elevation(character.vertices[known].astype(np.float64) - ball.centre)
+    reached = azimuth_and_elevation(character.vertices[edges].astype(np.float64) - ball.centre)[0]
     beyond = (azimuth < reached.min()) | (azimuth > reached.max())
     return known[beyond & (np.abs(elevation) < 0.5) & (np.abs(azimuth) < 0.5 * np.pi)]
 

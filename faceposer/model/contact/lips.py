@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
+from faceposer.model.character import Character
 from faceposer.model.contact.arches import FINE, DentalArch, radius_raster
 from faceposer.model.contact.lids import skin_ids
 from faceposer.model.contact.samples import SurfaceSamples, lattice
-from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
@@ -36,72 +36,72 @@ class Covering:
     lips: Ids
 
 
-def find_covering(subject: Subject, arch: DentalArch) -> Covering:
-    """Return the skin of the ``subject`` that covers ``arch``; empty if there is none."""
-    skin = skin_ids(subject)
-    points = subject.vertices[skin].astype(np.float64)
-    size = subject.height
+def find_covering(character: Character, arch: DentalArch) -> Covering:
+    """Return the skin of the ``character`` that covers ``arch``; empty if there is none."""
+    skin = skin_ids(character)
+    points = character.vertices[skin].astype(np.float64)
+    size = character.height
     beyond = _BEYOND * size
     gap = arch.gap(points)
     level = (points[:, 1] > arch.bottom - beyond) & (points[:, 1] < arch.top + beyond)
     near = skin[level & (gap >= 0.0) & (gap < _REACH * size)]
     if not len(near):
         return Covering(near, near)
-    all_skin = triangles_with_any(subject, skin[level & np.isfinite(gap)])
+    all_skin = triangles_with_any(character, skin[level & np.isfinite(gap)])
     row = arch.coarse_row
     rows = int(np.ceil((arch.top - arch.bottom + 2.0 * beyond) / row)) + 1
     bottom = arch.bottom - beyond
-    surface = lattice(subject.vertices[all_skin].astype(np.float64), 0.8 * row)
+    surface = lattice(character.vertices[all_skin].astype(np.float64), 0.8 * row)
     outermost = radius_raster(surface, arch.axis, bottom, row, rows)
-    place, height, radius = arch.cylinder(subject.vertices[near].astype(np.float64))
+    place, height, radius = arch.cylinder(character.vertices[near].astype(np.float64))
     column = np.clip(np.round(place / FINE).astype(np.intp), 0, outermost.shape[0] - 1)
     line = np.clip(np.round((height - bottom) / row).astype(np.intp), 0, rows - 1)
     outer = near[radius > outermost[column, line] - _OUTERMOST * size]
-    from_outer = surface_distance(subject, outer, _INSIDE * size)
+    from_outer = surface_distance(character, outer, _INSIDE * size)
     return Covering(outer, near[from_outer[near] < np.inf])
 
 
-def skin_samples(subject: Subject, ids: Ids) -> SurfaceSamples:
+def skin_samples(character: Character, ids: Ids) -> SurfaceSamples:
     """Return samples of the triangles between the vertices ``ids``, and of all these."""
-    return SurfaceSamples.of(subject.vertices, triangles_among(subject, ids), ids, _LARGE * subject.height)
+    return SurfaceSamples.of(character.vertices, triangles_among(character, ids), ids, _LARGE * character.height)
 
 
-def triangles_among(subject: Subject, ids: Ids) -> NDArray[np.int32]:
-    """Return the triangles of the ``subject`` that have all corners among ``ids``, shape (F, 3)."""
-    return subject.triangles[_chosen(subject, ids)[subject.triangles].all(axis=1)]
+def triangles_among(character: Character, ids: Ids) -> NDArray[np.int32]:
+    """Return the triangles of the ``character`` that have all corners among ``ids``, shape (F, 3)."""
+    return character.triangles[_chosen(character, ids)[character.triangles].all(axis=1)]
 
 
-def triangles_with_any(subject: Subject, ids: Ids) -> NDArray[np.int32]:
-    """Return the triangles of the ``subject`` that have a corner among ``ids``, shape (F, 3)."""
-    return subject.triangles[_chosen(subject, ids)[subject.triangles].any(axis=1)]
+def triangles_with_any(character: Character, ids: Ids) -> NDArray[np.int32]:
+    """Return the triangles of the ``character`` that have a corner among ``ids``, shape (F, 3)."""
+    return character.triangles[_chosen(character, ids)[character.triangles].any(axis=1)]
 
 
-def with_neighbours(subject: Subject, ids: Ids) -> Ids:
+def with_neighbours(character: Character, ids: Ids) -> Ids:
     """Return the vertices ``ids`` and those with which they share a triangle, in rising order."""
-    neighbours: Ids = np.unique(triangles_with_any(subject, ids)).astype(np.intp)
+    neighbours: Ids = np.unique(triangles_with_any(character, ids)).astype(np.intp)
     return np.union1d(ids, neighbours)
 
 
-def _chosen(subject: Subject, ids: Ids) -> NDArray[np.bool_]:
-    chosen = np.zeros(len(subject.vertices), dtype=bool)
+def _chosen(character: Character, ids: Ids) -> NDArray[np.bool_]:
+    chosen = np.zeros(len(character.vertices), dtype=bool)
     chosen[ids] = True
     return chosen
 
 
-def surface_distance(subject: Subject, sources: Ids, limit: float) -> Array:
+def surface_distance(character: Character, sources: Ids, limit: float) -> Array:
     """Return the length of the shortest way along edges from ``sources`` to each vertex, (N,); inf from ``limit`` on.
 
     In the neutral face.
     """
-    graph = _edge_graph(subject)
+    graph = _edge_graph(character)
     distances: Array = csgraph.dijkstra(graph, directed=False, indices=sources, min_only=True, limit=limit)
     return distances
 
 
 @lru_cache(maxsize=2)
-def _edge_graph(subject: Subject) -> sparse.csr_array:
+def _edge_graph(character: Character) -> sparse.csr_array:
     """Return the lengths of all edges and of both diagonals of quads, which split alike on both sides, (N, N)."""
-    corners, positions = subject.polygons.astype(np.int64), subject.vertices.astype(np.float64)
+    corners, positions = character.polygons.astype(np.int64), character.vertices.astype(np.float64)
     pairs = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))
     ends = np.concatenate([corners[:, pair] for pair in pairs])
     ends = ends[(ends >= 0).all(axis=1)]

@@ -11,13 +11,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.model.character import Character
 from faceposer.model.contact.arches import FINE, DentalArch, find_arches, radius_raster
 from faceposer.model.contact.eyeballs import Eyeball, find_eyeballs
 from faceposer.model.contact.lids import PRESSED, LidEdges, find_all_edges, over_the_ball
 from faceposer.model.contact.lips import find_covering, skin_samples, triangles_among
 from faceposer.model.contact.samples import lattice
 from faceposer.model.face_model import FaceModel
-from faceposer.model.subject import Subject
 
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
@@ -35,7 +35,7 @@ _AROUND = 40.0 * FINE
 _CANDIDATES, _OUTSIDE = 10, 0.02
 
 
-def penetration_mm(model_or_character: FaceModel | Subject, vertices: Vertices) -> dict[str, float]:
+def penetration_mm(model_or_character: FaceModel | Character, vertices: Vertices) -> dict[str, float]:
     """Return the greatest depth of each kind of penetration in a pose, in millimetres, 0 if there is none.
 
     Args:
@@ -52,49 +52,49 @@ def penetration_mm(model_or_character: FaceModel | Subject, vertices: Vertices) 
     Raises:
         ValueError: If ``vertices`` has another shape than the character's.
     """
-    subject = model_or_character if isinstance(model_or_character, Subject) else model_or_character.subject
-    if vertices.shape != subject.vertices.shape:
-        raise ValueError(f"vertices of shape {vertices.shape} where the character has {subject.vertices.shape}")
+    character = model_or_character if isinstance(model_or_character, Character) else model_or_character.character
+    if vertices.shape != character.vertices.shape:
+        raise ValueError(f"vertices of shape {vertices.shape} where the character has {character.vertices.shape}")
     result: dict[str, float] = {}
-    for kind, depth in _gauges(subject):
+    for kind, depth in _gauges(character):
         result[kind] = max(result.get(kind, 0.0), _MM * depth(vertices))
     return {kind: result[kind] for kind in KINDS if kind in result}
 
 
 @lru_cache(maxsize=4)
-def _gauges(subject: Subject) -> list[tuple[str, Callable[[Vertices], float]]]:
-    """Return functions from posed vertices to a depth in the subject's unit, each with its kind."""
+def _gauges(character: Character) -> list[tuple[str, Callable[[Vertices], float]]]:
+    """Return functions from posed vertices to a depth in the character's unit, each with its kind."""
     gauges: list[tuple[str, Callable[[Vertices], float]]] = []
-    balls = find_eyeballs(subject)
-    for ball, edges in zip(balls, find_all_edges(subject, balls), strict=True):
-        near = over_the_ball(subject, ball)
+    balls = find_eyeballs(character)
+    for ball, edges in zip(balls, find_all_edges(character, balls), strict=True):
+        near = over_the_ball(character, ball)
         if len(near):
-            gauges.append(("lids_eyeballs", _BallGauge(subject, ball, near)))
+            gauges.append(("lids_eyeballs", _BallGauge(character, ball, near)))
         if edges is not None:
-            gauges.append(("lid_lid", _EdgeGauge(subject, ball, edges)))
-    for arch in find_arches(subject):
-        covering = find_covering(subject, arch)
+            gauges.append(("lid_lid", _EdgeGauge(character, ball, edges)))
+    for arch in find_arches(character):
+        covering = find_covering(character, arch)
         if len(covering.outer):
-            gauges.append(("lips_teeth", _SkinGauge(subject, arch, covering.lips)))
-            gauges.append(("teeth_skin", _TeethGauge(subject, arch, covering.outer)))
+            gauges.append(("lips_teeth", _SkinGauge(character, arch, covering.lips)))
+            gauges.append(("teeth_skin", _TeethGauge(character, arch, covering.outer)))
     return gauges
 
 
 class _BallGauge:
     """How deep skin lies below the triangles of an eyeball, deeper than in the neutral face."""
 
-    def __init__(self, subject: Subject, ball: Eyeball, near: Ids) -> None:
+    def __init__(self, character: Character, ball: Eyeball, near: Ids) -> None:
         from scipy.spatial import cKDTree
 
         self._ball = ball
-        self._samples = skin_samples(subject, near)
-        corners = triangles_among(subject, ball.frame.ids)
-        self._corners = subject.vertices[corners].astype(np.float64) - ball.centre
+        self._samples = skin_samples(character, near)
+        corners = triangles_among(character, ball.frame.ids)
+        self._corners = character.vertices[corners].astype(np.float64) - ball.centre
         middles = self._corners.mean(axis=1)
         self._tree = cKDTree(middles / np.linalg.norm(middles, axis=1, keepdims=True))
         self._farthest = float(np.linalg.norm(self._corners, axis=2).max())
         self._at_rest = np.zeros(len(self._samples))
-        self._at_rest = self._depth(subject.vertices)
+        self._at_rest = self._depth(character.vertices)
 
     def __call__(self, vertices: Vertices) -> float:
         return float((self._depth(vertices) - self._at_rest).max(initial=0.0))
@@ -133,9 +133,9 @@ class _BallGauge:
 class _EdgeGauge:
     """How far the edges of the two lids of an eye have passed each other, farther than in the neutral face."""
 
-    def __init__(self, subject: Subject, ball: Eyeball, edges: LidEdges) -> None:
+    def __init__(self, character: Character, ball: Eyeball, edges: LidEdges) -> None:
         self._ball, self._edges = ball, edges
-        self._at_rest = [np.maximum(angle, PRESSED) for angle in edges.overlap(ball, subject.vertices)]
+        self._at_rest = [np.maximum(angle, PRESSED) for angle in edges.overlap(ball, character.vertices)]
 
     def __call__(self, vertices: Vertices) -> float:
         angles = self._edges.overlap(self._ball, vertices)
@@ -146,12 +146,12 @@ class _EdgeGauge:
 class _SkinGauge:
     """How far skin that is in front of the teeth in the neutral face lies behind their front."""
 
-    def __init__(self, subject: Subject, arch: DentalArch, before: Ids) -> None:
+    def __init__(self, character: Character, arch: DentalArch, before: Ids) -> None:
         self._arch = arch
-        samples = skin_samples(subject, before)
+        samples = skin_samples(character, before)
         self._samples = samples
         self._at_rest = np.zeros(len(samples))
-        self._at_rest = arch.depth(arch.resting(samples.places(subject.vertices), subject.vertices))
+        self._at_rest = arch.depth(arch.resting(samples.places(character.vertices), character.vertices))
 
     def __call__(self, vertices: Vertices) -> float:
         depth = self._arch.depth(self._arch.resting(self._samples.places(vertices), vertices))
@@ -161,12 +161,12 @@ class _SkinGauge:
 class _TeethGauge:
     """How far teeth and gums stick out of the outermost skin that covers them."""
 
-    def __init__(self, subject: Subject, arch: DentalArch, before: Ids) -> None:
+    def __init__(self, character: Character, arch: DentalArch, before: Ids) -> None:
         self._arch = arch
-        self._triangles = triangles_among(subject, before)
+        self._triangles = triangles_among(character, before)
         self._skin = np.unique(self._triangles)
         self._at_rest = np.zeros(len(arch.frame.ids))
-        self._at_rest = self._out(subject.vertices)
+        self._at_rest = self._out(character.vertices)
 
     def __call__(self, vertices: Vertices) -> float:
         return float((self._out(vertices) - self._at_rest).max(initial=0.0))

@@ -7,12 +7,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.model.character import Character
 from faceposer.model.contact.arch_contact import ArchContact
 from faceposer.model.contact.arches import find_arches
 from faceposer.model.contact.eyeballs import find_eyeballs
 from faceposer.model.contact.lid_contact import LidContact, lid_contacts
 from faceposer.model.contact.moved import Moved
-from faceposer.model.subject import Subject
 
 # Share of a head's height by which a vertex is moved at most.
 _MOST = 0.15
@@ -36,14 +36,14 @@ class ContactStep:
         self.most = most
 
     @classmethod
-    def of(cls, subject: Subject) -> Self:
-        """Return the step for ``subject``."""
+    def of(cls, character: Character) -> Self:
+        """Return the step for ``character``."""
         parts: list[LidContact | ArchContact] = []
         with _left_out_if_degenerate():
-            parts += lid_contacts(subject, find_eyeballs(subject))
+            parts += lid_contacts(character, find_eyeballs(character))
         with _left_out_if_degenerate():
-            parts += [ArchContact(subject, arch) for arch in find_arches(subject)]
-        return cls(parts, _MOST * subject.height)
+            parts += [ArchContact(character, arch) for arch in find_arches(character)]
+        return cls(parts, _MOST * character.height)
 
     def apply(self, vertices: NDArray[np.float32]) -> NDArray[np.float32]:
         """Correct the pose ``vertices``, shape (N, 3), in place, and return them."""

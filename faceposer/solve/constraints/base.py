@@ -73,7 +73,7 @@ class ConstraintBase:
         places = self.places
         if places is None or not len(places):
             return replace(self, rest=None)
-        return replace(self, rest=places.positions(model.subject.vertices, model.triangles))
+        return replace(self, rest=places.positions(model.character.vertices, model.triangles))
 
     def without_rest(self) -> Self:
         """Return the constraint as it is edited, without rest positions."""

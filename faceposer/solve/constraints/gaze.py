@@ -82,8 +82,8 @@ class GazeConstraint(ConstraintBase):
         """Return the start pose ``start``, shape (r,), with the eyes turned."""
         weights = model.weights_of(start)
         for name, value in self.weights().items():
-            if name in model.subject.shape_names:
-                weights[model.subject.shape_names.index(name)] = value
+            if name in model.character.shape_names:
+                weights[model.character.shape_names.index(name)] = value
         return model.coefficients_of(weights)
 
     def place(self, names: PlaceNames) -> str:
@@ -127,7 +127,7 @@ class GazeConstraint(ConstraintBase):
 
 def gaze_direction(model: FaceModel, p: ArrayLike) -> tuple[float, float]:
     """Return where the eyes of the face ``p`` look on average, in degrees to the character's left and upwards."""
-    weights = dict(zip(model.subject.shape_names, model.weights_of(p).tolist(), strict=True))
+    weights = dict(zip(model.character.shape_names, model.weights_of(p).tolist(), strict=True))
 
     def mean(*names: str) -> float:
         return sum(weights.get(name, 0.0) for name in names) / len(names)
@@ -142,9 +142,9 @@ class GazeTerm(ResidualTerm, QuadraticTerm):
 
     def __init__(self, constraint: GazeConstraint, model: FaceModel) -> None:
         """Prepare the term for ``constraint``."""
-        values = {n: v for n, v in constraint.weights().items() if n in model.subject.shape_names}
+        values = {n: v for n, v in constraint.weights().items() if n in model.character.shape_names}
         super().__init__(np.full(len(values), constraint.weight / _SIGMA**2))
-        self._directions = model.subspace.directions[[model.subject.shape_names.index(name) for name in values]]
+        self._directions = model.subspace.directions[[model.character.shape_names.index(name) for name in values]]
         self._values = np.array(list(values.values()))
 
     def residual(self, state: PoseState) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from faceposer.errors import FacePoserError
-from faceposer.evaluation.gestures.characters import load_character
+from faceposer.evaluation.gestures.characters import load_study_character
 from faceposer.evaluation.gestures.expressions import EXPRESSIONS
 from faceposer.evaluation.gestures.gesture import HEAD_HEIGHT, Gesture, Limit, Paint, Pull, least, most
 from faceposer.evaluation.gestures.hand import Hand, Performed, PriorSettings, has_places, place_vertex
@@ -19,8 +19,8 @@ from faceposer.evaluation.gestures.report import blind_order, run, write_json, w
 from faceposer.evaluation.gestures.rows import missed, perform, row_of, study
 from faceposer.evaluation.gestures.table import BY_NAME, GESTURES
 from faceposer.evaluation.gestures.tables import BEGIN, END, spliced, summary
+from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.face_model import FaceModel
-from faceposer.model.subject import ARKIT_SHAPES
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
 
@@ -44,9 +44,9 @@ def test_table_speaks_of_what_can_be_measured(model: FaceModel) -> None:
     assert all(len(gesture.actions) <= 3 for gesture in EXPRESSIONS)
     assert {action.view for gesture in GESTURES for action in gesture.actions} >= {"front", "right", "three-quarter"}
     for gesture in everything:
-        assert has_places(model.subject, gesture), gesture.name
+        assert has_places(model.character, gesture), gesture.name
         assert all(known_unit(limit.unit) for limit in gesture.limits), gesture.name
-        assert all(len(region_ids(model.subject, region)) for region in gesture.concerned), gesture.name
+        assert all(len(region_ids(model.character, region)) for region in gesture.concerned), gesture.name
         assert gesture.limits or gesture.spill_mm is not None
     assert {gesture.name for gesture in blind_order()} == {gesture.name for gesture in EXPRESSIONS}
 
@@ -76,9 +76,9 @@ def test_a_pull_is_a_drag_of_the_point_tool(model: FaceModel) -> None:
     hand = Hand(model)
     performed = hand.perform(BY_NAME["corners_up_out"])
     left, right = performed.drawn
-    position = model.subject.vertices[[model.subject.feature_points["8.3"]]]
+    position = model.character.vertices[[model.character.feature_points["8.3"]]]
     np.testing.assert_allclose(left.source, left.camera.project(position))
-    millimetre = 0.1 * model.subject.height / HEAD_HEIGHT
+    millimetre = 0.1 * model.character.height / HEAD_HEIGHT
     moved = left.camera.project(position + millimetre * np.array([4.2, 4.2, 0.0]))
     np.testing.assert_allclose(left.target, moved, atol=1e-6)
     assert right.pulled_px == pytest.approx(left.pulled_px, rel=0.02)
@@ -99,7 +99,7 @@ def test_a_stroke_narrows_the_mouth(model: FaceModel) -> None:
 
 def test_lids_close_onto_each_other(low: FaceModel) -> None:
     performed = perform(low, BY_NAME["lids_close"])
-    vertices = low.subject.vertices[[low.subject.feature_points[key] for key in ("3.1", "3.3")]]
+    vertices = low.character.vertices[[low.character.feature_points[key] for key in ("3.1", "3.3")]]
     begin, end = performed.drawn[0].camera.project(vertices)
     np.testing.assert_allclose(performed.drawn[0].source[0], begin)
     np.testing.assert_allclose(performed.drawn[0].target[0], end, atol=1e-6)
@@ -114,8 +114,8 @@ def test_settings_reach_the_solve(low: FaceModel) -> None:
 
 def test_places_that_are_not_there(low: FaceModel) -> None:
     with pytest.raises(FacePoserError, match="neither a feature point nor a region 'antenna'"):
-        place_vertex(low.subject, "antenna")
-    assert not has_places(low.subject, replace(NOTHING, actions=(Pull("8.3", onto="antenna"),)))
+        place_vertex(low.character, "antenna")
+    assert not has_places(low.character, replace(NOTHING, actions=(Pull("8.3", onto="antenna"),)))
     # The middle of the chin has no other side.
     with pytest.raises(FacePoserError, match="mirror image"):
         perform(low, replace(NOTHING, actions=(Pull("2.10", 0.0, -4.0, both=True),)))
@@ -148,9 +148,9 @@ def test_measures_of_poses(model: FaceModel) -> None:
 
 def test_a_millimetre_is_that_of_the_head(model: FaceModel) -> None:
     change = posed(model, {"jawOpen": 0.5})
-    chin = model.subject.feature_points["2.10"]
-    moved = model.instance(change.performed.pose)[chin] - model.subject.vertices[chin]
-    share = float(-moved[1]) / model.subject.height
+    chin = model.character.feature_points["2.10"]
+    moved = model.instance(change.performed.pose)[chin] - model.character.vertices[chin]
+    share = float(-moved[1]) / model.character.height
     assert change.values("chin_down")["chin_down"] == pytest.approx(10.0 * HEAD_HEIGHT * share, rel=1e-4)
 
 
@@ -164,11 +164,11 @@ def test_gaze_turns_together_or_apart(model: FaceModel) -> None:
 
 
 def test_spill_is_what_moves_elsewhere(model: FaceModel) -> None:
-    outside = skin_outside(model.subject, ("mouth", "cheek", "nose", "jaw", "neck"))
-    assert not np.isin(model.subject.regions["mouth"], outside).any()
+    outside = skin_outside(model.character, ("mouth", "cheek", "nose", "jaw", "neck"))
+    assert not np.isin(model.character.regions["mouth"], outside).any()
     # But for the margin above the nose.
-    assert np.isin(model.subject.regions["forehead"], outside).mean() > 0.8
-    assert len(skin_outside(model.subject, tuple(model.subject.regions))) == 0
+    assert np.isin(model.character.regions["forehead"], outside).mean() > 0.8
+    assert len(skin_outside(model.character, tuple(model.character.regions))) == 0
     brows = posed(model, {"browOuterUpLeft": 1.0})
     assert brows.spill_mm(("mouth",)) > 4.0
     assert brows.spill_mm(("brow", "forehead", "lids", "scalp", "nose", "cheek")) < 1.2
@@ -214,7 +214,7 @@ def test_limits_are_judged_both_ways(model: FaceModel) -> None:
         "easy",
         "Easy",
         (Pull("8.3", 4.2, 4.2),),
-        tuple(model.subject.regions),
+        tuple(model.character.regions),
         (least("corner_left_up", 1.0), most("corner_left_up", 9.0), most("noseSneerLeft", 1.0)),
         other_side=1.5,
         spill_mm=0.5,
@@ -246,7 +246,7 @@ def test_limits_are_judged_both_ways(model: FaceModel) -> None:
 
 
 def test_a_character_of_modes_is_judged_by_geometry() -> None:
-    goblin = load_character("creature")
+    goblin = load_study_character("creature")
     rows = {r["gesture"]: r for _, r in study("creature", goblin, [BY_NAME["brows_inner_down"]], PriorSettings())}
     row = rows["brows_inner_down"]
     assert row["weights"] == {}
@@ -258,12 +258,12 @@ def test_a_character_of_modes_is_judged_by_geometry() -> None:
 def test_rigs_need_their_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("FACEPOSER_RIGS", raising=False)
     with pytest.raises(FacePoserError, match="FACEPOSER_RIGS"):
-        load_character("facecap")
+        load_study_character("facecap")
 
 
 @pytest.mark.skipif("FACEPOSER_RIGS" not in os.environ, reason="FACEPOSER_RIGS names no folder of rigs")
 def test_an_imported_rig() -> None:
-    rig = load_character("facecap_multi")
+    rig = load_study_character("facecap_multi")
     gestures = [BY_NAME["corners_up_out"], BY_NAME["neck_left"]]
     ((_, row),) = study("facecap_multi", rig, gestures, PriorSettings())
     assert row["gesture"] == "corners_up_out"
@@ -310,7 +310,7 @@ def test_the_page_has_the_marks() -> None:
 def test_pictures_show_the_pulls(low: FaceModel) -> None:
     gesture = BY_NAME["jaw_down"]
     performed = perform(low, gesture)
-    with studio(low.subject, 128) as room:
+    with studio(low.character, 128) as room:
         before, plain, marked = room.before(gesture), room.after(performed, arrows=False), room.after(performed)
     assert before.size == (128, 128)
     opened = np.abs(np.asarray(before, dtype=int) - np.asarray(plain)).sum(axis=2)

@@ -187,7 +187,7 @@ def test_the_card_takes_presses_and_covers_no_face(robot: Robot) -> None:
     left, top, _, _ = app.widget_rects["view"]
     robot.drag((left + 60.0, top + 60.0), (left + 160.0, top + 90.0))
     assert app.viewport.view == view
-    for place in app.session.model.subject.feature_points:
+    for place in app.session.model.character.feature_points:
         assert not app.features[GuideFeature].contains(robot.at(place))
     robot.wheel(0.0)
     robot.move(robot.at("9.3"))
@@ -317,7 +317,7 @@ def test_widgets_of_the_panel_have_tooltips(robot: Robot, monkeypatch: pytest.Mo
             told.clear()
             robot.frames(3)
             assert told, name
-    assert {"subject", "mode:0", "weight", "reset", "shading:1", "wireframe", "export", "detail:weight"} <= seen
+    assert {"character", "mode:0", "weight", "reset", "shading:1", "wireframe", "export", "detail:weight"} <= seen
 
 
 def list_of_marks(app: App) -> list[str]:

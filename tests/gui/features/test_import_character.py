@@ -18,7 +18,7 @@ from faceposer.gui.events import CloseRequest, Drop
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature, ImportForm
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.file_dialogs import FileRequest, PathBrowser
-from faceposer.model.subject_file import load_subject
+from faceposer.model.character_file import load_character
 from faceposer.session.character_library import CharacterLibrary
 from faceposer.session.opening import open_session
 from tests.windows import OpenWindow
@@ -49,7 +49,7 @@ def robot(open_window: OpenWindow) -> Robot:
 @pytest.fixture(scope="session")
 def skin() -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """The front of the man's skin, thinned out, and some of its shapes."""
-    man = load_subject("man")
+    man = load_character("man")
     part = man.part("skin")
     first, last = man.part_triangles(part)
     triangles = man.triangles[first:last]
@@ -183,8 +183,8 @@ def test_from_the_menu_to_a_posed_face(robot: Robot, glb: Path, tmp_path: Path) 
     press(robot, "open")
     robot.frames(2)
     assert not importer(app).open
-    subject = app.session.model.subject
-    assert (subject.name, subject.title) == ("my-head", "Somebody")
+    character = app.session.model.character
+    assert (character.name, character.title) == ("my-head", "Somebody")
     assert app.settings.recent[0] == str(output)
     before = app.scene.vertices.copy()
     x, y = robot.at("8.3")
@@ -342,7 +342,7 @@ def test_a_file_that_is_there_is_replaced_only_if_wanted(robot: Robot, glb: Path
     robot.click_widget("choice:0")
     finish(robot)
     press(robot, "open")
-    assert app.session.model.subject.name == "my-head"
+    assert app.session.model.character.name == "my-head"
     first = app.session.model
     importer(app).show(str(glb))
     importer(app).form.output = str(there)
@@ -353,7 +353,7 @@ def test_a_file_that_is_there_is_replaced_only_if_wanted(robot: Robot, glb: Path
     finish(robot)
     press(robot, "open")
     assert app.session.model is not first
-    assert app.session.model.subject.title == "Anew", "not the file from before"
+    assert app.session.model.character.title == "Anew", "not the file from before"
 
 
 @pytest.mark.slow
@@ -368,7 +368,7 @@ def test_unsaved_work_is_asked_about_before_the_new_face_opens(robot: Robot, glb
     robot.frames(4)
     assert app.dialogs.waiting[0].title == "Save this pose?"
     robot.click_widget("choice:2")
-    assert app.session.model.subject.name == "man"
+    assert app.session.model.character.name == "man"
 
 
 def test_sources_and_outputs_are_chosen_in_the_browser(robot: Robot, glb: Path, meshes: Path) -> None:
@@ -439,9 +439,9 @@ def test_a_character_from_examples_is_posed(robot: Robot, meshes: Path, tmp_path
     robot.key("Q")
     neutral = app.scene.vertices.copy()
     # Where the shapes of the examples move most, of what looks at the viewer.
-    subject = session.model.subject
-    motion = np.sqrt(np.einsum("snd,snd->sn", subject.shapes, subject.shapes)).max(axis=0)
-    moving = int(np.argmax(motion * (subject.vertices[:, 2] > np.percentile(subject.vertices[:, 2], 90))))
+    character = session.model.character
+    motion = np.sqrt(np.einsum("snd,snd->sn", character.shapes, character.shapes)).max(axis=0)
+    moving = int(np.argmax(motion * (character.vertices[:, 2] > np.percentile(character.vertices[:, 2], 90))))
     left, top = app.viewport.origin
     u, v = app.viewport.camera.project(neutral[[moving]])[0].tolist()
     robot.drag((u + left, v + top), (u + left, v + top + 12))
@@ -449,11 +449,11 @@ def test_a_character_from_examples_is_posed(robot: Robot, meshes: Path, tmp_path
     robot.key("R")
     robot.click_widget("tab:Shapes")
     robot.frames(4)
-    name = session.model.subject.shape_names[0]
+    name = session.model.character.shape_names[0]
     x0, y0, _, y1 = app.widget_rects[f"shape:{name}"]
     middle = 0.5 * (y0 + y1)
     robot.drag((x0 + 40, middle), (x0 + 70, middle))
-    lower, upper = session.model.subject.shape_limits[0]
+    lower, upper = session.model.character.shape_limits[0]
     weight = session.model.weights_of(session.coefficients)[0]
     assert lower <= weight <= upper
     assert np.abs(app.scene.vertices - neutral).max() > 0.01
@@ -516,16 +516,16 @@ def test_processes_can_be_started_from_the_program(tmp_path: Path) -> None:
     code = "import multiprocessing as m\nwith m.get_context('spawn').Pool(1) as p: print(p.map(abs, [-3]))\n"
     hook = tmp_path / "sitecustomize.py"
     hook.write_text(
-        "from faceposer.cli import subjects as command\n"
-        "def subjects(_options):\n" + "".join(f"    {line}\n" for line in code.splitlines()) + "    return 0\n"
-        "command.run = subjects\n"
+        "from faceposer.cli import characters as command\n"
+        "def characters(_options):\n" + "".join(f"    {line}\n" for line in code.splitlines()) + "    return 0\n"
+        "command.run = characters\n"
     )
     script = tmp_path / "faceposer-script"
     script.write_text("import sys\nfrom faceposer.cli import main\nif __name__ == '__main__':\n    sys.exit(main())\n")
     paths = os.pathsep.join([str(tmp_path), *sys.path])
     for command in (["-m", "faceposer"], [str(script)]):
         result = subprocess.run(
-            [sys.executable, *command, "subjects"],
+            [sys.executable, *command, "characters"],
             capture_output=True,
             text=True,
             check=False,

@@ -13,7 +13,7 @@ from faceposer.gui.testing.scripted_user import Robot
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.photo import Pin
 from faceposer.photo.places import GUIDED
-from faceposer.render.offscreen import render_subject
+from faceposer.render.offscreen import render_character
 from tests.windows import OpenWindow
 
 pytestmark = pytest.mark.gl
@@ -71,7 +71,7 @@ def pin(robot: Robot, count: int) -> None:
     vertices = model.instance(model.coefficients_of(SMILE))
     for name in GUIDED[:count]:
         assert robot.app.toolbox.photo_tool.place == name
-        u, v = TAKEN.project(vertices[[model.subject.feature_points[name]]])[0].tolist()
+        u, v = TAKEN.project(vertices[[model.character.feature_points[name]]])[0].tolist()
         robot.click(at(robot, (u, v)))
 
 
@@ -88,7 +88,7 @@ def pin_at_once(robot: Robot, count: int) -> None:
     vertices = session.model.instance(session.model.coefficients_of(SMILE))
     photo = session.document.photos[0]
     for name in GUIDED[:count]:
-        u, v = TAKEN.project(vertices[[session.model.subject.feature_points[name]]])[0].tolist()
+        u, v = TAKEN.project(vertices[[session.model.character.feature_points[name]]])[0].tolist()
         photo = photo.with_pin(Pin(name, (u, v)))
     with session.edit("Set pins"):
         tool.change(photo, app.viewport)
@@ -141,7 +141,7 @@ def test_a_photo_is_pinned_posed_after_saved_and_opened_again(quick: Robot, phot
     robot.frames(2)
     weights = dict(
         zip(
-            app.session.model.subject.shape_names,
+            app.session.model.character.shape_names,
             app.session.model.weights_of(app.session.coefficients).tolist(),
             strict=True,
         )
@@ -340,10 +340,10 @@ def test_what_is_no_photo_or_gone_is_said(quick: Robot, photo: Path, tmp_path: P
 def test_the_picture_of_the_renderer_has_the_photo_where_its_camera_says(model: FaceModel) -> None:
     pixels = np.zeros((300, 400, 3), dtype=np.uint8)
     pixels[100:150, 300:350] = 255
-    subject = model.subject
+    character = model.character
     camera = PictureView.whole(TAKEN, (0.0, 0.0, 0.0)).zoomed(2.0).panned(-60.0, 40.0, SIZE).camera(SIZE)
-    away = subject.vertices + np.float32([0.0, 0.0, 500.0])
-    picture = render_subject(subject, away, camera, samples=0, photo=(pixels, TAKEN, 1.0, 0.0))
+    away = character.vertices + np.float32([0.0, 0.0, 500.0])
+    picture = render_character(character, away, camera, samples=0, photo=(pixels, TAKEN, 1.0, 0.0))
     rows, columns = np.nonzero(picture[:, :, 0] > 128)
     scale = camera.focal / TAKEN.focal
     low = (np.array([300.0, 100.0]) - TAKEN.principal_point) * scale + camera.principal_point
@@ -352,5 +352,5 @@ def test_the_picture_of_the_renderer_has_the_photo_where_its_camera_says(model: 
     assert abs(rows.min() - low[1]) < 1.5
     assert abs(columns.max() + 1 - min(high[0], 400)) < 1.5
     assert abs(rows.max() + 1 - high[1]) < 1.5
-    covered = render_subject(subject, subject.vertices, camera, samples=0, photo=(pixels, TAKEN, 1.0, 1.0))
+    covered = render_character(character, character.vertices, camera, samples=0, photo=(pixels, TAKEN, 1.0, 1.0))
     np.testing.assert_array_equal(covered, picture)

@@ -37,7 +37,7 @@ def feature(robot: Robot) -> PosesFeature:
 def weights(robot: Robot) -> dict[str, float]:
     session = robot.app.session
     values = session.model.weights_of(session.coefficients).tolist()
-    return dict(zip(session.model.subject.shape_names, values, strict=True))
+    return dict(zip(session.model.character.shape_names, values, strict=True))
 
 
 def slide(robot: Robot, percent: float) -> None:
@@ -291,6 +291,6 @@ def test_another_face_has_its_own_poses(robot: Robot) -> None:
     robot.frames(3)
     assert feature(robot).application is None
     robot.click_widget("pose:Happiness")
-    vertex = robot.app.session.model.subject.feature_points[LEFT_CORNER]
-    risen = robot.app.scene.vertices[vertex, 1] - robot.app.session.model.subject.vertices[vertex, 1]
+    vertex = robot.app.session.model.character.feature_points[LEFT_CORNER]
+    risen = robot.app.scene.vertices[vertex, 1] - robot.app.session.model.character.vertices[vertex, 1]
     assert risen > 0.3

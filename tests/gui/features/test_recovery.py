@@ -249,7 +249,7 @@ def test_a_gesture_under_way_does_not_hold_up_the_journal(start: Start, state: P
     assert journals(state) == []
 
 
-@pytest.mark.parametrize("way", ["drop", "subject", "dialog", "recent"])
+@pytest.mark.parametrize("way", ["drop", "character", "dialog", "recent"])
 def test_changes_are_asked_about_and_then_dropped(start: Start, state: Path, tmp_path: Path, way: str) -> None:
     path = tmp_path / "other.json"
     write_document(path, Document("woman"))
@@ -262,9 +262,9 @@ def test_changes_are_asked_about_and_then_dropped(start: Start, state: Path, tmp
     def replace() -> None:
         if way == "drop":
             app.window.play_event(Drop((str(path),)))
-        elif way == "subject":
-            robot.click_widget("subject")
-            robot.click_widget("subject:woman")
+        elif way == "character":
+            robot.click_widget("character")
+            robot.click_widget("character:woman")
         elif way == "recent":
             robot.click_widget("menu:File")
             robot.click_widget("menu:open-recent")
@@ -279,12 +279,12 @@ def test_changes_are_asked_about_and_then_dropped(start: Start, state: Path, tmp
     replace()
     assert asked(robot) == "Save this pose?"
     answer(robot, 2)
-    assert app.session.document.subject == "man"
+    assert app.session.document.character == "man"
     assert len(journals(state)) == 1
     replace()
     answer(robot, 1)
     robot.frames(2)
-    assert app.session.document.subject == "woman"
+    assert app.session.document.character == "woman"
     assert journals(state) == []
 
 
@@ -397,8 +397,8 @@ def test_recent_files_follow_opening_and_saving(start: Start, tmp_path: Path) ->
     robot.type(str(tmp_path / "saved"))
     robot.click_widget("files:accept")
     assert app.settings.recent == [str(tmp_path / "saved.json"), *newest_first[:-1]]
-    robot.click_widget("subject")
-    robot.click_widget("subject:woman")
+    robot.click_widget("character")
+    robot.click_widget("character:woman")
     assert app.settings.recent[0] == str(tmp_path / "saved.json")
 
     paths[-1].unlink()

@@ -84,7 +84,7 @@ def test_the_strip_comes_with_the_first_key_and_changes_become_keys(robot: Robot
     assert app.session.document.constraints == ()
     robot.key("R")
     assert frames(robot) == (0, 14)
-    np.testing.assert_allclose(app.scene.vertices, app.session.model.subject.vertices, atol=1e-4)
+    np.testing.assert_allclose(app.scene.vertices, app.session.model.character.vertices, atol=1e-4)
     robot.click_widget("auto-key")
     scrub(robot, 29)
     pull(robot, BROW, 0, -15)
@@ -354,7 +354,7 @@ def test_an_animation_is_opened_with_as_many_keys_as_one_wants(robot: Robot, tmp
     assert frames(robot) == tuple(range(40))
     assert timeline(robot).shown
     scrub(robot, 39)
-    names = model.subject.shape_names
+    names = model.character.shape_names
     assert model.weights_of(app.session.coefficients)[names.index("jawOpen")] == pytest.approx(0.6, abs=0.02)
     app.features[AnimationFilesFeature].reduce(0.02)
     assert len(frames(robot)) < 8
@@ -377,9 +377,9 @@ def test_trajectories_of_a_file_become_the_animation(robot: Robot, tmp_path: Pat
     app = robot.app
     model = app.session.model
     animate(robot)
-    vertex = int(model.subject.feature_points[CORNER])
+    vertex = int(model.character.feature_points[CORNER])
     path = tmp_path / "corner.json"
-    x, y, z = model.subject.vertices[vertex].tolist()
+    x, y, z = model.character.vertices[vertex].tolist()
     points = [{"name": CORNER, "positions": [[x + 0.05 * t, y + 0.05 * t, z] for t in range(10)]}]
     path.write_text(json.dumps({"format": "faceposer.trajectories", "version": 1, "rate": 25, "points": points}))
     app.features[AnimationFilesFeature].open_trajectories(path)

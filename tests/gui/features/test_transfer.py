@@ -31,7 +31,7 @@ def state_of(robot: Robot) -> TransferFeature:
 
 def weight(app: App, name: str) -> float:
     model = app.session.model
-    return float(model.weights_of(app.session.coefficients)[model.subject.shape_names.index(name)])
+    return float(model.weights_of(app.session.coefficients)[model.character.shape_names.index(name)])
 
 
 def begin(robot: Robot, to: str) -> TransferFeature:
@@ -54,11 +54,11 @@ def test_a_smile_goes_to_another_face_as_a_new_pose(robot: Robot) -> None:
     robot.click_widget("transfer:open")
     # What was there is not saved.
     robot.frames(2)
-    assert app.session.model.subject.name == "low"
+    assert app.session.model.character.name == "low"
     robot.click_widget("choice:1")
     robot.frames(2)
-    assert app.session.model.subject.name == "woman"
-    assert app.session.document.subject == "woman"
+    assert app.session.model.character.name == "woman"
+    assert app.session.document.character == "woman"
     assert 0.5 < weight(app, "mouthSmileLeft") < 1.1
     assert app.session.dirty
     assert not app.is_modal
@@ -90,7 +90,7 @@ def test_a_face_without_the_shapes_is_told_and_nothing_can_be_opened(robot: Robo
     assert state.open
     robot.key("Esc")
     assert not state.open
-    assert robot.app.session.model.subject.name == "low"
+    assert robot.app.session.model.character.name == "low"
 
 
 def test_lists_are_read_and_written(robot: Robot, tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ def action(label: str, menu: str = "File", keys: tuple[str, ...] = (), text: str
 
 
 TABLE = (
-    action("Open...", keys=("Ctrl+O",), text="Open a session or a subject"),
+    action("Open...", keys=("Ctrl+O",), text="Open a session or a character"),
     action("Save", keys=("Ctrl+S",), text="Save the session"),
     action("Save OBJ as...", keys=("Ctrl+Shift+E",)),
     action("Reset to neutral", "Edit", ("R",), "Back to the neutral face, no points"),

@@ -37,8 +37,8 @@ def test_mesh_and_session_hold_the_same_smile(demo: DemoFiles) -> None:
     model = session.model
     mesh = read_mesh(demo.mesh)
     solved = model.surface(session.coefficients)
-    assert np.abs(mesh.vertices - solved).max() < 1e-5 * np.ptp(model.subject.vertices[:, 1])
-    weights = dict(zip(model.subject.shape_names, model.weights_of(session.coefficients), strict=True))
+    assert np.abs(mesh.vertices - solved).max() < 1e-5 * np.ptp(model.character.vertices[:, 1])
+    weights = dict(zip(model.character.shape_names, model.weights_of(session.coefficients), strict=True))
     assert min(weights["mouthSmileLeft"], weights["mouthSmileRight"]) > 0.3
     assert max(weights["browInnerUpLeft"], weights["browInnerUpRight"]) > 0.3
     assert max(session.residuals_px) < 5.0

@@ -136,7 +136,7 @@ class AnimationFilesFeature(Feature):
         context = self.context
         camera = context.viewport.camera if path.suffix.lower() == ".csv" else None
         try:
-            trajectories = read_trajectories(path, context.session.model.subject, camera=camera)
+            trajectories = read_trajectories(path, context.session.model.character, camera=camera)
         except FacePoserError as error:
             context.dialogs.report("The trajectories are not opened", str(error))
             return

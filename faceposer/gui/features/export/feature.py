@@ -137,7 +137,7 @@ class ExportFeature(Feature):
         session = context.session
         last = Path(context.settings.export_path)
         folder = last.parent if context.settings.export_path and last.parent.is_dir() else last_folder(context.settings)
-        stem = session.path.stem if session.path else Path(session.document.subject).stem
+        stem = session.path.stem if session.path else Path(session.document.character).stem
         name = FORMATS[suffix].name
         if self.writes_folder:
             title = f"Export as a folder of {name} files"

@@ -261,7 +261,7 @@ def _aim(context: EditorContext, step: Step, head: np.ndarray) -> tuple[Pixel, P
     viewport = context.viewport
     if step.name == "orbit":
         return _beside(viewport, head)
-    vertex = context.session.model.subject.feature_points.get(step.place)
+    vertex = context.session.model.character.feature_points.get(step.place)
     if vertex is None:
         return None
     camera, position = viewport.camera, context.scene.vertices[vertex].astype(np.float64)

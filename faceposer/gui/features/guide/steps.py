@@ -159,19 +159,19 @@ class Guide:
 def places_of(session: Session) -> tuple[dict[str, float], frozenset[str]]:
     """Return how high each place of the guide is in the pose of ``session``, and which of them its points hold.
 
-    A subject without feature points has no places: there the steps that need them are left to the user to skip.
+    A character without feature points has no places: there the steps that need them are left to the user to skip.
     """
-    subject = session.model.subject
-    names = [name for name in (*MOUTH_CORNERS, *BROWS) if name in subject.feature_points]
+    character = session.model.character
+    names = [name for name in (*MOUTH_CORNERS, *BROWS) if name in character.feature_points]
     if not names:
         return {}, frozenset()
-    indices = [subject.feature_points[name] for name in names]
-    heights = session.vertices[indices, 1] / subject.height
+    indices = [character.feature_points[name] for name in names]
+    heights = session.vertices[indices, 1] / character.height
     held: set[str] = set()
     pins = [c.anchor for c in session.document.constraints if isinstance(c, PointConstraint) and c.enabled]
     if pins:
-        positions = surface_positions(subject.vertices, session.model.triangles, pins)
-        distances = np.linalg.norm(subject.vertices[indices][:, None] - positions[None], axis=2)
-        near = distances.min(axis=1) < _NEAR * subject.height
+        positions = surface_positions(character.vertices, session.model.triangles, pins)
+        distances = np.linalg.norm(character.vertices[indices][:, None] - positions[None], axis=2)
+        near = distances.min(axis=1) < _NEAR * character.height
         held = {name for name, is_near in zip(names, near.tolist(), strict=True) if is_near}
     return dict(zip(names, heights.tolist(), strict=True)), frozenset(held)

@@ -222,12 +222,12 @@ class ImportCharacterFeature(Feature):
 
 def _learn(form: ImportForm, output: Path, progress: Progress) -> dict[str, Any]:
     # Here and not above: the libraries behind take more than a second to load.
-    from faceposer.model.subject_file import save_subject
+    from faceposer.model.character_file import save_character
     from faceposer.training.request import train
     from faceposer.training.summary import description_of
 
     progress.at("Getting ready")
-    subject = train(form.request(output), progress)
+    character = train(form.request(output), progress)
     progress.at("Saving")
-    save_subject(output, subject)
-    return description_of(subject)
+    save_character(output, character)
+    return description_of(character)

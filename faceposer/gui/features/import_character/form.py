@@ -25,13 +25,13 @@ class ImportForm:
         captures: Performances, for a rig.
         neutral: The neutral mesh.
         marker_map: Where the markers are.
-        scan: What the markers move: a subject or a mesh.
+        scan: What the markers move: a character or a mesh.
         regions: Which regions of examples get modes of their own; "parts" are ``n_parts`` found by their motion.
         n_parts: From 2 to 12.
         dimensions: Number of modes, 0 to choose it by the data; likewise ``components`` and ``factors`` of the prior.
         title: Name to show.
         credits: Where the character comes from, and its licence.
-        output: The subject file to write.
+        output: The character file to write.
         proposed: Title and output that follow from the source; what differs from them, the user has entered.
     """
 

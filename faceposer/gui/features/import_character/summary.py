@@ -33,7 +33,7 @@ _MANY = 8
 
 
 def draw_summary(fonts: Fonts, rects: WidgetRects, about: dict[str, Any]) -> None:
-    """Draw the page for ``about``, the description of a subject (``description_of``) with the "path" of its file."""
+    """Draw the page for ``about``, the description of a character (``description_of``) with the "path" of its file."""
     imgui.text_colored(TARGET, Icon.CHECK)
     imgui.same_line()
     imgui.push_font(fonts.bold, 0.0)

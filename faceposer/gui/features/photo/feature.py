@@ -285,7 +285,7 @@ class PhotoFeature(Feature):
         if not afresh and isinstance(viewport.view, PictureView) and viewport.view.photo == photo.camera:
             viewport.view = viewport.view.back()
             return
-        x, y, z = session.model.subject.vertices.mean(axis=0).tolist()
+        x, y, z = session.model.character.vertices.mean(axis=0).tolist()
         before = viewport.view
         ours = isinstance(before, PictureView) and any(before.photo.size == known.size for known in self.photos)
         locked = before.locked if ours and not afresh and isinstance(before, PictureView) else True

@@ -16,15 +16,15 @@ _APART = 2.0
 
 def place_title(context: EditorContext, place: Place) -> str:
     """Return what people call ``place`` of the face."""
-    subject = context.session.model.subject
+    character = context.session.model.character
     if isinstance(place, str):
-        return subject.feature_titles.get(place, place)
+        return character.feature_titles.get(place, place)
     return context.drawn_constraints.names.name(place)
 
 
 def face_pixel(context: EditorContext, place: Place) -> tuple[float, float] | None:
     """Return where in the view the face has ``place``, or None where it lacks it."""
-    anchor = anchor_of(place, context.session.model.subject)
+    anchor = anchor_of(place, context.session.model.character)
     if anchor is None or isinstance(anchor, str):
         return None
     points = SurfacePoints.of([anchor])

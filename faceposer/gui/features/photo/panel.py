@@ -149,12 +149,12 @@ def _draw_camera(photos: "PhotoFeature", photo: Photo) -> None:
 
 
 def _shown_height(context: EditorContext, photo: Photo) -> float:
-    subject = context.session.model.subject
+    character = context.session.model.character
     if photo.camera is None:
         return 0.0
-    middle = subject.vertices.mean(axis=0)
+    middle = character.vertices.mean(axis=0)
     depth = float((photo.camera.rotation @ middle + photo.camera.translation)[2])
-    return photo.camera.focal / depth * subject.height
+    return photo.camera.focal / depth * character.height
 
 
 def _draw_pins(photos: "PhotoFeature", photo: Photo) -> None:
@@ -168,7 +168,7 @@ def _draw_pins(photos: "PhotoFeature", photo: Photo) -> None:
     action_button(context.widget_rects, context.actions["photo-pose"], -1.0, strong=ready)
     imgui.spacing()
     off = residuals_px(photo, context.session.model, context.session.coefficients)
-    order = guided(context.session.model.subject)
+    order = guided(context.session.model.character)
     others = [pin.place for pin in photo.pins if pin.place not in order]
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, 0.0))
     for title, places in (

@@ -209,7 +209,7 @@ class PosesFeature(Feature):
 
     def weights(self, entry: Entry) -> Array | None:
         """Return the weights of a pose on this face, shape (S,), or None where it does not fit."""
-        return None if entry.pose is None else weights_on(entry.pose, self.context.session.model.subject)
+        return None if entry.pose is None else weights_on(entry.pose, self.context.session.model.character)
 
     def shown(self) -> list[Entry]:
         """Return the entries of the chosen category that the filter lets through."""

@@ -129,7 +129,7 @@ class PosesPanel:
         if entry.pose is None:
             return entry.problem
         if not fits:
-            return misfit(entry.pose, self._poses.context.session.model.subject)
+            return misfit(entry.pose, self._poses.context.session.model.character)
         return f"{entry.title}. {entry.pose.note}" if entry.pose.note else entry.title
 
     def _paint_cell(self, entry: Entry, low: ImVec2, side: int, fits: bool, active: bool, hovered: bool) -> None:

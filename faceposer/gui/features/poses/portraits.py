@@ -49,7 +49,7 @@ class Portraits:
 
     def draw(self, coefficients: Array, size: int) -> NDArray[np.uint8]:
         """Return the picture of a pose, shape (size, size, 3)."""
-        camera = portrait_view(self._context.session.model.subject).camera((_FINER * size, _FINER * size))
+        camera = portrait_view(self._context.session.model.character).camera((_FINER * size, _FINER * size))
         fine = self._context.scene.portrait(coefficients, camera, 0)
         blocks = fine.reshape(size, _FINER, size, _FINER, 3).astype(np.float32)
         return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)

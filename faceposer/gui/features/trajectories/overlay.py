@@ -74,7 +74,7 @@ class TrajectoryPainter:
         if nearest and not context.toolbox.active:
             at = self._candidates[1][nearest]
             _knob(draw, (at[0] + float(origin[0]), at[1] + float(origin[1])), 5.0 * scale, scale, ACCENT)
-            vertex = context.session.model.subject.feature_points[nearest]
+            vertex = context.session.model.character.feature_points[nearest]
             draw_label(draw, context.viewport, at, context.drawn_constraints.names.name(int(vertex)))
 
 

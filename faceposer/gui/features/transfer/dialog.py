@@ -73,12 +73,12 @@ class TransferDialog:
         context, marks = state.context, state.context.widget_rects
         _label("To")
         imgui.set_next_item_width(-em(2.8))
-        titles = dict(state.subjects)
+        titles = dict(state.characters)
         opened = imgui.begin_combo("##to", titles.get(state.to, Path(state.to).stem))
         marks.record("transfer:to")
         self._lists = opened
         if opened:
-            for name, title in state.subjects:
+            for name, title in state.characters:
                 if imgui.selectable(f"{title}##{name}", name == state.to)[0]:
                     state.to = name
                 marks.record(f"transfer:to:{name}")
@@ -140,7 +140,7 @@ class TransferDialog:
                     self._draw_pair(index)
             imgui.end_table()
         self._draw_add()
-        if context.session.model.subject.feature_points:
+        if context.session.model.character.feature_points:
             on = sum(pair.enabled for pair in state.pairs)
             caption(f"{on} of {len(state.pairs)} are kept; lengths in the unit of each mesh")
 
@@ -173,7 +173,7 @@ class TransferDialog:
     def _draw_add(self) -> None:
         """Draw the choice of two feature points, and the button that adds their distance."""
         state = self._state
-        marks, points = state.context.widget_rects, state.context.session.model.subject.feature_points
+        marks, points = state.context.widget_rects, state.context.session.model.character.feature_points
         if not points:
             return
         gap, button = imgui.get_style().item_inner_spacing.x, em(4.0)
@@ -199,7 +199,7 @@ class TransferDialog:
 
     def _title(self, point: str) -> str:
         """Return what people call the feature point ``point``."""
-        return self._state.context.session.model.subject.feature_titles.get(point, point)
+        return self._state.context.session.model.character.feature_titles.get(point, point)
 
     def _ask(self, what: str) -> None:
         state = self._state
@@ -233,7 +233,7 @@ class TransferDialog:
         texture = scene.draw(portrait(model).camera((pixels, pixels)), context.shading, False, _SAMPLES)
         imgui.image(imgui.ImTextureRef(texture.glo), ImVec2(side, side), ImVec2(0.0, 1.0), ImVec2(1.0, 0.0))
         context.widget_rects.record(f"transfer:picture:{name}")
-        tooltip(model.subject.title)
+        tooltip(model.character.title)
 
     def _draw_foot(self, fresh: bool) -> None:
         state = self._state
@@ -265,9 +265,9 @@ class TransferDialog:
 
 def portrait(model: FaceModel) -> OrbitView:
     """Return the front view that frames the face of ``model``, ears and neck aside."""
-    subject = model.subject
-    inner = [vertex for name, vertex in subject.feature_points.items() if not name.startswith("10.")]
-    face = subject.vertices[inner] if inner else subject.vertices
+    character = model.character
+    inner = [vertex for name, vertex in character.feature_points.items() if not name.startswith("10.")]
+    face = character.vertices[inner] if inner else character.vertices
     return OrbitView.preset(face.min(axis=0), face.max(axis=0))
 
 

@@ -32,7 +32,7 @@ class TransferFeature(Feature):
 
     Attributes:
         open: Whether the dialog is shown.
-        to: Name or path of the subject that gets the expression.
+        to: Name or path of the character that gets the expression.
         method: The way.
         pairs: Distances to keep, for the user to edit.
         error: Why there is no result, one sentence, or "".
@@ -52,7 +52,7 @@ class TransferFeature(Feature):
         self.target: FaceModel | None = None
         self.result: Array | None = None
         self.added = ["8.3", "8.4"]
-        self.subjects: list[tuple[str, str]] = []
+        self.characters: list[tuple[str, str]] = []
         self.lengths: tuple[list[float | None], list[float | None]] = ([], [])
         self._asked: object = None
         self._scenes: tuple[Scene, Scene] | None = None
@@ -87,11 +87,11 @@ class TransferFeature(Feature):
         known = context.characters.all(context.settings.characters)
         listed = {one.name: one.title for one in known}
         # Files that were chosen here stay in the list.
-        listed |= {name: title for name, title in self.subjects if name not in listed and Path(name).is_file()}
-        self.subjects = list(listed.items())
-        here = context.session.document.subject
+        listed |= {name: title for name, title in self.characters if name not in listed and Path(name).is_file()}
+        self.characters = list(listed.items())
+        here = context.session.document.character
         if self.to in ("", here):
-            self.to = next((name for name, _ in self.subjects if name != here), here)
+            self.to = next((name for name, _ in self.characters if name != here), here)
         self.open, self._asked = True, None
         context.redraw()
 
@@ -111,10 +111,10 @@ class TransferFeature(Feature):
             self._dialog.draw()
 
     def choose_file(self, path: Path) -> None:
-        """Carry the expression to the subject in the file ``path``."""
+        """Carry the expression to the character in the file ``path``."""
         self.to = str(path)
-        if all(name != self.to for name, _ in self.subjects):
-            self.subjects = [*self.subjects, (self.to, path.stem)]
+        if all(name != self.to for name, _ in self.characters):
+            self.characters = [*self.characters, (self.to, path.stem)]
 
     # Pairs
 
@@ -130,7 +130,7 @@ class TransferFeature(Feature):
     def add(self) -> None:
         """Add the pair of the two feature points that are chosen, at the top, where it is seen."""
         first, second = self.added
-        titles = self.context.session.model.subject.feature_titles
+        titles = self.context.session.model.character.feature_titles
         name = f"{titles.get(first, first)} to {titles.get(second, second)}"
         if not any({first, second} == {pair.first, pair.second} for pair in self.pairs):
             self.pairs = (Pair(name, first, second), *self.pairs)
@@ -175,7 +175,7 @@ class TransferFeature(Feature):
         """Return the distance of each pair on the face ``pose`` of ``model``, None where there is none."""
         if model is None or pose is None:
             return [None] * len(self.pairs)
-        there = [pair for pair in self.pairs if pair.measurable(model.subject)]
+        there = [pair for pair in self.pairs if pair.measurable(model.character)]
         if not there:
             return [None] * len(self.pairs)
         known = dict(zip(there, PairPoints(model, there).distances(pose[None])[0].tolist(), strict=True))

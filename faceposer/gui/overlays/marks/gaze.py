@@ -43,8 +43,8 @@ def mark_of(index: int, constraint: GazeConstraint, view: MarkView) -> GazeMark 
 
 def handle_mark(index: int | None, direction: tuple[float, float], view: MarkView) -> GazeMark | None:
     """Return the handle for a ``direction`` in degrees, or None where the face has no eyes."""
-    subject = view.viewport.session.model.subject
-    eyes, position = pupils_of(subject, direction), handle_position(subject, direction)
+    character = view.viewport.session.model.character
+    eyes, position = pupils_of(character, direction), handle_position(character, direction)
     if eyes is None or position is None:
         return None
     u, v = view.camera.project(position[None])[0].tolist()

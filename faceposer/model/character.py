@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.model.character_checks import SEE_THROUGH, check_character
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.origin import Origin
-from faceposer.model.subject_checks import SEE_THROUGH, check_subject
 
 #: The 52 facial action shapes of Apple's ARKit, in the order of its documentation.
 ARKIT_SHAPES: tuple[str, ...] = (
@@ -33,7 +33,7 @@ Ints = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Part:
-    """A named piece of a subject, such as an eye: one material, a run of polygons and the run of their vertices.
+    """A named piece of a character, such as an eye: one material, a run of polygons and the run of their vertices.
 
     Attributes:
         name: For example "skin" or "eye_left".
@@ -50,7 +50,7 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Subject:
+class Character:
     """A character that can be posed: its neutral mesh and all that belongs to it.
 
     Centimetres; y up, the face looks along +z, the character's left is +x, x = 0 is the plane of symmetry.
@@ -103,7 +103,7 @@ class Subject:
         if not self.shape_limits.size:
             unit = np.tile(np.array([0.0, 1.0], dtype=np.float32), (len(self.shape_names), 1))
             object.__setattr__(self, "shape_limits", unit)
-        check_subject(self)
+        check_character(self)
 
     @cached_property
     def triangles(self) -> Ints:

@@ -1,4 +1,4 @@
-"""``faceposer subject``: shows, checks or renames a character's file."""
+"""``faceposer character``: shows, checks or renames a character's file."""
 
 import argparse
 import json
@@ -7,31 +7,31 @@ from typing import Any
 
 from faceposer.errors import FacePoserError
 
-NAME = "subject"
+NAME = "character"
 
 
 def add_parser(commands: Any) -> None:
-    """Add the parser of ``subject`` to ``commands``."""
-    subject = commands.add_parser(
-        NAME, help="show, check or rename a subject file", description="Look after a subject file."
+    """Add the parser of ``character`` to ``commands``."""
+    character = commands.add_parser(
+        NAME, help="show, check or rename a character file", description="Look after a character file."
     )
-    actions = subject.add_subparsers(dest="action", required=True)
-    info = actions.add_parser("info", help="say what is in it", description="Say what is in a subject file.")
+    actions = character.add_subparsers(dest="action", required=True)
+    info = actions.add_parser("info", help="say what is in it", description="Say what is in a character file.")
     info.add_argument("--json", action="store_true", help="as JSON")
     check = actions.add_parser(
-        "check", help="find what is wrong with it", description="Check a subject file, and whether it can be posed."
+        "check", help="find what is wrong with it", description="Check a character file, and whether it can be posed."
     )
     rename = actions.add_parser(
         "rename",
         help="change its names",
-        description="Change the name, the title, the credits or names of shapes of a subject file.",
+        description="Change the name, the title, the credits or names of shapes of a character file.",
     )
     rename.add_argument("--name", help="short name")
     rename.add_argument("--title", help="name to show")
     rename.add_argument("--credits", help="where it comes from, and its licence")
     rename.add_argument("--shape", metavar="OLD=NEW", nargs="+", default=[], help="names of shapes")
     for action in (info, check, rename):
-        action.add_argument("file", metavar="SUBJECT", help="subject file (.npz), or the name of a subject")
+        action.add_argument("file", metavar="CHARACTER", help="character file (.npz), or the name of a character")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -40,24 +40,24 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _info(options: argparse.Namespace) -> int:
-    from faceposer.model.subject_file import load_subject
+    from faceposer.model.character_file import load_character
     from faceposer.training.summary import description_of, text_of_summary
 
-    subject = load_subject(options.file)
+    character = load_character(options.file)
     if options.json:
-        print(json.dumps(description_of(subject), indent=1, ensure_ascii=False))
+        print(json.dumps(description_of(character), indent=1, ensure_ascii=False))
     else:
-        print(text_of_summary(subject))
+        print(text_of_summary(character))
     return 0
 
 
 def _check(options: argparse.Namespace) -> int:
+    from faceposer.model.character_file import load_character
     from faceposer.model.face_model import build_face_model
-    from faceposer.model.subject_file import load_subject
     from faceposer.training.summary import findings_of
 
-    subject = load_subject(options.file)
-    findings = findings_of(subject, build_face_model(subject))
+    character = load_character(options.file)
+    findings = findings_of(character, build_face_model(character))
     for finding in findings:
         print(finding)
     print(f"'{options.file}' is sound and can be posed{'; see above for what could be better' if findings else ''}.")
@@ -65,12 +65,12 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _rename(options: argparse.Namespace) -> int:
-    from faceposer.model.subject_file import load_subject, save_subject
+    from faceposer.model.character_file import load_character, save_character
     from faceposer.training.renaming import renamed
 
     path = Path(options.file)
     if path.suffix.lower() != ".npz":
-        raise FacePoserError(f"'{options.file}' is no subject file; give the path of one, which ends in .npz.")
+        raise FacePoserError(f"'{options.file}' is no character file; give the path of one, which ends in .npz.")
     pairs = {}
     for pair in options.shape:
         old, equals, new = pair.partition("=")
@@ -79,7 +79,7 @@ def _rename(options: argparse.Namespace) -> int:
         pairs[old] = new
     if not (pairs or options.name or options.title or options.credits is not None):
         raise FacePoserError("Nothing is to be renamed; give --name, --title, --credits or --shape OLD=NEW.")
-    subject = renamed(load_subject(path), f"'{path}'", options.name, options.title, options.credits, pairs)
-    save_subject(path, subject)
+    character = renamed(load_character(path), f"'{path}'", options.name, options.title, options.credits, pairs)
+    save_character(path, character)
     print(f"{path} written")
     return 0

@@ -1,4 +1,4 @@
-"""The file of a subject: one ``.npz`` with all that belongs to a character.
+"""The file of a character: one ``.npz`` with all that belongs to a character.
 
 Its member ``meta`` is JSON (format, version, names, parts, shape names, feature points, credits); all other members are
 plain arrays. Nothing in it is pickled.
@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file
+from faceposer.model.character import Character, Floats, Ints, Part
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.origin import Origin
-from faceposer.model.subject import Floats, Ints, Part, Subject
 from faceposer.resources import asset_path
 
 FORMAT = "faceposer.subject"
@@ -33,30 +33,30 @@ _MAX_MEMBERS = 500
 _SHAPE_STEP = 2e-4
 
 
-def available_subjects() -> list[tuple[str, str]]:
-    """Return (name, title) of every subject that is installed, sorted by name.
+def available_characters() -> list[tuple[str, str]]:
+    """Return (name, title) of every character that is installed, sorted by name.
 
     Raises:
-        FacePoserError: If a subject file is damaged.
+        FacePoserError: If a character file is damaged.
     """
-    return [(path.stem, _read_title(path)) for path in sorted(asset_path("subjects").glob("*.npz"))]
+    return [(path.stem, _read_title(path)) for path in sorted(asset_path("characters").glob("*.npz"))]
 
 
-def load_subject(name_or_path: str | os.PathLike[str]) -> Subject:
-    """Load an installed subject by its name, or any subject file by its path (which ends in ``.npz``).
+def load_character(name_or_path: str | os.PathLike[str]) -> Character:
+    """Load an installed character by its name, or any character file by its path (which ends in ``.npz``).
 
     Raises:
-        FacePoserError: If there is no such subject, or the file is not a sound subject file.
+        FacePoserError: If there is no such character, or the file is not a sound character file.
     """
     text = os.fspath(name_or_path)
     path = Path(text).expanduser()
     if path.suffix.lower() != ".npz":
-        installed = asset_path(f"subjects/{text}.npz") if text == path.name and text else None
+        installed = asset_path(f"characters/{text}.npz") if text == path.name and text else None
         if installed is None or not installed.is_file():
-            names = ", ".join(f"'{p.stem}'" for p in sorted(asset_path("subjects").glob("*.npz")))
+            names = ", ".join(f"'{p.stem}'" for p in sorted(asset_path("characters").glob("*.npz")))
             raise FacePoserError(
-                f"There is no subject '{text}'; choose one of {names or '(none installed)'}, or give the path of a "
-                "subject file, which ends in .npz."
+                f"There is no character '{text}'; choose one of {names or '(none installed)'}, or give the path of a "
+                "character file, which ends in .npz."
             )
         path = installed
     members = _read_members(path, None)
@@ -68,57 +68,57 @@ def load_subject(name_or_path: str | os.PathLike[str]) -> Subject:
         _refuse(path, reason)
 
 
-def save_subject(path: str | os.PathLike[str], subject: Subject) -> None:
-    """Write ``subject`` to ``path``, compressed, replacing the file only when it is complete.
+def save_character(path: str | os.PathLike[str], character: Character) -> None:
+    """Write ``character`` to ``path``, compressed, replacing the file only when it is complete.
 
     Offsets are rounded to a step of about 2 micrometres, vertices and texture coordinates are kept as they are.
 
     Raises:
         FacePoserError: If the file cannot be written.
     """
-    largest = float(np.abs(subject.shapes).max(initial=0.0))
+    largest = float(np.abs(character.shapes).max(initial=0.0))
     step = max(_SHAPE_STEP, largest / 32767)
     meta = {
         "format": FORMAT,
         "version": VERSION,
-        "name": subject.name,
-        "title": subject.title,
-        "parts": [dataclasses.asdict(part) for part in subject.parts],
-        "shape_names": list(subject.shape_names),
+        "name": character.name,
+        "title": character.title,
+        "parts": [dataclasses.asdict(part) for part in character.parts],
+        "shape_names": list(character.shape_names),
         "shape_step": step,
-        "feature_points": dict(subject.feature_points),
-        "feature_titles": dict(subject.feature_titles),
-        "credits": subject.credits,
-        "summary": dict(subject.summary),
+        "feature_points": dict(character.feature_points),
+        "feature_titles": dict(character.feature_titles),
+        "credits": character.credits,
+        "summary": dict(character.summary),
     }
     learned: dict[str, NDArray[Any]] = {}
-    if subject.statistics is not None:
-        texts, arrays_of_it = subject.statistics.as_members()
+    if character.statistics is not None:
+        texts, arrays_of_it = character.statistics.as_members()
         meta["statistics"] = texts
         learned |= {f"statistics.{name}": array for name, array in arrays_of_it.items()}
-    if subject.origin is not None:
-        texts, arrays_of_it = subject.origin.as_members()
+    if character.origin is not None:
+        texts, arrays_of_it = character.origin.as_members()
         meta["origin"] = texts
         learned |= {f"origin.{name}": array for name, array in arrays_of_it.items()}
     text = json.dumps(meta, ensure_ascii=False, indent=1)
     arrays: dict[str, NDArray[Any]] = {
         "meta": np.frombuffer(text.encode("utf-8"), dtype=np.uint8),
-        "vertices": subject.vertices,
-        "polygons": subject.polygons,
-        "uv": subject.uv,
-        "polygon_uvs": subject.polygon_uvs,
-        "shapes": np.rint(subject.shapes / step).astype(np.int16),
-        "shape_limits": subject.shape_limits,
+        "vertices": character.vertices,
+        "polygons": character.polygons,
+        "uv": character.uv,
+        "polygon_uvs": character.polygon_uvs,
+        "shapes": np.rint(character.shapes / step).astype(np.int16),
+        "shape_limits": character.shape_limits,
         **learned,
     }
-    arrays |= {f"region.{name}": ids for name, ids in subject.regions.items()}
-    arrays |= {f"texture.{name}": np.frombuffer(data, np.uint8) for name, data in subject.textures.items()}
-    with atomic_file(Path(path), "subject file") as temporary, temporary.open("wb") as file:
+    arrays |= {f"region.{name}": ids for name, ids in character.regions.items()}
+    arrays |= {f"texture.{name}": np.frombuffer(data, np.uint8) for name, data in character.textures.items()}
+    with atomic_file(Path(path), "character file") as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)
 
 
 def _refuse(path: Path, reason: str) -> NoReturn:
-    raise FacePoserError(f"The subject file '{path}' cannot be used: {reason.rstrip('.')}.") from None
+    raise FacePoserError(f"The character file '{path}' cannot be used: {reason.rstrip('.')}.") from None
 
 
 def _read_title(path: Path) -> str:
@@ -131,7 +131,7 @@ def _read_members(path: Path, wanted: set[str] | None) -> dict[str, NDArray[Any]
         with zipfile.ZipFile(path) as archive:
             entries = archive.infolist()
             if len(entries) > _MAX_MEMBERS or sum(entry.file_size for entry in entries) > _MAX_BYTES:
-                _refuse(path, "it is too large for a subject")
+                _refuse(path, "it is too large for a character")
             members = {}
             for entry in entries:
                 name = entry.filename.removesuffix(".npy")
@@ -140,11 +140,11 @@ def _read_members(path: Path, wanted: set[str] | None) -> dict[str, NDArray[Any]
                         members[name] = _read_array(stream, entry.file_size)
             return members
     except FileNotFoundError:
-        raise FacePoserError(f"There is no subject file '{path}'; check the path.") from None
+        raise FacePoserError(f"There is no character file '{path}'; check the path.") from None
     except OSError as error:
         _refuse(path, f"it cannot be read ({error.strerror or error})")
     except (zipfile.BadZipFile, EOFError, zlib.error, NotImplementedError, RuntimeError):
-        _refuse(path, "it is damaged or not a subject; copy or build it again")
+        _refuse(path, "it is damaged or not a character; copy or build it again")
     except ValueError as error:
         _refuse(path, str(error))
 
@@ -170,9 +170,9 @@ def _parse_meta(path: Path, members: Mapping[str, NDArray[Any]]) -> dict[str, An
     try:
         meta = json.loads(members["meta"].tobytes().decode("utf-8"))
     except (KeyError, ValueError, RecursionError):
-        _refuse(path, "it is not a Face Poser subject (its description is missing or unreadable)")
+        _refuse(path, "it is not a Face Poser character (its description is missing or unreadable)")
     if not isinstance(meta, dict) or meta.get("format") != FORMAT:
-        _refuse(path, "it is not a Face Poser subject")
+        _refuse(path, "it is not a Face Poser character")
     if meta.get("version") not in range(1, VERSION + 1):
         _refuse(path, f"it has version {meta.get('version')!r}, this program reads versions 1 to {VERSION}")
     if not all(isinstance(meta.get(key), str) for key in ("name", "title", "credits")):
@@ -180,13 +180,13 @@ def _parse_meta(path: Path, members: Mapping[str, NDArray[Any]]) -> dict[str, An
     return meta
 
 
-def _build(meta: dict[str, Any], members: Mapping[str, NDArray[Any]]) -> Subject:
+def _build(meta: dict[str, Any], members: Mapping[str, NDArray[Any]]) -> Character:
     step = float(meta["shape_step"])
     if not 0.0 < step < 1.0:
         raise ValueError(f"the step of its shapes is {step}")
     if members["shapes"].dtype != np.int16:
         raise ValueError("its shapes are not 16-bit integers")
-    return Subject(
+    return Character(
         name=meta["name"],
         title=meta["title"],
         vertices=_as_floats(members, "vertices"),

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from faceposer.errors import FacePoserError
-from faceposer.model.subject import Part, Subject
-from faceposer.model.subject_file import available_subjects, load_subject, save_subject
+from faceposer.model.character import Character, Part
+from faceposer.model.character_file import available_characters, load_character, save_character
 
 
-def small_subject() -> Subject:
+def small_character() -> Character:
     """A square and, as another part, a triangle; two shapes."""
     shapes = np.zeros((2, 7, 3), dtype=np.float32)
     shapes[0, 2] = (0.5, -0.25, 3.0)
     shapes[1, 5] = (0.0, 1.0, 0.0)
-    return Subject(
+    return Character(
         name="small",
         title="Small one",
         vertices=np.random.default_rng(3).normal(size=(7, 3)).astype(np.float32),
@@ -40,37 +40,37 @@ def small_subject() -> Subject:
 @pytest.fixture
 def saved(tmp_path: Path) -> Path:
     path = tmp_path / "small.npz"
-    save_subject(path, small_subject())
+    save_character(path, small_character())
     return path
 
 
 def test_what_is_saved_is_loaded(saved: Path) -> None:
-    subject, loaded = small_subject(), load_subject(saved)
+    character, loaded = small_character(), load_character(saved)
     for name in ("name", "title", "parts", "shape_names", "feature_points", "feature_titles", "textures", "credits"):
-        assert getattr(loaded, name) == getattr(subject, name)
+        assert getattr(loaded, name) == getattr(character, name)
     for name in ("vertices", "polygons", "uv", "polygon_uvs"):
-        np.testing.assert_array_equal(getattr(loaded, name), getattr(subject, name))
-        assert getattr(loaded, name).dtype == getattr(subject, name).dtype
-    np.testing.assert_allclose(loaded.shapes, subject.shapes, atol=1.01e-4)
+        np.testing.assert_array_equal(getattr(loaded, name), getattr(character, name))
+        assert getattr(loaded, name).dtype == getattr(character, name).dtype
+    np.testing.assert_allclose(loaded.shapes, character.shapes, atol=1.01e-4)
     assert loaded.shapes.dtype == np.float32
     np.testing.assert_array_equal(loaded.regions["mouth"], [1, 2])
     assert [path.name for path in saved.parent.iterdir()] == ["small.npz"], "no temporary file is left"
 
 
 def test_quads_are_split_and_triangles_kept() -> None:
-    subject = small_subject()
-    np.testing.assert_array_equal(subject.triangles, [[0, 1, 2], [0, 2, 3], [4, 5, 6]])
-    np.testing.assert_array_equal(subject.triangle_uvs, [[0, 1, 2], [0, 2, 3], [0, 1, 2]])
-    np.testing.assert_array_equal(subject.triangle_polygons, [0, 0, 1])
-    assert [subject.part_triangles(part) for part in subject.parts] == [(0, 2), (2, 3)]
-    assert subject.part("eye_left").material == "eye"
+    character = small_character()
+    np.testing.assert_array_equal(character.triangles, [[0, 1, 2], [0, 2, 3], [4, 5, 6]])
+    np.testing.assert_array_equal(character.triangle_uvs, [[0, 1, 2], [0, 2, 3], [0, 1, 2]])
+    np.testing.assert_array_equal(character.triangle_polygons, [0, 0, 1])
+    assert [character.part_triangles(part) for part in character.parts] == [(0, 2), (2, 3)]
+    assert character.part("eye_left").material == "eye"
     with pytest.raises(KeyError):
-        subject.part("horn")
+        character.part("horn")
 
 
 def test_height_is_measured_from_chin_to_crown() -> None:
-    subject = small_subject()
-    assert subject.height == pytest.approx(subject.vertices[3, 1] - subject.vertices[0, 1])
+    character = small_character()
+    assert character.height == pytest.approx(character.vertices[3, 1] - character.vertices[0, 1])
 
 
 @pytest.mark.parametrize(
@@ -93,12 +93,12 @@ def test_height_is_measured_from_chin_to_crown() -> None:
 )
 def test_parts_that_do_not_fit_are_refused(change: dict[str, object], complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
-        replace(small_subject(), **change)
+        replace(small_character(), **change)
 
 
 def assert_refused(path: Path, complaint: str) -> None:
     with pytest.raises(FacePoserError, match=re.escape(str(path))) as caught:
-        load_subject(path)
+        load_character(path)
     text = str(caught.value)
     assert re.search(complaint, text), text
     assert text.endswith(".")
@@ -141,17 +141,17 @@ def test_flipped_bytes_never_end_in_a_traceback(saved: Path) -> None:
             broken[position] ^= int(rng.integers(1, 256))
         saved.write_bytes(broken)
         with suppress(FacePoserError):
-            load_subject(saved)
+            load_character(saved)
 
 
-def test_what_is_no_subject_is_refused(tmp_path: Path) -> None:
+def test_what_is_no_character_is_refused(tmp_path: Path) -> None:
     text = tmp_path / "notes.npz"
     text.write_text("these are my notes")
-    assert_refused(text, "not a subject")
+    assert_refused(text, "not a character")
     other = tmp_path / "other.npz"
     np.savez(other, weights=np.zeros(3))
-    assert_refused(other, "not a Face Poser subject")
-    assert_refused(tmp_path / "missing.npz", "no subject file")
+    assert_refused(other, "not a Face Poser character")
+    assert_refused(tmp_path / "missing.npz", "no character file")
     folder = tmp_path / "folder.npz"
     folder.mkdir()
     assert_refused(folder, "cannot be read")
@@ -174,27 +174,27 @@ def test_the_description_is_checked(saved: Path) -> None:
         return rewritten(saved, meta=packed(np.frombuffer(json.dumps(meta | change).encode(), np.uint8)))
 
     assert_refused(with_meta(version=3), "version 3")
-    assert_refused(with_meta(format="other"), "not a Face Poser subject")
+    assert_refused(with_meta(format="other"), "not a Face Poser character")
     assert_refused(with_meta(title=5), "not text")
     assert_refused(with_meta(shape_step=float("nan")), "step")
     assert_refused(with_meta(shape_step="a"), "cannot be used")
     assert_refused(with_meta(parts=[{"name": "skin"}]), "missing")
     assert_refused(with_meta(parts=7), "cannot be used")
-    assert_refused(rewritten(saved, meta=packed(np.frombuffer(b"[" * 100_000, np.uint8))), "not a Face Poser subject")
-    load_subject(with_meta())
+    assert_refused(rewritten(saved, meta=packed(np.frombuffer(b"[" * 100_000, np.uint8))), "not a Face Poser character")
+    load_character(with_meta())
 
 
 def test_names_are_found_and_others_refused_with_a_choice() -> None:
-    assert ("man", "Man") in available_subjects()
-    assert ("woman", "Woman") in available_subjects()
+    assert ("man", "Man") in available_characters()
+    assert ("woman", "Woman") in available_characters()
     with pytest.raises(FacePoserError, match=r"'horse'.*'man'"):
-        load_subject("horse")
-    with pytest.raises(FacePoserError, match="no subject"):
-        load_subject("../subjects/man")
-    with pytest.raises(FacePoserError, match="no subject"):
-        load_subject("")
+        load_character("horse")
+    with pytest.raises(FacePoserError, match="no character"):
+        load_character("../characters/man")
+    with pytest.raises(FacePoserError, match="no character"):
+        load_character("")
 
 
 def test_an_unwritable_place_is_named(tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match="nowhere"):
-        save_subject(tmp_path / "nowhere" / "small.npz", small_subject())
+        save_character(tmp_path / "nowhere" / "small.npz", small_character())
