@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from faceposer.animation import trajectory_io
 from faceposer.evaluation import study
@@ -130,3 +131,14 @@ def test_the_site_has_every_page() -> None:
     assert pages <= listed
     hooks = text_of("scripts/docs_hooks.py")
     assert all(f'"{page}"' in hooks for page in listed - pages), "pages that lie outside docs/"
+
+
+def test_the_readme_begins_with_the_commands_and_a_small_animation() -> None:
+    """Both are on the first screen, and the animation loads quickly."""
+    first_screen = text_of("README.md").splitlines()[:12]
+    assert any("scripts/run" in line for line in first_screen)
+    assert any("scripts/test" in line for line in first_screen)
+    (image,) = [found[1] for line in first_screen if (found := _LINK.search(line))]
+    with Image.open(ROOT / image) as animation:
+        assert getattr(animation, "n_frames", 1) > 50
+    assert (ROOT / image).stat().st_size < 2_000_000

@@ -21,7 +21,8 @@ class Recorder:
 
     Attributes:
         caption: What stands at the bottom of the pictures from now on.
-        frames: The files written so far, in order.
+        frames: Files written so far, in order.
+        milliseconds: Time that each is shown.
     """
 
     def __init__(self, screenshot: Callable[[], NDArray[np.uint8]], folder: Path) -> None:
@@ -32,7 +33,7 @@ class Recorder:
         self._folder = folder
         self._font = ImageFont.truetype(str(fonts_folder() / "Roboto" / "Roboto-Regular.ttf"), 17)
         self._small: list[Image.Image] = []
-        self._milliseconds: list[int] = []
+        self.milliseconds: list[int] = []
         self._last = b""
 
     def take(self, pointer: tuple[float, float], pressed: bool) -> None:
@@ -54,11 +55,11 @@ class Recorder:
         self.frames.append(path)
         height = round(picture.height * _ANIMATION_WIDTH / picture.width)
         self._small.append(picture.resize((_ANIMATION_WIDTH, height), Image.Resampling.LANCZOS))
-        self._milliseconds.append(_FRAME_MILLISECONDS)
+        self.milliseconds.append(_FRAME_MILLISECONDS)
 
     def hold(self, frames: int) -> None:
         """Let the animation rest on the last picture for as long as ``frames`` would take."""
-        self._milliseconds[-1] += frames * _FRAME_MILLISECONDS
+        self.milliseconds[-1] += frames * _FRAME_MILLISECONDS
 
     def write_animation(self, path: Path) -> Path:
         """Write all that was recorded as an animated GIF.
@@ -66,7 +67,7 @@ class Recorder:
         Raises:
             FacePoserError: If the file cannot be written.
         """
-        write_animation(path, self._small, self._milliseconds)
+        write_animation(path, self._small, self.milliseconds)
         return path
 
     def _draw_caption(self, draw: ImageDraw.ImageDraw, height: int) -> None:
