@@ -13,7 +13,7 @@ from faceposer.model.character import Part
 from faceposer.model.character_file import load_character
 from faceposer.model.origin import Origin
 from faceposer.training.eyes import eye_uv
-from faceposer.training.parts import PartedMesh, into_parts
+from faceposer.training.parts import PartedMesh, split_into_parts
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class UprightMesh:
         origin: How the file has it.
         file_ids: One of the file's vertices for each, shape (N,).
         regions: Vertex ids by the names that the program's own faces have, where they are known.
-        like_a_man: Whether it lies on the program's own man so well that his regions are its own.
+        resembles_man: Whether it lies on the program's own man so well that his regions are its own.
     """
 
     vertices: NDArray[np.float32]
@@ -47,7 +47,7 @@ class UprightMesh:
     origin: Origin
     file_ids: NDArray[np.int32]
     regions: Mapping[str, NDArray[np.int32]] | None = None
-    like_a_man: bool = True
+    resembles_man: bool = True
 
     def displacements(self, of_file: NDArray[np.floating]) -> NDArray[np.float32]:
         """Return displacements of the file's vertices, (..., M, 3), as those of this mesh, (..., N, 3)."""
@@ -67,7 +67,7 @@ def assemble(
         textures: Encoded images by the file's names of materials.
     """
     vertices = upright.apply(mesh.vertices)
-    parted = into_parts(mesh, vertices, fingerprints(motion))
+    parted = split_into_parts(mesh, vertices, fingerprints(motion))
     positions = vertices[parted.file_ids]
     uv = mesh.uv if len(mesh.uv) else np.zeros((1, 2))
     uv, corner_uvs, images = _with_looks(parted, positions, uv, textures)

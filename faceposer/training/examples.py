@@ -21,7 +21,7 @@ from faceposer.training.measures import Curves, curves_of
 from faceposer.training.mode_statistics import statistics_of_modes
 from faceposer.training.modes import Modes, learn_modes, local_metric
 from faceposer.training.segments import Segments, face_segments, find_segments, whole_face
-from faceposer.training.upright import upright_by_motion
+from faceposer.training.canonical_frame import frame_from_motion
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -106,8 +106,8 @@ def character_from_sequence(
     if not motion.max() > (1e-5 * size) ** 2:
         raise FacePoserError(f"The meshes of '{source}' are all the same; give examples of different expressions.")
     if mesh is None:
-        upright, like_a_man = upright_by_motion(neutral, sequence.neutral.triangles(), motion)
-        mesh = replace(assemble(sequence.neutral, upright, sample, {}), like_a_man=like_a_man)
+        upright, resembles_man = frame_from_motion(neutral, sequence.neutral.triangles(), motion)
+        mesh = replace(assemble(sequence.neutral, upright, sample, {}), resembles_man=resembles_man)
 
     progress.at("Finding the regions")
     triangles = _triangles(mesh)
@@ -184,7 +184,7 @@ def _segments(wanted: str | int, mesh: UprightMesh, triangles: NDArray[np.int32]
         return whole_face(len(vertices))
     if isinstance(wanted, int):
         return find_segments(vertices, triangles, sample, wanted)
-    if mesh.regions is None and not mesh.like_a_man:
+    if mesh.regions is None and not mesh.resembles_man:
         return find_segments(vertices, triangles, sample, _CLUSTERS)
     return face_segments(vertices, triangles, sample, mesh.regions)
 

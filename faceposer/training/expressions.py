@@ -186,7 +186,7 @@ def learn_from_frames(
     others: Sequence[Array] = (),
 ) -> ExpressionStatistics:
     """Return the statistics of cleaned ``frames``, (F, S), in their order, and of the ``others``; see ``learn``."""
-    examples = augment(with_others(frames, others, recipe), shape_names, recipe)
+    examples = augment(add_others(frames, others, recipe), shape_names, recipe)
     return fit_statistics(examples, shape_names, recipe, credits, couple(frames, shape_names, recipe, metric))
 
 
@@ -225,7 +225,7 @@ def learn(
     return learn_from_frames(frames, shape_names, recipe, credits, metric, [frames_of(takes) for takes in others])
 
 
-def with_others(frames: Array, others: Sequence[Array], recipe: Recipe) -> Array:
+def add_others(frames: Array, others: Sequence[Array], recipe: Recipe) -> Array:
     """Return ``frames``, (F, S), with those of ``others`` repeated so that they make up ``recipe.others`` of all."""
     if not others or recipe.others <= 0:
         return frames

@@ -51,7 +51,7 @@ class PartedMesh:
     materials: tuple[str, ...]
 
 
-def into_parts(mesh: PolygonMesh, vertices: Array, motion: Array) -> PartedMesh:
+def split_into_parts(mesh: PolygonMesh, vertices: Array, motion: Array) -> PartedMesh:
     """Return the parts of ``mesh``.
 
     Groups of faces that share vertices are one part. Vertices of a group at one place that move alike are one, since

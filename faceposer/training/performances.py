@@ -28,7 +28,7 @@ _FEWEST_FRAMES = 100
 
 
 @dataclass(frozen=True, eq=False)
-class Learned:
+class LearnedStatistics:
     """What was learned from performances.
 
     Attributes:
@@ -53,9 +53,9 @@ class Learned:
         }
 
 
-def statistics_of_captures(
+def learn_from_captures(
     paths: Sequence[Path], n_components: int | None, n_factors: int | None, progress: Progress
-) -> Learned:
+) -> LearnedStatistics:
     """Return what the performances in the files ``paths`` teach; the size of the mixture is chosen where it is None.
 
     Raises:
@@ -81,7 +81,7 @@ def statistics_of_captures(
         statistics = learn(captures, recipe, "Learned from performances of the user.", _metric(names))
     missing = tuple(name for name in captures[0].missing if all(name in capture.missing for capture in captures))
     takes = tuple((path.name, len(capture.weights)) for path, capture in zip(paths, captures, strict=True))
-    return Learned(statistics, replace(choice, converged=not messages), takes, missing)
+    return LearnedStatistics(statistics, replace(choice, converged=not messages), takes, missing)
 
 
 def _metric(names: Sequence[str]) -> Array:

@@ -8,7 +8,7 @@ from faceposer.model.character import Character
 from faceposer.progress import Progress
 from faceposer.training.examples import ExampleOptions, character_from_examples
 from faceposer.training.kinds import Kind, kind_of, plain_name
-from faceposer.training.marked import character_from_markers
+from faceposer.training.from_markers import character_from_markers
 from faceposer.training.rigs import RigOptions, character_from_rig
 
 __all__ = ["Kind", "TrainingRequest", "kind_of", "plain_name", "train"]

@@ -18,8 +18,8 @@ from faceposer.training.assemble import UprightMesh, assemble
 from faceposer.training.eyes import add_gaze, misplaced_eyes
 from faceposer.training.landmarks import find_landmarks
 from faceposer.training.measures import curves_of
-from faceposer.training.performances import Learned, statistics_of_captures
-from faceposer.training.upright import other_side, upright_by_shapes
+from faceposer.training.performances import LearnedStatistics, learn_from_captures
+from faceposer.training.canonical_frame import opposite_name, frame_from_shapes
 
 #: Fewer of ARKit's shapes than this are no rig for it.
 _FEWEST_SHAPES = 5
@@ -85,7 +85,7 @@ def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, prog
             f"{examples}); rename them as ARKit does, such as jawOpen, or learn from them with --examples."
         )
     progress.at("Finding the face", 0.2)
-    found = upright_by_shapes(rig.mesh.vertices, named)
+    found = frame_from_shapes(rig.mesh.vertices, named)
     if found is None:
         raise FacePoserError(
             f"The shapes of the rig '{source}' move too little of a face to tell where it looks; add shapes of brows, "
@@ -110,11 +110,11 @@ def _character(
     shapes = mesh.displacements(np.stack([named[name] for name in names]))
     turned = add_gaze(mesh.vertices.astype(np.float64), mesh.parts, names, shapes)
     progress.at("Finding eyes, brows and mouth", 0.4)
-    by_place = [other_side(name) if exchanged else name for name in names]
+    by_place = [opposite_name(name) if exchanged else name for name in names]
     marks = find_landmarks(mesh.vertices, mesh.parts, dict(zip(by_place, shapes, strict=True)))
-    learned: Learned | None = None
+    learned: LearnedStatistics | None = None
     if options.captures:
-        learned = statistics_of_captures(options.captures, options.n_components, options.n_factors, progress)
+        learned = learn_from_captures(options.captures, options.n_components, options.n_factors, progress)
     progress.at("Putting it together", 0.9)
     character = Character(
         name=options.name,
@@ -156,7 +156,7 @@ def _character(
 def _measures(character: Character) -> dict[str, object]:
     """Return what the subspace keeps, and the curves of expressions drawn from the statistics."""
     model = build_face_model(character)
-    left = {name: round(share, 4) for name, share in model.unreached().items()}
+    left = {name: round(share, 4) for name, share in model.reconstruction_error().items()}
     worst = max(left, key=lambda name: left[name])
     variances = model.subspace.variances
     rng = np.random.default_rng(0)

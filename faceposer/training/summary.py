@@ -13,7 +13,7 @@ from faceposer.model.shape_names import match_arkit, whole_of
 
 _MANY = 6
 # A shape of which the subspace leaves more than this is worth a word.
-_UNREACHED = 0.15
+_NOTABLE_ERROR = 0.15
 
 
 def description_of(character: Character) -> dict[str, Any]:
@@ -127,7 +127,11 @@ def findings_of(character: Character, model: FaceModel) -> list[str]:
     empty = [name for name, shape in zip(character.shape_names, character.shapes, strict=True) if not shape.any()]
     if empty:
         found.append(f"Nothing moves in {_listed(empty)}.")
-    hard = [f"{name} ({100 * share:.0f} %)" for name, share in model.unreached().items() if share > _UNREACHED]
+    hard = [
+        f"{name} ({100 * share:.0f} %)"
+        for name, share in model.reconstruction_error().items()
+        if share > _NOTABLE_ERROR
+    ]
     if hard:
         found.append(f"Only partly within reach (share that is not): {_listed(hard)}.")
     if not character.feature_points:

@@ -16,7 +16,7 @@ from faceposer.model.contact.measure import penetration_mm
 from faceposer.model.face_model import build_face_model
 from faceposer.training.eyes import add_gaze, misplaced_eyes
 from faceposer.training.mouth_parts import find_mouth
-from faceposer.training.parts import into_parts, material_of
+from faceposer.training.parts import split_into_parts, material_of
 from faceposer.training.request import TrainingRequest, train
 
 RIGS = os.environ.get("FACEPOSER_RIGS")
@@ -90,7 +90,7 @@ def test_a_mesh_of_one_piece_has_no_mouth() -> None:
 def test_parts_of_the_mouth_have_names_and_materials() -> None:
     vertices, triangles = joined(HEAD, ball((0.0, -4.0, 5.0), (4.2, 1.5, 2.5)), *crowns())
     mesh = PolygonMesh(vertices, triangles.astype(np.int32), groups=(Group("face", (0, len(triangles)), "all"),))
-    parted = into_parts(mesh, vertices, np.zeros((len(vertices), 1)))
+    parted = split_into_parts(mesh, vertices, np.zeros((len(vertices), 1)))
     assert [(part.name, part.material) for part in parted.parts] == [
         ("face", "skin"),
         ("face_teeth", "teeth"),

@@ -233,7 +233,7 @@ def test_a_rig_of_another_program() -> None:
     assert character.summary["empty"] == ["tongueOut"]
     corners = character.vertices[[character.feature_points["8.3"], character.feature_points["8.4"]]]
     np.testing.assert_allclose(corners[0], corners[1] * [-1, 1, 1], atol=0.3)
-    assert max(build_face_model(character).unreached().values()) < 0.15
+    assert max(build_face_model(character).reconstruction_error().values()) < 0.15
 
 
 def test_left_and_right_exchanged_is_noticed() -> None:

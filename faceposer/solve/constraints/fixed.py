@@ -162,7 +162,7 @@ class FixedTerm(QuadraticTerm):
         self._constant = scale * float(offset @ offset)
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
-        """Return the energy and its gradient by the coefficients, shape (r,)."""
+        """Return the energy and its gradient with respect to the coefficients, shape (r,)."""
         pulled = self._matrix @ state.p
         value = float(state.p @ pulled + 2.0 * (self._slope @ state.p)) + self._constant
         return max(value, 0.0), 2.0 * (pulled + self._slope)

@@ -129,7 +129,7 @@ class PointTerm(ResidualTerm):
 
     This is the paper's eqs. (9) and (25), with sigma_i = sigma. A hand that pulls a few points tells their direction no
     better than to some degrees, and a face that has to be exact there is no natural one: with the pull's length l_i and
-    n points, sigma_i^2 = sigma^2 + (t l_i min(1, 3 / n))^2 once `take_up` has seen where the pulls begin.
+    n points, sigma_i^2 = sigma^2 + (t l_i min(1, 3 / n))^2 once `apply_reach` has seen where the pulls begin.
     """
 
     def __init__(self, constraints: Sequence[PointConstraint], points: Indices) -> None:
@@ -142,7 +142,7 @@ class PointTerm(ResidualTerm):
         self._axes = np.zeros((len(constraints), 2, 2))
         self._axes[:, (0, 1), (0, 1)] = 1.0
 
-    def take_up(self, model: FaceModel, state: PoseState, limits: Array, trusted: float = 0.0) -> None:
+    def apply_reach(self, model: FaceModel, state: PoseState, limits: Array, trust: float = 0.0) -> None:
         """Look at the pulls from the ``state`` where they begin: their reach (``faceposer.solve.reach``) and direction.
 
         Targets that no face reaches are brought back to its reach.
@@ -151,7 +151,7 @@ class PointTerm(ResidualTerm):
             model: The face.
             state: The pose that the pulls start from.
             limits: Of the weights of the model's density there, shape (W, 2).
-            trusted: From 0 to 1, how far the pulls count as they are, without regard to reach and direction: the more
+            trust: From 0 to 1, how far the pulls count as they are, without regard to reach and direction: the more
                 of the face follows, and the more of it is pulled.
         """
         here = state.pixels[self._points]
@@ -159,14 +159,14 @@ class PointTerm(ResidualTerm):
         for camera in dict.fromkeys(self._cameras):
             seen = np.array([own == camera for own in self._cameras])
             reach = reach_of_points(model, state, self._points[seen], camera, limits)
-            pulls[seen] = (1.0 - trusted) * reach.limited(pulls[seen]) + trusted * pulls[seen]
+            pulls[seen] = (1.0 - trust) * reach.limited(pulls[seen]) + trust * pulls[seen]
         self._targets = here + pulls
         lengths = np.sqrt(np.einsum("nk,nk->n", pulls, pulls))
         far = lengths > 1e-6
         along = pulls[far] / lengths[far, None]
         self._axes[far, 0] = along
         self._axes[far, 1] = along[:, ::-1] * _QUARTER_TURN
-        slack = (1.0 - trusted) * _SLACK * min(1.0, _FEW / len(lengths)) * lengths
+        slack = (1.0 - trust) * _SLACK * min(1.0, _FEW / len(lengths)) * lengths
         self.weights[1::2] /= 1.0 + (slack / SIGMA_PX) ** 2
 
     def residual(self, state: PoseState) -> Array:

@@ -118,7 +118,7 @@ class StrokeImageTerm:
         self._extra = weight / SIGMA_PX**2
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
-        """Return the energy and the estimate of its gradient by the coefficients, shape (r,)."""
+        """Return the energy and the estimate of its gradient with respect to the coefficients, shape (r,)."""
         # The window's start does not wait for image filters.
         from scipy.ndimage import sobel
 

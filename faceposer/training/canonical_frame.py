@@ -33,7 +33,7 @@ _MOVING = 0.15
 # How much worse, as a share, a place must be whose way up is square to the file's.
 _UNUSUAL = 0.2
 # Mean distance, in centimetres, of faces that are like the man's, and the cosine of how far from up an axis may be.
-_LIKE_A_MAN = 0.36
+_RESEMBLES_MAN = 0.36
 _NEARLY_UP = 0.7
 # Nods from which the search for the best place starts, in degrees, and the share of the points that counts in it.
 _BENDS = (-40.0, -30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0, 40.0)
@@ -41,7 +41,7 @@ _TRIMMED = 0.8
 _MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
-def upright_by_shapes(vertices: Array, shapes: Mapping[str, NDArray[np.float32]]) -> tuple[Similarity, bool] | None:
+def frame_from_shapes(vertices: Array, shapes: Mapping[str, NDArray[np.float32]]) -> tuple[Similarity, bool] | None:
     """Return what brings a face with ARKit's shapes upright, and if its sides are exchanged; None if none can tell.
 
     The middles of what each shape moves are laid on those of the program's own man; then the plane of symmetry is made
@@ -59,17 +59,17 @@ def upright_by_shapes(vertices: Array, shapes: Mapping[str, NDArray[np.float32]]
     targets = np.array([reference[name] for name in names])
     if not determines_rotation(middles):
         return None
-    crossed = np.array([reference[other_side(name)] for name in names])
+    crossed = np.array([reference[opposite_name(name)] for name in names])
     fits = [rigid_alignment(middles, places, scale=True) for places in (targets, crossed)]
     misses = [
         float(np.linalg.norm(fit.apply(middles) - places, axis=1).mean())
         for fit, places in zip(fits, (targets, crossed), strict=True)
     ]
     exchanged = misses[1] < _CLEARLY * misses[0]
-    return _made_symmetric(vertices, fits[int(exchanged)]), exchanged
+    return _symmetrised(vertices, fits[int(exchanged)]), exchanged
 
 
-def other_side(name: str) -> str:
+def opposite_name(name: str) -> str:
     """Return the name of the same shape on the other side."""
     for side, other in (("Left", "Right"), ("Right", "Left")):
         if name.endswith(side):
@@ -77,7 +77,7 @@ def other_side(name: str) -> str:
     return name
 
 
-def upright_by_motion(vertices: Array, triangles: NDArray[np.integer], motion: Array) -> tuple[Similarity, bool]:
+def frame_from_motion(vertices: Array, triangles: NDArray[np.integer], motion: Array) -> tuple[Similarity, bool]:
     """Return what brings a face upright of which only is known how much each vertex moves, and if it is like a man's.
 
     What moves faces forward; the plane of symmetry gives the sides; which way is up and how far the head is bent shows
@@ -107,21 +107,21 @@ def upright_by_motion(vertices: Array, triangles: NDArray[np.integer], motion: A
     errors = [_mirror_distance(rolled(angle).apply_to_directions(centred)) for angle in angles]
     roll = float(angles[int(np.argmin(errors))])
     upright = [_centred_on(rolled(angle), middle) for angle in (roll, roll + np.pi)]
-    upright = [_made_symmetric(vertices, start) for start in upright]
+    upright = [_symmetrised(vertices, start) for start in upright]
     moving = _sample(vertices[extent > _MOVING * extent.max()])
     everything = _sample(vertices)
     tree = KDTree(everything)
     few = moving[:: max(1, len(moving) // _FEW)]
-    starts = [_bent(start, np.deg2rad(angle)) for start in upright for angle in _BENDS]
-    fits = [_laid_on_the_man(few, everything, tree, start, 12) for start in starts]
+    starts = [_nodded(start, np.deg2rad(angle)) for start in upright for angle in _BENDS]
+    fits = [_align_to_man(few, everything, tree, start, 12) for start in starts]
     # Faces of other beings lie on a man's nearly as well upside down; files mostly have y or z upwards.
     best, _ = min(fits, key=lambda fit: fit[1] * (1.0 + _UNUSUAL * (1.0 - float(fit[0].rotation[1, 1:].max()))))
-    found, distance = _laid_on_the_man(moving, everything, tree, best, _ROUNDS)
-    if distance < _LIKE_A_MAN:
+    found, distance = _align_to_man(moving, everything, tree, best, _ROUNDS)
+    if distance < _RESEMBLES_MAN:
         return found, True
     # How far the head is bent cannot be told from a face so unlike a man's: the file's own way up is taken.
     level = _levelled(found)
-    return _laid_on_the_man(moving, everything, tree, level, _ROUNDS, turning=False)[0], False
+    return _align_to_man(moving, everything, tree, level, _ROUNDS, turning=False)[0], False
 
 
 def _levelled(found: Similarity) -> Similarity:
@@ -130,7 +130,7 @@ def _levelled(found: Similarity) -> Similarity:
     axis = max((np.eye(3)[1], np.eye(3)[2]), key=lambda axis: float(axis @ up))
     if axis @ up < _NEARLY_UP:
         return found
-    return _bent(found, float(np.arctan2(-(axis @ forward), axis @ up)))
+    return _nodded(found, float(np.arctan2(-(axis @ forward), axis @ up)))
 
 
 def _capped_extent(motion: Array) -> Array:
@@ -145,13 +145,13 @@ def _centred_on(turn: Similarity, middle: Array) -> Similarity:
     return Similarity(turn.rotation, _FACE_MIDDLE - turn.apply_to_directions(middle[None])[0], turn.scale)
 
 
-def _bent(start: Similarity, angle: float) -> Similarity:
+def _nodded(start: Similarity, angle: float) -> Similarity:
     """Return ``start`` followed by a nod by ``angle`` about the middle of the face."""
     nod = _rotation(np.array([1.0, 0.0, 0.0]), angle)
     return Similarity(nod @ start.rotation, nod @ (start.translation - _FACE_MIDDLE) + _FACE_MIDDLE, start.scale)
 
 
-def _laid_on_the_man(
+def _align_to_man(
     moving: Array, everything: Array, tree: KDTree, start: Similarity, rounds: int, turning: bool = True
 ) -> tuple[Similarity, float]:
     """Return ``start`` after iterated closest points with the man's face, and how far apart the faces are.
@@ -194,7 +194,7 @@ def _face_of_man() -> tuple[Array, KDTree]:
     return surface, KDTree(surface)
 
 
-def _made_symmetric(vertices: Array, start: Similarity) -> Similarity:
+def _symmetrised(vertices: Array, start: Similarity) -> Similarity:
     """Return ``start`` turned and shifted so that x = 0 is the face's plane of symmetry, if it has one."""
     similarity = start
     points = _sample(vertices)
