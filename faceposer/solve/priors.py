@@ -42,7 +42,7 @@ class MixturePrior(QuadraticTerm):
         return self.weight * energy, self.weight * gradient
 
     def curvature(self, state: PoseState) -> Array:
-        """Return the precisions of the components, weighted by their probability given the pose, shape (r, r)."""
+        """Return the precision of the component with the largest responsibility for the pose, shape (r, r)."""
         if self.is_quadratic:
             return self.weight * self.mixture.precisions[0]
         return self.weight * self.mixture.curvature(state.p)
@@ -84,7 +84,7 @@ class WeightBounds:
         return excess
 
     def crossings(self, p: Array, direction: Array) -> Array:
-        """Return the step lengths in (0, 1) from ``p`` along ``direction``, each (r,), at which a weight meets a bound."""
+        """Return the step lengths in (0, 1) along ``direction``, (r,), at which weights starting at ``p`` meet a bound."""
         weights, change = self._directions @ p, self._directions @ direction
         change = np.where(change == 0.0, np.inf, change)
         shares = np.concatenate([(self._lower - weights) / change, (self._upper - weights) / change])
@@ -92,7 +92,7 @@ class WeightBounds:
         return crossings
 
     def slopes_along(self, p: Array, direction: Array, shares: Array) -> Array:
-        """Return the derivatives of the cost from ``p`` along ``direction``, each (r,), at the step lengths ``shares``."""
+        """Return the derivatives of the cost along ``direction``, (r,), at the step lengths ``shares`` from ``p``."""
         change = self._directions @ direction
         weights = self._directions @ p + shares[:, None] * change
         outside = weights - np.minimum(np.maximum(weights, self._lower), self._upper)
