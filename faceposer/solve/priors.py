@@ -84,7 +84,7 @@ class WeightBounds:
         return excess
 
     def crossings(self, p: Array, direction: Array) -> Array:
-        """Return the step lengths in (0, 1) along ``direction``, (r,), at which weights starting at ``p`` meet a bound."""
+        """Return the step lengths in (0, 1) along ``direction``, (r,), at which weights from ``p`` meet a bound."""
         weights, change = self._directions @ p, self._directions @ direction
         change = np.where(change == 0.0, np.inf, change)
         shares = np.concatenate([(self._lower - weights) / change, (self._upper - weights) / change])
