@@ -22,7 +22,7 @@ _FINGERPRINTS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class UprightMesh:
+class CanonicalMesh:
     """A file's mesh in the canonical axes, unit and vertex order, with the mapping back to the file.
 
     Attributes:
@@ -57,7 +57,7 @@ class UprightMesh:
 
 def assemble(
     mesh: PolygonMesh, upright: Similarity, motion: NDArray[np.floating], textures: Mapping[str, bytes]
-) -> UprightMesh:
+) -> CanonicalMesh:
     """Return ``mesh`` in canonical form.
 
     Args:
@@ -81,7 +81,7 @@ def assemble(
         mesh.polygon_uvs,
         mesh.groups,
     )
-    return UprightMesh(
+    return CanonicalMesh(
         positions.astype(np.float32),
         parted.polygons,
         uv.astype(np.float32),

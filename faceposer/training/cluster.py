@@ -150,9 +150,7 @@ def _check_workers(client: Any, scheduler: str) -> None:
         ) from None
     for worker, installed in client.run(_probe()).items():
         if not installed:
-            raise FacePoserError(
-                f"The Dask worker {worker} does not have Face Poser; install the same version on it."
-            )
+            raise FacePoserError(f"The Dask worker {worker} does not have Face Poser; install the same version on it.")
 
 
 def _probe() -> Callable[[], bool]:

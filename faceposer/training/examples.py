@@ -14,14 +14,14 @@ from faceposer.geometry.alignment import rigid_alignment
 from faceposer.geometry.mesh_sequence import MeshSequence, open_sequence
 from faceposer.model.character import Character
 from faceposer.progress import Progress
-from faceposer.training.assemble import UprightMesh, assemble
+from faceposer.training.assemble import CanonicalMesh, assemble
+from faceposer.training.canonical_frame import frame_from_motion
 from faceposer.training.eyes import misplaced_eyes
 from faceposer.training.frames import AlignedReader, FrameStore, sample_of, spooled, steady_vertices
 from faceposer.training.measures import Curves, curves_of
 from faceposer.training.mode_statistics import statistics_of_modes
 from faceposer.training.modes import Modes, learn_modes, local_metric
 from faceposer.training.segments import Segments, face_segments, find_segments, whole_face
-from faceposer.training.canonical_frame import frame_from_motion
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -77,7 +77,7 @@ def character_from_examples(path: Path, options: ExampleOptions, progress: Progr
 
 
 def character_from_sequence(
-    sequence: MeshSequence, source: str, options: ExampleOptions, progress: Progress, mesh: UprightMesh | None = None
+    sequence: MeshSequence, source: str, options: ExampleOptions, progress: Progress, mesh: CanonicalMesh | None = None
 ) -> Character:
     """Train a character from the example meshes of ``sequence``.
 
@@ -178,7 +178,7 @@ def _store(reader: AlignedReader, scheduler: str | None, progress: Progress) -> 
             yield distributed
 
 
-def _segments(option: str | int, mesh: UprightMesh, triangles: NDArray[np.int32], sample: Floats) -> Segments:
+def _segments(option: str | int, mesh: CanonicalMesh, triangles: NDArray[np.int32], sample: Floats) -> Segments:
     vertices = mesh.vertices.astype(np.float64)
     if option == "whole":
         return whole_face(len(vertices))
@@ -189,7 +189,7 @@ def _segments(option: str | int, mesh: UprightMesh, triangles: NDArray[np.int32]
     return face_segments(vertices, triangles, sample, mesh.regions)
 
 
-def _triangles(mesh: UprightMesh) -> NDArray[np.int32]:
+def _triangles(mesh: CanonicalMesh) -> NDArray[np.int32]:
     corners = mesh.polygons
     quads = corners[corners[:, 3] >= 0]
     return np.concatenate([corners[:, :3], quads[:, [0, 2, 3]]])
@@ -222,9 +222,7 @@ def _warnings(count: int, curves: Curves, modes: Modes) -> list[str]:
     """Return warnings about the amount of data."""
     found = []
     if count < _FEW:
-        found.append(
-            f"{count} examples are too few to judge the model: it can make little more than blends of them."
-        )
+        found.append(f"{count} examples are too few to judge the model: it can make little more than blends of them.")
     if curves.generalization and curves.generalization[-1] > _POOR * curves.neutral:
         share = 100.0 * curves.generalization[-1] / max(curves.neutral, 1e-12)
         found.append(

@@ -16,7 +16,7 @@ from faceposer.model.contact.measure import penetration_mm
 from faceposer.model.face_model import build_face_model
 from faceposer.training.eyes import add_gaze, misplaced_eyes
 from faceposer.training.mouth_parts import find_mouth
-from faceposer.training.parts import split_into_parts, material_of
+from faceposer.training.parts import material_of, split_into_parts
 from faceposer.training.request import TrainingRequest, train
 
 RIGS = os.environ.get("FACEPOSER_RIGS")
