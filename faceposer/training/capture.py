@@ -153,7 +153,8 @@ def _columns(header: list[str], path: Path) -> dict[str, list[int]]:
     for shape, columns in found.items():
         names = {header[column].lower() for column in columns}
         if len(names) < len(columns) or len(columns) > (2 if shape in _SPLIT else 1):
-            raise FacePoserError(f"'{path}' has more than one column {header[columns[-1]]} for {shape}; keep one.")
+            listed = ", ".join(header[column] for column in columns)
+            raise FacePoserError(f"'{path}' has {len(columns)} columns for {shape} ({listed}); keep one.")
     if not found:
         raise FacePoserError(
             f"The header of '{path}' has no name of a shape such as JawOpen or eyeBlink_L; use a CSV file of Live Link "

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sklearn.decomposition import PCA
 
-from faceposer.model.pca import rig_pca, smallest_reaching, reconstruction_error
+from faceposer.model.pca import reconstruction_error, rig_pca, smallest_reaching
 
 
 @pytest.fixture

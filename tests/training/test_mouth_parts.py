@@ -124,7 +124,7 @@ def test_concentric_shells_turn_about_one_centre_and_eyes_in_one_place_are_named
     np.testing.assert_allclose(after, before, atol=1e-4)
     assert misplaced_eyes(vertices, parts) == []
     both = [Part("eyeLeft", "eye", (0, 1), (0, n)), Part("eyeRight", "eye", (1, 2), (n, 2 * n))]
-    assert "eyeLeft and eyeRight lie in the same place" in misplaced_eyes(vertices - [3.0, 0.0, 0.0], both)[0]
+    assert "eyeLeft and eyeRight are in the same place" in misplaced_eyes(vertices - [3.0, 0.0, 0.0], both)[0]
     assert misplaced_eyes(vertices, both) == []
 
 
