@@ -87,5 +87,7 @@ def train(request: TrainingRequest, progress: Progress | None = None) -> Charact
     if request.kind == "examples":
         return character_from_examples(request.source, example_options, progress)
     if request.marker_map is None:
-        raise FacePoserError(f"The markers in '{request.source}' need a map (--marker-map) of their places on the face.")
+        raise FacePoserError(
+            f"The markers in '{request.source}' need a map (--marker-map) of their places on the face."
+        )
     return character_from_markers(request.source, request.marker_map, request.scan, example_options, progress)

@@ -84,7 +84,7 @@ def test_examples_are_trained(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     status, out, err = run_captured(capsys, "train", "--examples", folder, "-o", output, "--dimensions", "8")
     assert (status, err) == (0, "")
     assert "15 examples, 8 modes" in out
-    assert "not converged" not in out
+    assert "did not converge" not in out
     character = load_character(output)
     assert character.statistics is not None
     old = character.shape_names[0]
