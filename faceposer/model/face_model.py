@@ -18,7 +18,7 @@ from faceposer.model.local_moments import RigDensity
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.motion_samples import MotionSamples, largest_motions, sample_motion
 from faceposer.model.muscles import co_contraction, independence
-from faceposer.model.pca import RigSubspace, rig_pca, smallest_reaching, reconstruction_error
+from faceposer.model.pca import RigSubspace, reconstruction_error, rig_pca, smallest_reaching
 from faceposer.model.shape_names import halves_of, weight_map
 from faceposer.model.split_shapes import split_to_match
 

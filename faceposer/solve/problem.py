@@ -141,7 +141,7 @@ class PoseProblem:
         wholeness = max(0.0, (spread - _WHOLE_FROM) / (1.0 - _WHOLE_FROM)) if centred else 0.0
         covered = 0.0
         if centred and informative:
-            # A spread below the default keeps the response local, whatever the coverage.
+            # A spread below the default reduces the coverage, to keep the response local.
             covered = min(1.0, spread / SPREAD) * coverage(model, begin, _linearised(informative, self._start_state)[0])
         if mixture is None:
             self.trust = 1.0 - (1.0 - wholeness) * (1.0 - covered)
