@@ -129,7 +129,7 @@ class StudiedDensity(RigDensity):
         drawn[:, bounded] = drawn[:, bounded].clip(lower[bounded], upper[bounded])
         return drawn
 
-    def seen_from(self, start: Array, whole: bool = False) -> LocalMoments:
+    def conditioned_on(self, start: Array, whole: bool = False) -> LocalMoments:
         """Return how the density looks from ``start``, shape (r,)."""
         return self.look(self, start, whole)
 

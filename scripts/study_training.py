@@ -169,7 +169,7 @@ def components(options: argparse.Namespace) -> Row:
             basis, settled = decomposed(store, everything, count, options.folder / "exact.npz"), True
         elif options.method == "streaming":
             found = regional_pca(store, [everything], sample, count)[0]
-            basis, settled = found.directions.T.astype(np.float64), found.settled
+            basis, settled = found.directions.T.astype(np.float64), found.converged
         else:
             basis, settled = incremental(store, everything, count), True
         seconds, used = time.perf_counter() - began, time.process_time() - used

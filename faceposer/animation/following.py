@@ -145,7 +145,7 @@ class _Frames:
                 pose,
                 self.prior_weight,
                 prior=self.prior,
-                evidence=evidence,
+                extra_terms=evidence,
                 spread=self.spread,
                 home=self.start,
             )

@@ -18,7 +18,7 @@ from faceposer.model.local_moments import RigDensity
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.motion_samples import MotionSamples, largest_motions, sample_motion
 from faceposer.model.muscles import co_contraction, independence
-from faceposer.model.pca import RigSubspace, rig_pca, smallest_reaching, unreached
+from faceposer.model.pca import RigSubspace, reconstruction_error, rig_pca, smallest_reaching
 from faceposer.model.shape_names import halves_of, weight_map
 from faceposer.model.split_shapes import split_to_match
 
@@ -209,9 +209,9 @@ class FaceModel:
         coefficients: Array = self.subspace.projection @ vector
         return coefficients
 
-    def unreached(self) -> dict[str, float]:
+    def reconstruction_error(self) -> dict[str, float]:
         """Return the share of each shape's displacement that the subspace cannot make, by shape name."""
-        share = unreached(self.subspace.directions, self.gram)
+        share = reconstruction_error(self.subspace.directions, self.gram)
         return dict(zip(self.character.shape_names, share.tolist(), strict=True))
 
 

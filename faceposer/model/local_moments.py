@@ -67,7 +67,7 @@ class RigDensity:
         drawn[:, bounded] = drawn[:, bounded].clip(lower[bounded], upper[bounded])
         return drawn
 
-    def seen_from(self, start: Array, wholeness: float = 0.0) -> "LocalMoments":
+    def conditioned_on(self, start: Array, wholeness: float = 0.0) -> "LocalMoments":
         """Return how the density looks from the pose with coefficients ``start``, shape (r,); see ``LocalMoments``."""
         return LocalMoments(self, start, wholeness)
 

@@ -58,7 +58,7 @@ def rig_pca(gram: Array, covariance: Array, tolerance: float = 1e-9) -> RigSubsp
     return RigSubspace(directions, directions.T @ gram, variances)
 
 
-def unreached(directions: Array, gram: Array) -> Array:
+def reconstruction_error(directions: Array, gram: Array) -> Array:
     """Return the share of each single shape's displacement that a subspace cannot make, shape (S,); 0 for empty shapes.
 
     Args:
@@ -87,6 +87,6 @@ def smallest_reaching(
     """
     for n_components in range(1, len(subspace.variances)):
         candidate = subspace.truncated(n_components)
-        if unreached(candidate.directions, gram)[shapes].max() <= leave_at_most:
+        if reconstruction_error(candidate.directions, gram)[shapes].max() <= leave_at_most:
             return candidate
     return subspace

@@ -1,7 +1,7 @@
-"""The camera that sees known points of space under given pixels: of a photo, from a few pins.
+"""Camera pose from 3D points and their pixels, such as the pins of a photo.
 
-Four points or more give rotation and position by damped least squares of the reprojection errors (Lau et al. 2009,
-eqs. (4) and (5) solved for the camera), with derivatives in closed form. Fewer leave the rotation as it is.
+Four points or more determine rotation and position by damped least squares on the reprojection errors (Lau et al. 2009,
+eqs. (4) and (5) solved for the camera), with closed-form derivatives. With fewer points the rotation is kept.
 """
 
 import math
@@ -15,29 +15,29 @@ from faceposer.geometry.camera import Camera
 
 Array = NDArray[np.float64]
 
-#: Points from which on the rotation can be told.
+#: Least number of points that determine the rotation.
 LEAST_POINTS = 4
-#: Points from which on the focal length can be told, unless they lie in a plane.
+#: Least number of points that determine the focal length, unless they are coplanar.
 LEAST_FOR_FOCAL = 6
-# Least extent of the points across their plane, in shares of their greatest: flatter ones tell no focal length.
+# Least extent of the points across their plane, as a share of their largest: flatter ones leave the focal length open.
 _FLAT = 0.08
 _ITERATIONS = 60
 _SLOWEST = 1e-9
-# Turns of the first guess, in degrees of yaw and pitch: from one of them the descent finds its way.
+# Initial rotations in degrees of yaw and pitch, of which at least one lies in the basin of the solution.
 _TURNS = ((0.0, 0.0), (35.0, 0.0), (-35.0, 0.0), (0.0, 25.0), (0.0, -25.0))
-# Radians: faces are photographed from before, which decides between two turns that explain few points alike.
+# Radians. Faces are photographed from the front, which decides between rotations that explain few points equally well.
 _USUAL_TURN = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class CameraFit:
-    """A camera and how well it explains the pins.
+    """A fitted camera and its reprojection errors.
 
     Attributes:
-        camera: What was found.
-        residuals_px: How far each point appears from its pixel, shape (n,).
-        turned: Whether the rotation was found too, or the pins are too few.
-        focal_found: Whether the focal length was found too.
+        camera: The fitted camera.
+        residuals_px: Reprojection error of each point in pixels, shape (n,).
+        turned: True if the rotation was fitted, False if there were too few points.
+        focal_found: True if the focal length was fitted.
     """
 
     camera: Camera
@@ -55,70 +55,70 @@ def fit_camera(
     sigma_px: float = 1.0,
     turn_spread: float = 0.0,
 ) -> CameraFit:
-    """Return the camera that sees ``points`` nearest to ``pixels``.
+    """Return the camera that projects ``points`` closest to ``pixels``.
 
     Args:
         points: Positions in space, shape (n, 3).
-        pixels: Where each appears, shape (n, 2).
-        start: A camera of the same picture: its focal length is the likely one, and with fewer than ``LEAST_POINTS``
+        pixels: Pixel of each point, shape (n, 2).
+        start: A camera of the same image. Its focal length is the expected one; with fewer than ``LEAST_POINTS``
             points its rotation is kept.
-        weights: How much each point counts, shape (n,), at least 0; all 1 if None.
-        focal_spread: Standard deviation of the logarithm of the focal length, by which it may leave that of ``start``;
-            0 to keep it. It is kept too where the points cannot tell it.
-        sigma_px: Standard deviation of the pixels, which weighs them against the focal length's and the turn's.
-        turn_spread: Standard deviation of the sine by which a face turns away from the camera, for points that hardly
-            tell its turn, as those along a line; 0 to take any turn alike.
+        weights: Weight of each point, shape (n,), at least 0; all 1 if None.
+        focal_spread: Standard deviation of the logarithm of the focal length about that of ``start``; 0 to keep it. It
+            is also kept if the points do not determine it.
+        sigma_px: Standard deviation of the pixels, which balances them against the priors of focal length and rotation.
+        turn_spread: Standard deviation of the sine of the angle between the face and the camera, for points that hardly
+            determine the rotation, such as points on a line; 0 for no prior on the rotation.
 
     Raises:
-        ValueError: If the shapes do not fit, or no point has a weight.
+        ValueError: If the shapes do not match, or no point has a positive weight.
     """
     places = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-    seen = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
+    observed = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
     counts = np.ones(len(places)) if weights is None else np.asarray(weights, dtype=np.float64)
-    if len(places) != len(seen) or counts.shape != (len(places),) or not counts.sum() > 0.0 or counts.min() < 0.0:
-        raise ValueError("points, pixels and weights must be as many, and some weight above 0")
+    if len(places) != len(observed) or counts.shape != (len(places),) or not counts.sum() > 0.0 or counts.min() < 0.0:
+        raise ValueError("points, pixels and weights must have the same length, and some weight must be positive")
     counting = int((counts > 0.0).sum())
-    placed = _placed(places, seen, counts, start)
+    placed = _fit_similarity(places, observed, counts, start)
     if counting < LEAST_POINTS:
-        return CameraFit(placed, _distances(placed, places, seen), False, False)
-    free = focal_spread > 0.0 and counting >= LEAST_FOR_FOCAL and not _flat(places[counts > 0.0])
+        return CameraFit(placed, _distances(placed, places, observed), False, False)
+    free = focal_spread > 0.0 and counting >= LEAST_FOR_FOCAL and not _is_planar(places[counts > 0.0])
     best: tuple[float, Camera] | None = None
     spread = focal_spread if free else 0.0
-    for guess in _guesses(places, seen, counts, start, placed):
-        camera, energy = _descend(places, seen, counts / sigma_px**2, guess, start, spread, turn_spread)
+    for guess in _guesses(places, observed, counts, start, placed):
+        camera, energy = _minimise(places, observed, counts / sigma_px**2, guess, start, spread, turn_spread)
         if not camera.to_camera(places)[:, 2].min() > 0.0:
             continue
         energy += (_angle(camera.rotation @ _FRONTAL.T) / _USUAL_TURN) ** 2
         if best is None or energy < best[0]:
             best = (energy, camera)
     camera = placed if best is None else best[1]
-    return CameraFit(camera, _distances(camera, places, seen), best is not None, free and best is not None)
+    return CameraFit(camera, _distances(camera, places, observed), best is not None, free and best is not None)
 
 
-# World to camera for a face that looks straight into it.
+# World-to-camera rotation of a face that looks straight into the camera.
 _FRONTAL = np.diag([1.0, -1.0, -1.0])
 
 
-def _distances(camera: Camera, places: Array, seen: Array) -> Array:
-    distances: Array = np.linalg.norm(camera.project(places) - seen, axis=1)
+def _distances(camera: Camera, places: Array, observed: Array) -> Array:
+    distances: Array = np.linalg.norm(camera.project(places) - observed, axis=1)
     return distances
 
 
-def _flat(places: Array) -> bool:
+def _is_planar(places: Array) -> bool:
     extents = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
     return bool(extents[2] < _FLAT * extents[0])
 
 
-def _placed(places: Array, seen: Array, counts: Array, start: Camera) -> Camera:
-    """Return ``start`` moved, and from two points on also rolled and brought nearer, so that the points fit.
+def _fit_similarity(places: Array, observed: Array, counts: Array, start: Camera) -> Camera:
+    """Return ``start`` moved, and with two points or more also rolled and scaled in depth, to fit the points.
 
-    As from afar: a similarity of the picture. One point moves the camera alone.
+    Weak perspective: a similarity of the image plane. A single point only translates the camera.
     """
     share = counts / counts.sum()
     centre = share @ places
     local = (places - centre) @ start.rotation.T
     flat = local[:, 0] + 1j * local[:, 1]
-    target = (seen - start.principal_point) @ np.array([1.0, 1.0j])
+    target = (observed - start.principal_point) @ np.array([1.0, 1.0j])
     middle = share @ target
     extent = float(share @ np.abs(flat) ** 2)
     depth = max(float((start.rotation @ centre + start.translation)[2]), 1e-3)
@@ -133,22 +133,22 @@ def _placed(places: Array, seen: Array, counts: Array, start: Camera) -> Camera:
     return replace(start, rotation=rotation, translation=position - rotation @ centre)
 
 
-def _guesses(places: Array, seen: Array, counts: Array, start: Camera, placed: Camera) -> Sequence[Camera]:
+def _guesses(places: Array, observed: Array, counts: Array, start: Camera, placed: Camera) -> Sequence[Camera]:
     guesses = [start, placed]
     for yaw, pitch in _TURNS:
         turn = _rotation(np.radians([0.0, yaw, 0.0])) @ _FRONTAL
         turned = replace(start, rotation=_rotation(np.radians([pitch, 0.0, 0.0])) @ turn)
-        guesses.append(_placed(places, seen, counts, turned))
+        guesses.append(_fit_similarity(places, observed, counts, turned))
     return guesses
 
 
-def _descend(
-    places: Array, seen: Array, weights: Array, guess: Camera, likely: Camera, spread: float, turn_spread: float
+def _minimise(
+    places: Array, observed: Array, weights: Array, guess: Camera, likely: Camera, spread: float, turn_spread: float
 ) -> tuple[Camera, float]:
-    """Return the nearest camera of least energy, by Levenberg's and Marquardt's steps, and that energy.
+    """Return a local minimum of the energy near ``guess`` by Levenberg-Marquardt steps, and its energy.
 
-    Unknowns: a turn, the place of the points' middle in the picture and the logarithm of its depth, and that of the
-    focal length. So each has about the same weight, and turning does not move the picture away.
+    Unknowns: a rotation about the centroid of the points, the image position of the centroid, the logarithm of its
+    depth, and the logarithm of the focal length. These are scaled alike, and a rotation leaves the centroid in place.
     """
     centre = places.mean(axis=0)
     local = places - centre
@@ -166,7 +166,7 @@ def _descend(
     def residual(rotation: Array, state: Array) -> Array:
         points = local @ rotation.T + math.exp(state[2]) * np.array([state[0], state[1], 1.0])
         depth = np.maximum(points[:, 2:], 1e-6)
-        off: Array = (roots * (math.exp(state[3]) * points[:, :2] / depth + axis - seen)).ravel()
+        off: Array = (roots * (math.exp(state[3]) * points[:, :2] / depth + axis - observed)).ravel()
         expected = [rotation[0, 2] * by_sine, rotation[1, 2] * by_sine, (state[3] - log_likely) * by_focal]
         return np.append(off, expected)
 
@@ -174,7 +174,7 @@ def _descend(
     energy, damping = float(off @ off), 1e-3
     for _ in range(_ITERATIONS):
         rows = (roots[:, :, None] * _derivatives(local @ rotation.T, state)).reshape(-1, 7)[:, :unknowns]
-        # The face looks along z, whose image a small turn w moves by w x z.
+        # The face looks along z; a small rotation w moves the image of z by w x z.
         x, y, z = rotation[:, 2]
         expected = np.zeros((3, 7))
         expected[0, 1:3], expected[1, 0], expected[1, 2] = (z * by_sine, -y * by_sine), -z * by_sine, x * by_sine
@@ -197,7 +197,7 @@ def _descend(
             damping *= 6.0
             if damping > 1e8:
                 break
-    # Many turns in a row leave the last digits behind.
+    # Accumulated rotations drift from orthogonality: project back.
     left, _, right = np.linalg.svd(rotation)
     rotation = np.asarray(left @ right, dtype=np.float64)
     position = math.exp(state[2]) * np.array([state[0], state[1], 1.0])
@@ -206,11 +206,11 @@ def _descend(
 
 
 def _derivatives(turned: Array, state: Array) -> Array:
-    """Return how the pixels of points change with the unknowns of ``_descend``, shape (n, 2, 7).
+    """Return the derivatives of the pixels with respect to the unknowns of ``_minimise``, shape (n, 2, 7).
 
     Args:
-        turned: The points about their middle, turned into camera space, shape (n, 3).
-        state: The unknowns but for the turn, shape (4,).
+        turned: The points about their centroid, rotated into camera space, shape (n, 3).
+        state: The unknowns except the rotation, shape (4,).
     """
     depth, focal = math.exp(state[2]), math.exp(state[3])
     points = turned + depth * np.array([state[0], state[1], 1.0])
@@ -220,7 +220,7 @@ def _derivatives(turned: Array, state: Array) -> Array:
     by_point[:, 0, 0] = by_point[:, 1, 1] = 1.0
     by_point[:, :, 2] = -normal
     by_point *= (focal * inverse)[:, None, None]
-    # A small turn w moves a point by w x point.
+    # A small rotation w moves a point by w x point.
     by_turn = np.zeros((len(turned), 3, 3))
     by_turn[:, 0, 1], by_turn[:, 0, 2] = turned[:, 2], -turned[:, 1]
     by_turn[:, 1, 0], by_turn[:, 1, 2] = -turned[:, 2], turned[:, 0]
@@ -230,7 +230,7 @@ def _derivatives(turned: Array, state: Array) -> Array:
 
 
 def _rotation(vector: Array) -> Array:
-    """Return the rotation by the length of ``vector``, (3,), in radians, around it (Rodrigues), shape (3, 3)."""
+    """Return the rotation matrix, shape (3, 3), of a rotation ``vector``, (3,), in radians (Rodrigues' formula)."""
     angle = float(np.linalg.norm(vector))
     x, y, z = vector
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -1,4 +1,4 @@
-"""Which constraints pull against each other (Lau et al. 2009, Figure 9)."""
+"""Conflicts between constraints (Lau et al. 2009, Figure 9)."""
 
 from dataclasses import dataclass
 
@@ -7,25 +7,26 @@ from numpy.typing import ArrayLike
 
 from faceposer.solve.constraints.point import PointConstraint, PointTerm
 from faceposer.solve.constraints.registry import CONSTRAINTS
-from faceposer.solve.problem import PoseProblem, gather
+from faceposer.solve.problem import PoseProblem, gather_points
 from faceposer.solve.reach import reach_of_rows
 from faceposer.solve.term import Array, PoseState
 
-# Pixels from which a constraint counts as not met, and the share of the force against it that makes an opponent.
+# Residual in pixels above which a constraint is unmet, and the least share of the opposing force of an opponent.
 NOTABLE_PX = 5.0
 _SHARE = 0.35
-# Share of what a point misses that lies beyond its reach, from which that is why.
+# Share of a point's residual lying beyond its reach, above which the reach is taken for the cause.
 _BEYOND = 0.5
 
 
 @dataclass(frozen=True)
 class Conflict:
-    """A constraint that is not met, and what holds it back.
+    """An unmet constraint and the cause.
 
     Attributes:
-        index: Of the constraint.
-        opponent: Index of the constraint that does most against it; None where it is what faces usually do.
-        mobility: Of a point that is pulled beyond its reach, from 0, it hardly moves, to 1 (``Reach``); else None.
+        index: Index of the constraint.
+        opponent: Index of the constraint that opposes it most; None if the prior does.
+        mobility: Mobility of a point pulled beyond its reach, from 0 (hardly moves) to 1 (see ``Reach``); None
+            otherwise.
     """
 
     index: int
@@ -34,11 +35,11 @@ class Conflict:
 
 
 def find_conflicts(problem: PoseProblem, p: ArrayLike) -> list[Conflict]:
-    """Return which constraints of ``problem`` are not met at its solution ``p``, shape (r,), and why.
+    """Return the constraints of ``problem`` that are unmet at its solution ``p``, shape (r,), with the causes.
 
     At a minimum all forces, the negative gradients of the energies, sum to zero. They are compared in the metric of the
-    whole energy's curvature, in which a force is as long as the way it would move the face. A constraint's opponent is
-    the one that makes up the largest share of what is against it.
+    inverse curvature of the total energy, in which the length of a force is that of the step it would cause. The
+    opponent of a constraint is the one with the largest share of the force against it.
     """
     pose = np.asarray(p, dtype=np.float64)
     residuals = problem.residuals_px(pose)
@@ -47,7 +48,7 @@ def find_conflicts(problem: PoseProblem, p: ArrayLike) -> list[Conflict]:
     unmet = [i for i in active if residuals[i] > NOTABLE_PX]
     if not unmet:
         return []
-    anchored, slots = gather(problem.model, constraints)
+    anchored, slots = gather_points(problem.model, constraints)
     state, start = PoseState(anchored, pose), PoseState(anchored, problem.start)
     beyond: dict[int, float] = {}
     forces: dict[int, Array] = {}
@@ -57,11 +58,11 @@ def find_conflicts(problem: PoseProblem, p: ArrayLike) -> list[Conflict]:
         if isinstance(constraint, PointConstraint) and problem.limits is not None:
             for term in terms:
                 if isinstance(term, PointTerm):
-                    term.take_up(problem.model, start, problem.limits, problem.trusted)
+                    term.apply_reach(problem.model, start, problem.limits, problem.trust)
             rows, neutral = start.anchored_at(slots[i])
             reach = reach_of_rows(problem.model, start.p, rows, neutral, constraint.camera, problem.limits)
             pull = constraint.target - start.pixels[slots[i]]
-            lost = (1.0 - problem.trusted) * float(np.hypot(*(pull - reach.limited(pull))[0]))
+            lost = (1.0 - problem.trust) * float(np.hypot(*(pull - reach.limited(pull))[0]))
             if i in unmet and lost > _BEYOND * residuals[i]:
                 beyond[i] = float(reach.mobility[0])
         forces[i] = -np.sum([term.value_and_gradient(state)[1] for term in terms], axis=0)

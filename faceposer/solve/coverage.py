@@ -1,4 +1,4 @@
-"""How much of the face constraints speak of: from a part of it, which is to stay local, to a whole expression."""
+"""Coverage: the extent of the face that constraints determine, from a local part to a whole expression."""
 
 from functools import lru_cache
 
@@ -8,27 +8,27 @@ from faceposer.model.face_model import FaceModel
 from faceposer.solve.priors import centred_at
 from faceposer.solve.term import Array
 
-# Share of the skin's variance that constraints explain, and number of directions of the pose that they determine, from
-# which on they speak of the whole face, and at which they surely do. Both corners of a mouth explain less than the
-# first share; a jaw explains more, by itself as one direction.
+# Ends of the smooth steps from a part to the whole face: explained share of the skin's variance, and number of
+# determined directions of the pose. Both mouth corners explain less than the first share; a jaw explains more, but
+# determines one direction only.
 _EXPLAINED = (0.25, 0.45)
 _DETERMINED = (2.5, 3.5)
 
 
 def coverage(model: FaceModel, start: Array, rows: Array) -> float:
-    """Return how much of the face constraints cover, from 0, a part of it, to 1, all.
+    """Return the coverage of the face by constraints, from 0 (a part) to 1 (the whole face).
 
-    With S = R R^T the covariance of what faces usually do from ``start`` (``LocalMoments.usual``), A = J R and
-    K = (I + A^T A)^-1 A^T A, constraints determine n = tr K directions and explain the share
-    k = sum_v a_v tr(X_v R K R^T X_v^T) / tr(X_v S X_v^T) of what the places v of the skin do (``MotionSamples``). The
-    product of two smooth steps, of n and of k, is returned. It does not depend on where the constraints pull to, and it
-    is continuous in their places and weights.
+    With S = R R^T the prior covariance about ``start`` (``LocalMoments.usual``), A = J R and K = (I + A^T A)^-1 A^T A,
+    constraints determine n = tr K directions and explain the share
+    k = sum_v a_v tr(X_v R K R^T X_v^T) / tr(X_v S X_v^T) of the variance of the skin samples v (``MotionSamples``). The
+    result is the product of two smooth steps, of n and of k. It is independent of the constraints' targets, and
+    continuous in their points and weights.
 
     Args:
         model: The face.
-        start: The pose that an untouched face has, shape (r,).
-        rows: J: derivatives of the constraints' residuals by the coefficients, each divided by its standard deviation,
-            shape (m, r).
+        start: The pose of the untouched face, shape (r,).
+        rows: J: derivatives of the constraints' residuals with respect to the coefficients, each divided by its
+            standard deviation, shape (m, r).
     """
     if not len(rows):
         return 0.0

@@ -1,7 +1,7 @@
-"""Positive definite matrices of a few dozen rows: triangular roots and solutions, straight by LAPACK.
+"""Cholesky factors and solutions for positive definite matrices of a few dozen rows, by direct calls of LAPACK.
 
-To LAPACK, which counts by columns, a matrix of NumPy's is its transpose, and need not be copied: a symmetric one is the
-same, a lower triangle an upper one.
+LAPACK is column-major and reads a row-major NumPy matrix as its transpose. No copy is needed: a symmetric matrix equals
+its transpose, and a lower triangle is passed as an upper one.
 """
 
 import numpy as np
@@ -11,11 +11,11 @@ from scipy.linalg.lapack import dposv, dtrtrs
 Array = NDArray[np.float64]
 
 
-def square_root(matrix: Array) -> Array:
-    """Return lower triangular L with L L^T about the ``matrix``, (r, r).
+def robust_cholesky(matrix: Array) -> Array:
+    """Return a lower triangular L with L L^T approximately the ``matrix``, (r, r).
 
-    Seen from very near, constraints outweigh the prior by more digits than a number has; a faint diagonal then makes up
-    for what rounding takes away.
+    In extreme close-ups, constraints outweigh the prior by more than double precision resolves. A small multiple of the
+    identity then restores definiteness.
     """
     try:
         return np.asarray(np.linalg.cholesky(matrix), dtype=np.float64)
@@ -30,13 +30,13 @@ def square_root(matrix: Array) -> Array:
     return root
 
 
-def solved_by_root(lower: Array, right: Array, transposed: bool = False) -> Array:
+def solve_triangular(lower: Array, right: Array, transposed: bool = False) -> Array:
     """Return L^-1 b, or L^-T b, for a lower triangular L, (r, r), and b of shape (r,) or (r, k)."""
     solution, _ = dtrtrs(lower.T, right, lower=0, trans=0 if transposed else 1)
     return np.asarray(solution, dtype=np.float64)
 
 
-def solved(matrix: Array, right: Array) -> Array:
+def solve_definite(matrix: Array, right: Array) -> Array:
     """Return M^-1 b, shape (r,), for a positive definite M, (r, r), and b, (r,)."""
     _, solution, failed = dposv(matrix.T, right, lower=1)
     return np.asarray(np.linalg.solve(matrix, right) if failed else solution, dtype=np.float64)

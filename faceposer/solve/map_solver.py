@@ -1,4 +1,4 @@
-"""Minimises the energy of a pose by Gauss-Newton steps, and by L-BFGS where these fail (Lau et al. 2009, section 6)."""
+"""Minimisation of the energy of a pose by Gauss-Newton, with L-BFGS as the fallback (Lau et al. 2009, section 6)."""
 
 import time
 from collections.abc import Callable
@@ -8,18 +8,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from faceposer.solve.bounded_model import BoundedModel
-from faceposer.solve.definite import solved_by_root
+from faceposer.solve.definite import solve_triangular
 from faceposer.solve.problem import PoseProblem
 from faceposer.solve.term import Array, PoseState
 
-# In scaled coordinates a step of length 1 changes the energy by about 1, one standard deviation: this much slope
-# is a hundredth of a deviation, far less than a pixel.
+# In scaled coordinates a step of length 1 changes the energy by about 1, one standard deviation. This slope corresponds
+# to a hundredth of a deviation, far less than a pixel.
 SLOPE_TOLERANCE = 1e-2
 RELATIVE_TOLERANCE = 1e-7
 _MAX_ITERATIONS = 100
-# Steps of Gauss-Newton, how often each is halved, and which share of the decrease that it promises must come true.
-_NEWTON_STEPS, _HALVINGS, _COMES_TRUE = 30, 6, 0.05
-# Most come so near in so many that a tenth of the slope is as cheap; later ones, of strokes, gain less each.
+# Largest number of Gauss-Newton steps and of trial lengths per step, and the share of the promised decrease required.
+_NEWTON_STEPS, _HALVINGS, _SUFFICIENT_DECREASE = 30, 6, 0.05
+# Most problems converge so fast in the first steps that a tenth of the tolerance costs nothing; with strokes, later
+# steps gain less each.
 _NEWTON_TOLERANCE, _FAST_STEPS = 0.1 * SLOPE_TOLERANCE, 3
 # Energies that differ by less are equal.
 _ROUNDING = 1e-9
@@ -27,16 +28,16 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A pose and how it was found.
+    """A solved pose with the statistics of the solve.
 
     Attributes:
         coefficients: Shape (r,).
         energy: E at the coefficients.
-        iterations: Steps of Gauss-Newton and iterations of L-BFGS.
-        evaluations: Evaluations of E and its gradient, those that compare starts included.
+        iterations: Number of Gauss-Newton steps and L-BFGS iterations.
+        evaluations: Number of evaluations of E and its gradient, including those that compare starts.
         seconds: Wall-clock time of the solve.
-        residuals_px: How far each constraint is from being met, in pixels, in the order of the problem.
-        converged: Whether the solve ended by itself rather than by being stopped or at its iteration limit.
+        residuals_px: Residual of each constraint in pixels, in the order of the problem.
+        converged: True if the solve met its tolerance, False if it was stopped or reached its iteration limit.
     """
 
     coefficients: Array
@@ -49,21 +50,21 @@ class Solution:
 
 
 def prepare() -> None:
-    """Import what a solve needs: a window does it once its first frame is there, so that its start need not wait."""
+    """Import the modules that a solve needs. A window does so after its first frame, to start faster."""
     import scipy.ndimage
     import scipy.optimize
     import scipy.spatial  # noqa: F401
 
 
 def best_start(problem: PoseProblem) -> tuple[Array, int]:
-    """Return the start of least energy, and how many were compared.
+    """Return the start of least energy, and the number of starts compared.
 
-    The paper starts at the best component mean (eq. (21)). Here each component is first asked for its mean given the
-    constraints, as they look to first order from the start pose: one linear solve a component, and much nearer.
+    The paper starts at the best component mean (eq. (21)). Here the mean of each component is first conditioned on the
+    constraints, linearised at the start pose: this costs one linear solve per component and is much closer.
     """
     candidates = [problem.start, *problem.conditional_means()]
     energies = [problem.energy_and_gradient(candidate)[0] for candidate in candidates]
-    # A start that is as good as any, but for rounding, stays exactly as it is.
+    # Prefer the given start if it is as good as any up to rounding.
     best = 0 if energies[0] <= min(energies) + _ROUNDING else int(np.argmin(energies))
     return candidates[best], len(candidates)
 
@@ -74,18 +75,18 @@ def solve(
     on_iterate: Callable[[Array], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> Solution:
-    """Return the pose of least energy near ``x0``.
+    """Return a local minimum of the energy near ``x0``.
 
-    Quadratic forms, squares of nearly linear residuals, and bounds that are exceeded or not make up the energy: a few
-    steps of Gauss-Newton, halved where they go too far, find its least value. Where they fail, as they may by strokes
-    whose neighbours change, L-BFGS goes on in coordinates scaled by the curvature: there the problem is nearly round,
-    and few evaluations do what takes dozens in coefficients, whose curvatures differ by orders of magnitude.
+    The energy consists of quadratic forms, squares of nearly linear residuals, and bounds. A few Gauss-Newton steps
+    with backtracking find its minimum. Where they fail, as strokes may cause when nearest neighbours change, L-BFGS
+    continues in coordinates scaled by the curvature. There the problem is nearly isotropic, and a few evaluations
+    replace the dozens needed in coefficients with curvatures of different orders of magnitude.
 
     Args:
         problem: The energy.
-        x0: Coefficients to start from, shape (r,); the best of ``best_start`` if None.
+        x0: Coefficients to start from, shape (r,); the result of ``best_start`` if None.
         on_iterate: Called with the coefficients after each iteration.
-        should_stop: Asked after each iteration; the pose reached so far is returned when it says yes.
+        should_stop: Called after each iteration; if it returns True, the solve ends with the current pose.
     """
     began = time.perf_counter()
     compared = 0
@@ -96,14 +97,14 @@ def solve(
     else:
         start = np.array(x0, dtype=np.float64)
 
-    def goes_on(pose: Array) -> bool:
+    def keep_going(pose: Array) -> bool:
         if on_iterate is not None:
             on_iterate(pose)
         return should_stop is None or not should_stop()
 
-    reached = _newton(problem, start, goes_on)
+    reached = _newton(problem, start, keep_going)
     if not (reached.converged or reached.stopped):
-        reached = _lbfgs(problem, reached, goes_on)
+        reached = _lbfgs(problem, reached, keep_going)
     return Solution(
         reached.state.p,
         reached.energy,
@@ -116,17 +117,17 @@ def solve(
 
 
 @dataclass(frozen=True, eq=False)
-class _Reached:
-    """How far a solve has come.
+class _Iterate:
+    """Current state of a solve.
 
     Attributes:
         state: The best pose so far.
-        energy: E there.
-        lower: L with L L^T about the curvature there, shape (r, r).
-        iterations: So far.
-        evaluations: Of E and its gradient so far.
-        converged: Whether the pose is the least one.
-        stopped: Whether the caller wants no more.
+        energy: E at the pose.
+        lower: L with L L^T approximately the curvature at the pose, shape (r, r).
+        iterations: Number of iterations so far.
+        evaluations: Number of evaluations of E and its gradient so far.
+        converged: True if the pose is a minimum within the tolerance.
+        stopped: True if the caller stopped the solve.
     """
 
     state: PoseState
@@ -138,50 +139,50 @@ class _Reached:
     stopped: bool = False
 
 
-def _newton(problem: PoseProblem, start: Array, goes_on: Callable[[Array], bool]) -> _Reached:
-    """Return where steps of Gauss-Newton lead from ``start``, shape (r,)."""
+def _newton(problem: PoseProblem, start: Array, keep_going: Callable[[Array], bool]) -> _Iterate:
+    """Take Gauss-Newton steps from ``start``, shape (r,)."""
     state = problem.state(start)
     energy, gradient = problem.energy_and_gradient_at(state)
     model = BoundedModel(problem, state, gradient)
     evaluations = 1
     for iteration in range(_NEWTON_STEPS):
         if model.slope <= _NEWTON_TOLERANCE:
-            return _Reached(state, energy, model.lower, iteration, evaluations, converged=True)
-        step, promised = model.least()
+            return _Iterate(state, energy, model.lower, iteration, evaluations, converged=True)
+        step, promised = model.minimise()
         share = 1.0
         for _ in range(_HALVINGS):
             trial = problem.state(state.p + share * step)
             trial_energy, trial_gradient = problem.energy_and_gradient_at(trial)
             evaluations += 1
-            if trial_energy <= energy - _COMES_TRUE * share * promised:
+            if trial_energy <= energy - _SUFFICIENT_DECREASE * share * promised:
                 break
             share *= 0.5
         else:
-            return _Reached(state, energy, model.lower, iteration, evaluations)
+            return _Iterate(state, energy, model.lower, iteration, evaluations)
         state, energy, gradient = trial, trial_energy, trial_gradient
-        if not goes_on(state.p):
-            return _Reached(state, energy, model.lower, iteration + 1, evaluations, stopped=True)
-        if model.slope_of(gradient) <= (_NEWTON_TOLERANCE if iteration < _FAST_STEPS else SLOPE_TOLERANCE):
-            return _Reached(state, energy, model.lower, iteration + 1, evaluations, converged=True)
+        if not keep_going(state.p):
+            return _Iterate(state, energy, model.lower, iteration + 1, evaluations, stopped=True)
+        if model.scaled_slope(gradient) <= (_NEWTON_TOLERANCE if iteration < _FAST_STEPS else SLOPE_TOLERANCE):
+            return _Iterate(state, energy, model.lower, iteration + 1, evaluations, converged=True)
         model = BoundedModel(problem, state, gradient)
-    return _Reached(state, energy, model.lower, _NEWTON_STEPS, evaluations)
+    return _Iterate(state, energy, model.lower, _NEWTON_STEPS, evaluations)
 
 
-def _lbfgs(problem: PoseProblem, begun: _Reached, goes_on: Callable[[Array], bool]) -> _Reached:
-    """Return where L-BFGS leads from what is ``begun``."""
+def _lbfgs(problem: PoseProblem, reached: _Iterate, keep_going: Callable[[Array], bool]) -> _Iterate:
+    """Continue by L-BFGS from the state ``reached``."""
     from scipy.optimize import minimize
 
-    start, lower = begun.state.p, begun.lower
+    start, lower = reached.state.p, reached.lower
 
     def to_coefficients(scaled: Array) -> Array:
-        return start + solved_by_root(lower, scaled, transposed=True)
+        return start + solve_triangular(lower, scaled, transposed=True)
 
     def scaled_energy(scaled: Array) -> tuple[float, Array]:
         energy, gradient = problem.energy_and_gradient(to_coefficients(scaled))
-        return energy, solved_by_root(lower, gradient)
+        return energy, solve_triangular(lower, gradient)
 
     def after_iteration(scaled: Array) -> None:
-        if not goes_on(to_coefficients(scaled)):
+        if not keep_going(to_coefficients(scaled)):
             raise StopIteration
 
     result = minimize(
@@ -197,11 +198,11 @@ def _lbfgs(problem: PoseProblem, begun: _Reached, goes_on: Callable[[Array], boo
             "maxcor": 20,
         },
     )
-    return _Reached(
+    return _Iterate(
         problem.state(to_coefficients(result.x)),
         float(result.fun),
         lower,
-        begun.iterations + int(result.nit),
-        begun.evaluations + int(result.nfev),
+        reached.iterations + int(result.nit),
+        reached.evaluations + int(result.nfev),
         converged=bool(result.success),
     )

@@ -1,4 +1,4 @@
-"""Priors of natural expressions, as terms of the problem (Lau et al. 2009, section 5)."""
+"""Priors on natural expressions, as terms of the problem (Lau et al. 2009, section 5)."""
 
 from functools import lru_cache
 from typing import Literal, get_args
@@ -11,20 +11,20 @@ from faceposer.model.local_moments import LocalMoments
 from faceposer.model.mixture import GaussianMixture
 from faceposer.solve.term import Array, PoseState, QuadraticTerm, ResidualTerm
 
-#: How a face is judged: region by region, as a whole, or by the mixture as it was learned, as the paper does.
+#: Kind of prior: by region, of the whole face, or the mixture as it was learned, as in the paper.
 Prior = Literal["regions", "whole", "plain"]
 PRIORS: tuple[Prior, ...] = get_args(Prior)
 
-# How far outside its limits a rig weight may stray, as a standard deviation and a share of their distance.
+# Standard deviation of a rig weight's excess over its limits, as a share of their distance.
 _BOUND_SCALE = 0.05
-# How far apart the eyes may look, in radians, as a standard deviation: about a quarter of a degree.
+# Standard deviation of the angle between the gazes of both eyes, in radians: about a quarter of a degree.
 _GAZE_SIGMA = 0.005
 
 
 class MixturePrior(QuadraticTerm):
-    """weight * (-ln pr(p)) for a density made of Gaussians (paper, eqs. (19) and (31)), up to a constant.
+    """weight * (-ln pr(p)) for a Gaussian mixture (paper, eqs. (19) and (31)), up to a constant.
 
-    Of a single Gaussian it is half of the squared Mahalanobis distance.
+    For a single Gaussian this is half of the squared Mahalanobis distance.
     """
 
     def __init__(self, mixture: GaussianMixture, weight: float = 1.0) -> None:
@@ -33,7 +33,7 @@ class MixturePrior(QuadraticTerm):
         self.weight = weight
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
-        """Return the energy and its gradient by the coefficients, shape (r,)."""
+        """Return the energy and its gradient with respect to the coefficients, shape (r,)."""
         if self.is_quadratic:
             offset = state.p - self.mixture.means[0]
             slope = self.weight * (self.mixture.precisions[0] @ offset)
@@ -42,29 +42,29 @@ class MixturePrior(QuadraticTerm):
         return self.weight * energy, self.weight * gradient
 
     def curvature(self, state: PoseState) -> Array:
-        """Return the precision of the components that most likely made the pose, shape (r, r)."""
+        """Return the precision of the component with the largest responsibility for the pose, shape (r, r)."""
         if self.is_quadratic:
             return self.weight * self.mixture.precisions[0]
         return self.weight * self.mixture.curvature(state.p)
 
     @property
     def is_quadratic(self) -> bool:
-        """Whether the density is a single Gaussian."""
+        """True if the density is a single Gaussian."""
         return self.mixture.n_components == 1
 
 
 class WeightBounds:
-    """weight * sum over shapes of (excess_j / scale_j)^2, the excess being how far a rig weight is beyond its limits.
+    """weight * sum over shapes of (excess_j / scale_j)^2, with the excess of each rig weight over its limits.
 
-    A muscle that relaxes past its rest or pulls past its end is as unnatural as anything the mixture forbids, and no
-    mixture of Gaussians can say so: seen from the start pose it takes a movement and its opposite for equally likely.
+    A muscle cannot relax past its rest or contract past its end. A Gaussian centred at the start pose cannot express
+    this, because it makes a movement and its opposite equally likely.
     """
 
     def __init__(self, directions: Array, limits: ArrayLike, weight: float = 1.0, start: Array | None = None) -> None:
-        """Keep the rig weights ``directions @ p``, ``directions`` being (S, r), within ``limits`` of shape (S, 2).
+        """Bound the rig weights ``directions @ p``, with ``directions`` of shape (S, r), by ``limits``, (S, 2).
 
-        Where the two limits of a shape are the same, nothing is bounded. Limits are widened to the weights of the pose
-        ``start``, shape (r,), if that is given.
+        A shape with two equal limits is not bounded. Limits are widened to the weights of the pose ``start``, shape
+        (r,), if one is given.
         """
         lower, upper = np.asarray(limits, dtype=np.float64).T
         bounded = upper > lower
@@ -74,7 +74,7 @@ class WeightBounds:
         self._scale = _BOUND_SCALE * (upper - lower)
         self._weight = weight
         if start is not None:
-            # A captured pose that leaves the limits is a pose all the same: as a start it stays as it is.
+            # A captured pose may exceed the limits; it is kept as a start.
             weights = self._directions @ start
             self._lower, self._upper = np.minimum(self._lower, weights), np.maximum(self._upper, weights)
 
@@ -83,26 +83,26 @@ class WeightBounds:
         excess: Array = (weights - np.minimum(np.maximum(weights, self._lower), self._upper)) / self._scale
         return excess
 
-    def crossings(self, p: Array, way: Array) -> Array:
-        """Return at which shares between 0 and 1 of a ``way``, (r,), from ``p``, (r,), weights are at a bound."""
-        weights, change = self._directions @ p, self._directions @ way
+    def crossings(self, p: Array, direction: Array) -> Array:
+        """Return the step lengths in (0, 1) along ``direction``, (r,), at which weights from ``p`` meet a bound."""
+        weights, change = self._directions @ p, self._directions @ direction
         change = np.where(change == 0.0, np.inf, change)
         shares = np.concatenate([(self._lower - weights) / change, (self._upper - weights) / change])
         crossings: Array = shares[(shares > 0.0) & (shares < 1.0)]
         return crossings
 
-    def slopes_along(self, p: Array, way: Array, shares: Array) -> Array:
-        """Return the derivatives of the cost by the share of a ``way``, (r,), from ``p``, (r,), at ``shares``, (n,)."""
-        change = self._directions @ way
+    def slopes_along(self, p: Array, direction: Array, shares: Array) -> Array:
+        """Return the derivatives of the cost along ``direction``, (r,), at the step lengths ``shares`` from ``p``."""
+        change = self._directions @ direction
         weights = self._directions @ p + shares[:, None] * change
         outside = weights - np.minimum(np.maximum(weights, self._lower), self._upper)
         slopes: Array = 2.0 * self._weight * (outside @ (change / (self._scale * self._scale)))
         return slopes
 
-    def at(self, p: Array) -> tuple[float, Array, NDArray[np.bool_], Array | float]:
-        """Return the cost at ``p``, (r,), its gradient, (r,), which bounds are exceeded, and the curvature, (r, r).
+    def evaluate(self, p: Array) -> tuple[float, Array, NDArray[np.bool_], Array | float]:
+        """Return the cost at ``p``, (r,), its gradient, (r,), the mask of exceeded bounds, and the curvature, (r, r).
 
-        The curvature is 0 where no bound is exceeded.
+        The curvature is the scalar 0 if no bound is exceeded.
         """
         excess = self._excess(p)
         exceeded = excess != 0.0
@@ -113,31 +113,31 @@ class WeightBounds:
         return self._weight * float(excess @ excess), slope, exceeded, 2.0 * self._weight * active.T @ active
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
-        """Return the cost and its gradient by the coefficients, shape (r,)."""
+        """Return the cost and its gradient with respect to the coefficients, shape (r,)."""
         excess = self._excess(state.p)
         return self._weight * float(excess @ excess), 2.0 * self._weight * ((excess / self._scale) @ self._directions)
 
     def curvature(self, state: PoseState) -> Array:
-        """Return the second derivative where the bounds are exceeded, shape (r, r)."""
-        stiffness = self.at(state.p)[3]
+        """Return the second derivative, shape (r, r), zero where no bound is exceeded."""
+        stiffness = self.evaluate(state.p)[3]
         return np.zeros((len(state.p),) * 2) + stiffness
 
 
 class ParallelGaze(ResidualTerm, QuadraticTerm):
-    """w / sigma^2 |A (p - p0)|^2, A p being how far the eyes look apart, in radians: up or down, and across.
+    """w / sigma^2 |A (p - p0)|^2, with A p the vertical and horizontal differences between both gazes, in radians.
 
-    Eyes look at one place. The capture measures each eye by itself, and its noise would make a face squint.
+    Both eyes look at one target, but captures measure each eye separately, and their noise would make a face squint.
     """
 
     def __init__(self, apart: Array, start: Array, weight: float = 1.0) -> None:
-        """Keep ``apart @ p`` as it is at the pose ``start``, shape (r,), for what `gaze_differences` returns."""
+        """Keep ``apart @ p`` as it is at the pose ``start``, shape (r,), with ``apart`` from ``gaze_differences``."""
         super().__init__(np.full(len(apart), weight / _GAZE_SIGMA**2))
         self._apart = apart
-        self._wanted = apart @ start
+        self._target = apart @ start
 
     def residual(self, state: PoseState) -> Array:
         """Return the change of both differences, shape (2,)."""
-        residual: Array = self._apart @ state.p - self._wanted
+        residual: Array = self._apart @ state.p - self._target
         return residual
 
     def jacobian(self, state: PoseState) -> Array:
@@ -146,26 +146,25 @@ class ParallelGaze(ResidualTerm, QuadraticTerm):
 
 
 def gaze_differences(model: FaceModel) -> Array:
-    """Return A, (2, r): the differences between the eyes' looks upwards and across, in radians.
+    """Return A, (2, r): the vertical and horizontal differences between both gazes, in radians, to first order.
 
-    To first order; (0, r) for a character without two eyes that turn.
+    The shape is (0, r) for a character without two movable eyes.
     """
     turns = model.eye_turns
     return turns[0, :2] - turns[1, :2] if len(turns) == 2 else np.zeros((0, model.n_coefficients))
 
 
 def centred_at(model: FaceModel, start: Array, prior: Prior = "regions", wholeness: float = 0.0) -> LocalMoments:
-    """Return the model's density as it looks from the pose ``start``.
+    """Return the model's density conditioned on the pose ``start``.
 
-    The mode of a learned density is its performer's habitual face, not the pose that the user starts from, so that
-    minimising (20) as it stands deforms a face that nobody has touched. The start is evidence: it stays the peak, and
-    what is learned says how faces move away from it. It is remembered, since the start changes between poses, not
-    between the moves of a drag.
+    The mode of a learned density is its performer's habitual face, not the user's start pose, so that minimising (20)
+    unchanged would deform an untouched face. Here the start remains the mode, and the learned statistics describe the
+    motion away from it. The result is cached, since the start does not change during a drag.
 
     Args:
         model: The face and its density.
-        start: Coefficients of the pose to start from, shape (r,).
-        prior: "regions" to damp what muscles tell of each other, "whole" not to.
+        start: Coefficients of the start pose, shape (r,).
+        prior: "regions" to damp the correlations between muscles, "whole" to keep them.
         wholeness: See ``LocalMoments``; "whole" means 1.
     """
     return _centred_at(model, start.tobytes(), 1.0 if prior == "whole" else wholeness)
@@ -173,4 +172,4 @@ def centred_at(model: FaceModel, start: Array, prior: Prior = "regions", wholene
 
 @lru_cache(maxsize=8)
 def _centred_at(model: FaceModel, start_bytes: bytes, wholeness: float) -> LocalMoments:
-    return model.rig_density.seen_from(np.frombuffer(start_bytes), wholeness)
+    return model.rig_density.conditioned_on(np.frombuffer(start_bytes), wholeness)

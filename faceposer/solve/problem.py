@@ -14,40 +14,40 @@ from faceposer.model.muscles import dependent_pairs
 from faceposer.solve.constraints.point import PointTerm
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
 from faceposer.solve.coverage import coverage
-from faceposer.solve.least_motion import Evidence, LeastMotion
+from faceposer.solve.least_motion import LeastMotion, LinearisedEnergy
 from faceposer.solve.priors import MixturePrior, ParallelGaze, Prior, WeightBounds, centred_at, gaze_differences
 from faceposer.solve.reach import limits_around
 from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, QuadraticTerm, ResidualTerm, Term
 
-#: Spread of a pull that a new session has, from 0 (local) to 1 (the whole face).
+#: Spread of a new session, from 0 (local) to 1 (the whole face).
 SPREAD = 0.5
-#: Spread of what was measured on a real face, as recorded trajectories are: all of it moved, not what an artist meant.
+#: Spread for measurements of a real face, such as recorded trajectories, which show how the whole face moved.
 RECORDED_SPREAD = 1.0
-# Factors on the prior's weight, of the Gaussian and of the bounds.
+# Factors on the prior's weight, for the Gaussian and for the bounds.
 _GAUSSIAN, _BOUNDS = 0.7, 1.5
-# Least motion: its strength at a spread of 0 and of 1, and how fast it falls, to 1.5 at the default.
+# Least motion: its strength at a spread of 0 and of 1, and the exponent in between (1.5 at the default spread).
 _MOTION, _LEAST_MOTION, _MOTION_POWER = 5.0, 0.3, 1.97
-# From this spread on the prior goes over to the examples' own expressions.
+# Above this spread, the prior blends towards the examples' own expressions.
 _WHOLE_FROM = 0.75
-# However little the prior weighs, a rig's limits and a common direction of both eyes count at least so much.
+# Least weight of the rig's limits and of parallel gaze, whatever the prior's weight.
 _LEAST_HOLD = 1.0
-# Energy of the pulls from which on these hold firmer.
+# Energy of the informative terms above which these weights grow.
 _FIRM = 1500.0
-# The prior never weighs less: what no constraint speaks of stays where it is.
+# Least weight of the prior, so that unconstrained parts of the face keep still.
 _LEAST_WEIGHT = 0.02
-# Keeps the problem bounded where neither a constraint nor the prior says anything, far below what either says.
+# Keeps the problem bounded where neither constraints nor the prior do, and is negligible elsewhere.
 _RIDGE = 1e-6
 
 
 class Ridge(QuadraticTerm):
-    """A faint pull towards the start, so that a prior weight of 0 leaves a problem with one solution."""
+    """A faint attraction to the start, so that the solution is unique even at a prior weight of 0."""
 
     def __init__(self, start: Array, scale: Array) -> None:
-        """Pull towards ``start``, shape (r,), with strength ``scale``, shape (r,)."""
+        """Attract to ``start``, shape (r,), with strength ``scale``, shape (r,)."""
         self._start, self._scale = start, scale
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
-        """Return the cost and its gradient by the coefficients, shape (r,)."""
+        """Return the cost and its gradient with respect to the coefficients, shape (r,)."""
         offset = state.p - self._start
         scaled = self._scale * offset
         return float(offset @ scaled), 2.0 * scaled
@@ -60,13 +60,14 @@ class Ridge(QuadraticTerm):
 class PoseProblem:
     """E(p) = sum of the constraints' energies + prior_weight * E_prior(p).
 
-    The rows of the basis at all constrained points are gathered once, so that an evaluation does not depend on the size
-    of the mesh.
+    The rows of the basis at all constrained points are gathered once, so that the cost of an evaluation is independent
+    of the size of the mesh.
 
     Attributes:
-        start: The pose that the prior is seen from, shape (r,): the one that is given, with the eyes turned.
-        limits: Of the weights of the model's density, widened to where the face began, shape (W, 2); None without any.
-        trusted: How far points count as they are pulled, from 0 to 1; see ``PointTerm.take_up``.
+        start: The pose on which the prior is conditioned, shape (r,): the given one, with the eyes turned.
+        limits: Limits of the weights of the model's density, widened to the home pose, shape (W, 2); None if the
+            problem has none.
+        trust: Share from 0 to 1 by which targets of points count unlimited; see ``PointTerm.apply_reach``.
     """
 
     def __init__(
@@ -77,8 +78,8 @@ class PoseProblem:
         prior_weight: float = 1.0,
         mixture: GaussianMixture | None = None,
         prior: Prior = "regions",
-        evidence: Sequence[Term] = (),
-        held: Sequence[Term] = (),
+        extra_terms: Sequence[Term] = (),
+        passive_terms: Sequence[Term] = (),
         offset: ArrayLike | None = None,
         spread: float = SPREAD,
         bare: bool = False,
@@ -88,25 +89,25 @@ class PoseProblem:
 
         Args:
             model: The face.
-            constraints: All constraints; those that are not enabled count only in ``residuals_px``.
-            start: The pose that an untouched face has, shape (r,); the neutral face if None.
+            constraints: All constraints; disabled ones count only in ``residuals_px``.
+            start: The pose of the untouched face, shape (r,); the neutral face if None.
             prior_weight: Weight of the prior, at least 0.
-            mixture: A density over coefficients to take as the whole prior; if None, the prior is the model's own
-                density seen from the start, with bounds on the rig's weights.
-            prior: Whether the model's own density judges region by region, the face as a whole, or, without regard to
-                the start, as it was learned ("plain", the paper's).
-            evidence: Terms that tell of the face as constraints do, but are none, such as points tracked in a film;
-                they look at the coefficients alone.
-            held: Likewise, but what they ask for tells nothing of the rest of the face, as where the eyes look.
-            offset: What is added to the start without a price, as gaze is, shape (r,).
-            spread: How much of the face follows a pull, from 0, as little as explains it, to 1, all that usually moves
-                along in what was learned from.
-            home: Where the face began, if it goes on from frame to frame, shape (r,); the start if None. The rig's
-                limits are widened to this pose alone; widened to every frame's, they would give way step by step.
-            bare: The constraints alone, whatever the face: no prior, no bounds, and targets beyond all reach stay.
+            mixture: A density over coefficients that replaces the prior; if None, the prior is the model's own density
+                conditioned on the start, with bounds on the rig's weights.
+            prior: "regions" or "whole" to condition the model's density on the start, by region or of the whole face;
+                "plain" for the density as it was learned, as in the paper.
+            extra_terms: Further informative terms that are not constraints, such as points tracked in a video. They
+                depend on the coefficients alone.
+            passive_terms: Further terms on which the prior is not conditioned, such as gaze.
+            offset: Offset of the start that is not penalised by the prior, such as gaze, shape (r,).
+            spread: Extent of the response to the constraints, from 0, as local as possible, to 1, all motion that
+                usually accompanies it in the training data.
+            home: The first pose of a sequence solved frame by frame, shape (r,); the start if None. The rig's limits
+                are widened to this pose only; widened to every frame, they would drift.
+            bare: True for the constraints alone, without prior, bounds or limits on the reach of targets.
 
         Raises:
-            ValueError: If a constraint names a place that the face does not have.
+            ValueError: If a constraint refers to a point that the face does not have.
         """
         begin = np.array(model.neutral() if start is None else start, dtype=np.float64)
         self.start = begin if offset is None else begin + np.asarray(offset, dtype=np.float64)
@@ -116,78 +117,79 @@ class PoseProblem:
         for constraint in self.constraints:
             if constraint.enabled:
                 self.start = constraint.moved_start(model, self.start)
-        self._anchored, self._slots = gather(model, self.constraints)
+        self._anchored, self._slots = gather_points(model, self.constraints)
         slots = self._slots
         self._terms: list[Term] = [Ridge(self.start, _RIDGE / model.subspace.variances.clip(1e-9))]
-        pulls: list[Term] = list(evidence)
+        informative: list[Term] = list(extra_terms)
         for kind in CONSTRAINTS.values():
             chosen = [i for i, c in enumerate(self.constraints) if isinstance(c, kind) and c.enabled and c.weight > 0]
             if chosen:
                 group = [self.constraints[i] for i in chosen]
                 terms = kind.terms(group, [slots[i] for i in chosen], model)
                 self._terms += terms
-                pulls += terms if kind.informs_prior else []
-        self._terms += [*evidence, *held]
+                informative += terms if kind.informs_prior else []
+        self._terms += [*extra_terms, *passive_terms]
         centred = mixture is None and prior != "plain"
-        # Nothing pulls: seen from the start, the start is the least of all energies.
+        # Without constraints the start is the minimum of a prior conditioned on it.
         self.at_rest = centred and len(self._terms) == 1
         self.mixture = model.mixture if mixture is None else mixture
         self.limits: Array | None = None
-        self.trusted = 1.0 if bare else 0.0
+        self.trust = 1.0 if bare else 0.0
         self._home = self.start if home is None else np.asarray(home, dtype=np.float64)
         if bare:
             return
         wholeness = max(0.0, (spread - _WHOLE_FROM) / (1.0 - _WHOLE_FROM)) if centred else 0.0
         covered = 0.0
-        if centred and pulls:
-            # A spread of less than the default asks for the part alone, whatever the pulls say.
-            covered = min(1.0, spread / SPREAD) * coverage(model, begin, _linearised(pulls, self._start_state)[0])
+        if centred and informative:
+            # A spread below the default reduces the coverage, to keep the response local.
+            covered = min(1.0, spread / SPREAD) * coverage(model, begin, _linearised(informative, self._start_state)[0])
         if mixture is None:
-            self.trusted = 1.0 - (1.0 - wholeness) * (1.0 - covered)
-            self._take_up_points(pulls)
+            self.trust = 1.0 - (1.0 - wholeness) * (1.0 - covered)
+            self._apply_reach(informative)
         if centred:
-            self._take_up_prior(begin, prior, spread, wholeness, covered, pulls)
+            self._add_prior(begin, prior, spread, wholeness, covered, informative)
         elif prior_weight > 0:
             self._terms.append(MixturePrior(self.mixture, prior_weight))
         if mixture is None:
-            self._hold_together(pulls)
+            self._add_bounds(informative)
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """What the energy is a sum of."""
+        """All terms of the energy."""
         return tuple(self._terms)
 
     def add(self, term: Term) -> None:
         """Add ``term`` to the energy."""
         self._terms.append(term)
-        self.__dict__.pop("_form", None)
+        self.__dict__.pop("_quadratic_form", None)
 
-    def _take_up_points(self, pulls: Sequence[Term]) -> None:
-        """Widen the rig's limits to the start, and let points see it."""
+    def _apply_reach(self, informative: Sequence[Term]) -> None:
+        """Widen the rig's limits to the home pose, and limit the targets of points to their reach."""
         self.limits = _limits_at(self.model, self._home.tobytes())
-        for term in pulls:
+        for term in informative:
             if isinstance(term, PointTerm):
-                term.take_up(self.model, self._start_state, self.limits, self.trusted)
+                term.apply_reach(self.model, self._start_state, self.limits, self.trust)
 
-    def _hold_together(self, pulls: Sequence[Term]) -> None:
-        """Add what holds at every weight of the prior: the rig's limits, and that both eyes look the same way.
+    def _add_bounds(self, informative: Sequence[Term]) -> None:
+        """Add the terms that apply at every weight of the prior: the rig's limits and parallel gaze.
 
-        However hard and far the ``pulls`` are, it costs about as much as all of them to leave the limits by a third.
+        Their weight grows with the energy of the ``informative`` terms: exceeding a limit by a third costs about as
+        much as all of these together.
         """
-        energy = sum(_energy(term, self._start_state) for term in pulls)
+        energy = sum(_energy(term, self._start_state) for term in informative)
         weight = max(self.prior_weight, _LEAST_HOLD, energy / _FIRM)
-        directions, limits = _held_weights(self.model)
+        directions, limits = _bounded_weights(self.model)
         self._terms.append(WeightBounds(directions, limits, _BOUNDS * weight, self._home))
         self._terms.append(ParallelGaze(gaze_differences(self.model), self.start, weight))
 
-    def _take_up_prior(
-        self, begin: Array, prior: Prior, spread: float, wholeness: float, covered: float, pulls: Sequence[Term]
+    def _add_prior(
+        self, begin: Array, prior: Prior, spread: float, wholeness: float, covered: float, informative: Sequence[Term]
     ) -> None:
-        """Add the terms of the model's density as it looks from the pose ``begin``, given the terms ``pulls``.
+        """Add the model's density conditioned on the pose ``begin`` and the ``informative`` terms, and least motion.
 
-        What moves the start keeps the prior as it was seen from before: only its place moves along.
+        An offset of the start translates this density without changing its shape.
         """
-        rows, residual = _linearised(pulls, self._start_state)
+        rows, residual = _linearised(informative, self._start_state)
         self.mixture = centred_at(self.model, begin, prior, wholeness).near(rows, residual, covered)
         if self.start is not begin:
             self.mixture = self.mixture.moved_by(self.start - begin)
@@ -195,12 +197,12 @@ class PoseProblem:
         self._terms.append(MixturePrior(self.mixture, _GAUSSIAN * weight))
         strength = weight * (_LEAST_MOTION + (_MOTION - _LEAST_MOTION) * (1.0 - spread) ** _MOTION_POWER)
         if strength > 0 and len(rows) and prior == "regions" and self.limits is not None:
-            evidence = Evidence(rows, residual)
+            energy = LinearisedEnergy(rows, residual)
             precision = 0.5 * _GAUSSIAN * weight * self.mixture.precisions[0]
             limits = self.limits
             if self._home is not self.start:
                 limits = limits_around(limits, self.model.rig_density.directions @ self.start)
-            self._terms.append(LeastMotion(self.model, self.start, evidence, precision, strength, limits))
+            self._terms.append(LeastMotion(self.model, self.start, energy, precision, strength, limits))
 
     def state(self, p: Array) -> PoseState:
         """Return the anchored points at coefficients ``p`` of shape (r,)."""
@@ -211,8 +213,8 @@ class PoseProblem:
         return _state_at(self._anchored, self.start.tobytes())
 
     @cached_property
-    def _form(self) -> tuple[float, Array, Array, tuple[Term, ...]]:
-        """Value, slope and curvature at the start of the sum of all quadratic terms, and the other terms."""
+    def _quadratic_form(self) -> tuple[float, Array, Array, tuple[Term, ...]]:
+        """Value, gradient and curvature at the start of the sum of all quadratic terms, and the other terms."""
         value, slope, curvature = 0.0, np.zeros_like(self.start), np.zeros((len(self.start),) * 2)
         others = []
         for term in self._terms:
@@ -230,8 +232,8 @@ class PoseProblem:
         return self.energy_and_gradient_at(self.state(p))
 
     def energy_and_gradient_at(self, state: PoseState) -> tuple[float, Array]:
-        """Return the same for the ``state`` at p, in which what ``curvature_at`` needs too is worked out once."""
-        value, slope, curvature, others = self._form
+        """Return E and its gradient for the ``state`` at p, whose cached values ``curvature_at`` can reuse."""
+        value, slope, curvature, others = self._quadratic_form
         change = state.p - self.start
         bent = curvature @ change
         energy, gradient = value + float(change @ (slope + 0.5 * bent)), slope + bent
@@ -246,8 +248,8 @@ class PoseProblem:
         return self.curvature_at(self.state(p))
 
     def curvature_at(self, state: PoseState, bounded: bool = True) -> Array:
-        """Return the same for the ``state`` at p, without what ``bounds`` add unless ``bounded``."""
-        _, _, total, others = self._form
+        """Return the curvature for the ``state`` at p, without that of ``bounds`` unless ``bounded``."""
+        _, _, total, others = self._quadratic_form
         for term in others:
             if bounded or not isinstance(term, WeightBounds):
                 total = total + term.curvature(state)
@@ -255,11 +257,11 @@ class PoseProblem:
 
     @property
     def bounds(self) -> tuple[WeightBounds, ...]:
-        """Those of the terms that are bounds."""
-        return tuple(term for term in self._form[3] if isinstance(term, WeightBounds))
+        """The terms that are bounds."""
+        return tuple(term for term in self._quadratic_form[3] if isinstance(term, WeightBounds))
 
     def conditional_means(self) -> Array:
-        """Return each component's mean given the constraints, linearised at the start pose, shape (K, r)."""
+        """Return the component means conditioned on the constraints, linearised at the start pose, shape (K, r)."""
         state = self._start_state
         others = [term for term in self._terms if not isinstance(term, MixturePrior)]
         priors = sum(t.weight for t in self._terms if isinstance(t, MixturePrior) and t.mixture is self.mixture)
@@ -274,21 +276,21 @@ class PoseProblem:
         return means
 
     def residuals_px(self, p: Array) -> tuple[float, ...]:
-        """Return how far each constraint, enabled or not, is from being met at ``p``, in pixels."""
+        """Return the residual of each constraint, enabled or not, at ``p``, in pixels."""
         return self.residuals_px_at(self.state(p))
 
     def residuals_px_at(self, state: PoseState) -> tuple[float, ...]:
-        """Return the same for the ``state`` at p."""
+        """Return the residual of each constraint for the ``state`` at p, in pixels."""
         return tuple(
             constraint.residual_at(state.pixels[slots], self.model, state.p)
             for constraint, slots in zip(self.constraints, self._slots, strict=True)
         )
 
 
-def gather(model: FaceModel, constraints: Sequence[Constraint]) -> tuple[AnchoredPoints, tuple[Indices, ...]]:
-    """Return the points of all ``constraints`` that lie in pictures, and the indices of each one's among them.
+def gather_points(model: FaceModel, constraints: Sequence[Constraint]) -> tuple[AnchoredPoints, tuple[Indices, ...]]:
+    """Return the points of all ``constraints`` with a camera, and the indices of each constraint's points among them.
 
-    They are remembered: while targets are dragged, the points of the face stay.
+    The result is cached, since dragging targets leaves the points of the face unchanged.
     """
     places = tuple(None if c.camera is None else (c.points, c.camera) for c in constraints)
     return _gathered(model, places)
@@ -323,7 +325,7 @@ def _gathered(
 
 @lru_cache(maxsize=8)
 def _state_at(anchored: AnchoredPoints, pose: bytes) -> PoseState:
-    """Return the state at a ``pose``, remembered: while targets are dragged, the pose that is pulled from stays."""
+    """Return the state at a ``pose``, cached since dragging targets leaves the start pose unchanged."""
     return PoseState(anchored, np.frombuffer(pose))
 
 
@@ -337,10 +339,10 @@ def _limits_at(model: FaceModel, pose: bytes) -> Array:
 
 
 @lru_cache(maxsize=4)
-def _held_weights(model: FaceModel) -> tuple[Array, Array]:
-    """Return which weights, by the coefficients, keep within limits, (n, r), and the limits, (n, 2).
+def _bounded_weights(model: FaceModel) -> tuple[Array, Array]:
+    """Return the bounded weights as linear functions of the coefficients, (n, r), and their limits, (n, 2).
 
-    They are all shapes' weights, and how far shapes that depend on others go beyond these.
+    These are the weights of all shapes, and the differences between dependent shapes and those that they depend on.
     """
     limits, directions = model.character.shape_limits, model.subspace.directions
     for shape, other, beyond in dependent_pairs(model.character.shape_names):
@@ -351,7 +353,7 @@ def _held_weights(model: FaceModel) -> tuple[Array, Array]:
 
 
 def _energy(term: Term, state: PoseState) -> float:
-    """Return the value of a ``term``, without its gradient where it can do without."""
+    """Return the value of a ``term``, without computing its gradient where possible."""
     if isinstance(term, ResidualTerm):
         residual = term.residual(state)
         return float(term.weights @ (residual * residual))
@@ -359,7 +361,7 @@ def _energy(term: Term, state: PoseState) -> float:
 
 
 def _linearised(terms: Sequence[Term], state: PoseState) -> tuple[Array, Array]:
-    """Return J, (m, r), and r, (m,), with the sum of the ``terms`` about |J d + r|^2 for a change d from ``state``."""
+    """Return J, (m, r), and r, (m,), such that |J d + r|^2 approximates the ``terms`` for a change d from ``state``."""
     n = len(state.p)
     rows: list[Array] = [np.zeros((0, n))]
     residuals: list[Array] = [np.zeros(0)]
@@ -376,7 +378,7 @@ def _linearised(terms: Sequence[Term], state: PoseState) -> tuple[Array, Array]:
             residuals.append(np.asarray(np.linalg.solve(lower, 0.5 * slope), dtype=np.float64))
     stacked, off = np.concatenate(rows), np.concatenate(residuals)
     if len(off) > n + 1:
-        # Only the products matter: hundreds of rows of a stroke are as good as one more than there are columns.
+        # Only products of the rows matter: hundreds of rows of a stroke reduce to one more than there are columns.
         reduced: Array = np.asarray(np.linalg.qr(np.column_stack([stacked, off]), mode="r"))
         stacked, off = reduced[:, :-1], reduced[:, -1]
     return stacked, off

@@ -1,4 +1,4 @@
-"""How far a point of the face can go: the reach of a pull, and of places that only move along with others."""
+"""Reach: the range in the image over which a point of the face can be pulled."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -12,30 +12,30 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.muscles import dependent_pairs
 from faceposer.solve.term import Array, Indices, PoseState
 
-# A shape that moves a point by less than the first share of what it moves elsewhere cannot be meant by a pull on it;
-# from the second share on it can.
+# Motion of a point by a shape, as a share of the shape's largest motion: below the first share a pull on the point is
+# not attributed to the shape; above the second it is.
 _ALONG, _MEANT = 0.25, 0.6
-# A place that these shapes move by less than the first many centimetres hardly moves; by the second many, it does.
+# Motion in centimetres by these shapes: below the first a point hardly moves by itself; above the second it does.
 _BONE_CM, _FLESH_CM = 0.08, 0.3
-# A pull is met nearly whole up to its reach, and not at all beyond.
+# Exponent of the soft limit of pulls at the reach.
 _SHARPNESS = 8.0
 #: Mobility below which a part of the face hardly moves.
 HARDLY_MOVES = 0.2
-# How far a weight without limits can go.
+# Range of a weight without limits.
 _FAR = 3.0
-# Pixels by which a hand misses: so far a point that can move at all goes, whatever its reach.
+# Least reach in pixels of a point that can move at all: the error of a hand.
 _TREMOR_PX = 1.5
 
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """How far n points can go from where they are, in the picture of one camera.
+    """Reach of n points from their positions, in the image of one camera.
 
     Attributes:
-        steps: Pixels that each point moves, in (u, v), where one rig weight goes to its least or greatest value,
-            of those shapes that a pull on the point can mean, shape (n, 2 W, 2).
-        mobility: From 0, the point only moves along with others, to 1, shape (n,).
-        scale: Pixels that a centimetre across the line of sight has at each point, shape (n,).
+        steps: Displacement of each point in pixels (u, v) when one rig weight goes to its lower or upper limit, for the
+            shapes to which a pull on the point is attributed, shape (n, 2 W, 2).
+        mobility: Mobility of each point, from 0 (it only moves along with others) to 1, shape (n,).
+        scale: Pixels per centimetre across the line of sight at each point, shape (n,).
     """
 
     steps: Array
@@ -48,25 +48,24 @@ class Reach:
         return lengths
 
     def pixels(self, directions: Array) -> Array:
-        """Return how far each point can go in its unit direction of ``directions``, (n, 2), in pixels, shape (n,)."""
+        """Return the reach of each point in pixels, (n,), along its unit direction in ``directions``, (n, 2)."""
         along = np.maximum(np.einsum("nwk,nk->nw", self.steps, directions), 0.0)
-        # What also goes elsewhere counts the less, the more it does: a^2 / |s| for a step s that goes by a this way.
+        # A step s with component a along the direction counts as a^2 / |s|: oblique steps count less.
         forward = along * along / self._lengths
-        # What hardly moves does not move at all: a pull on it would show elsewhere.
+        # Points that hardly move are kept still, since a pull on them would show elsewhere.
         reach: Array = self.mobility * (np.sqrt(np.einsum("nw,nw->n", forward, forward)) + _TREMOR_PX)
         return reach
 
     def outline(self, index: int, n: int = 36) -> Array:
-        """Return the border of what point ``index`` can reach, as ``n`` displacements in pixels, shape (n, 2).
+        """Return the outline of the region that point ``index`` can reach, ``n`` displacements in pixels, shape (n, 2).
 
-        Steps J_w, each taken by a share of 0 to 1, with squares of the shares summing to at most 1, reach a convex
-        region. ``pixels`` is its support function h; its border where the direction u points outwards is
-        sum_w max(0, u . J_w) J_w / h(u).
+        Sums of steps J_w with factors from 0 to 1 whose squares sum to at most 1 form a convex region with the support
+        function h (``pixels``). Its boundary point with the outward normal u is sum_w max(0, u . J_w) J_w / h(u).
         """
         return self.border(index, _directions(n))
 
     def border(self, index: int, directions: Array) -> Array:
-        """Return the points of the ``outline`` with the outward unit ``directions``, (n, 2), shape (n, 2)."""
+        """Return the points of the ``outline`` with the outward unit normals ``directions``, (n, 2), shape (n, 2)."""
         forward = np.maximum(directions @ self.steps[index].T, 0.0)
         support = np.sqrt(np.einsum("nw,nw->n", forward, forward))
         border: Array = (forward @ self.steps[index]) / np.maximum(support, 1e-9)[:, None]
@@ -87,23 +86,23 @@ class Reach:
 
 
 def reach_of(model: FaceModel, p: Array, points: SurfacePoints, camera: Camera, limits: Array | None = None) -> Reach:
-    """Return how far ``points`` of the face with coefficients ``p``, shape (r,), can go in the picture of ``camera``.
+    """Return the reach of ``points`` of the face with coefficients ``p``, shape (r,), in the image of ``camera``.
 
     Args:
         model: The face.
-        p: The pose that they are in.
-        points: Points of its surface, n of them.
-        camera: Where they are seen.
-        limits: Of the weights of the model's density, shape (W, 2); its own, widened to the pose, if None.
+        p: The current pose.
+        points: n points of its surface.
+        camera: The camera.
+        limits: Limits of the weights of the model's density, shape (W, 2); its own, widened to the pose, if None.
     """
     rows, neutral = model.rows_of(points)
     return reach_of_rows(model, p, rows, neutral, camera, limits)
 
 
 def reach_of_points(model: FaceModel, state: PoseState, points: Indices, camera: Camera, limits: Array) -> Reach:
-    """Return the same for ``points`` of a ``state``, given by their indices, (n,).
+    """Return the reach of the ``points`` of a ``state`` with the given indices, (n,).
 
-    It is remembered: while points are dragged, the pose that they are pulled from stays.
+    The result is cached, since dragging points leaves the start pose unchanged.
     """
     return _reach_of_points(model, state, points.tobytes(), camera, limits.tobytes())
 
@@ -117,7 +116,7 @@ def _reach_of_points(model: FaceModel, state: PoseState, points: bytes, camera: 
 def reach_of_rows(
     model: FaceModel, p: Array, rows: Array, neutral: Array, camera: Camera, limits: Array | None = None
 ) -> Reach:
-    """Return the same for points given by their derivatives, (n, 3, r), and neutral positions, (n, 3)."""
+    """Return the reach of points given by their derivatives, (n, 3, r), and neutral positions, (n, 3)."""
     density, samples = model.rig_density, model.motion_samples
     weights = density.directions @ p
     lower, upper = (limits_around(density.limits, weights) if limits is None else limits.copy()).T
@@ -128,13 +127,13 @@ def reach_of_rows(
     sizes = np.sqrt(np.einsum("nkw,nkw->nw", moves, moves))
     shares = sizes / density.largest
     sizes = samples.scale * sizes
-    meant = _smooth_step((shares - _ALONG) / (_MEANT - _ALONG))
+    attributed = _smooth_step((shares - _ALONG) / (_MEANT - _ALONG))
     _, by_place = camera.project_with_jacobian(neutral + rows @ p)
-    pixels = np.einsum("nik,nkw->nwi", by_place, moves) * meant[:, :, None]
+    pixels = np.einsum("nik,nkw->nwi", by_place, moves) * attributed[:, :, None]
     free = np.concatenate([(upper - weights).clip(0.0, _FAR), -(weights - lower).clip(0.0, _FAR)])
     steps = np.concatenate([pixels, pixels], axis=1) * free[None, :, None]
     scale = np.sqrt(0.5 * np.einsum("nik,nik->n", by_place, by_place))
-    own = np.sqrt(np.einsum("nw,nw->n", sizes * meant, sizes * meant))
+    own = np.sqrt(np.einsum("nw,nw->n", sizes * attributed, sizes * attributed))
     return Reach(steps, _smooth_step((own - _BONE_CM) / (_FLESH_CM - _BONE_CM)), scale)
 
 
@@ -151,10 +150,10 @@ def _smooth_step(t: Array) -> Array:
 
 
 def limits_around(limits: Array, weights: Array) -> NDArray[np.float64]:
-    """Return ``limits``, (W, 2), of rig weights widened to where the ``weights``, (W,), are.
+    """Return ``limits``, (W, 2), of rig weights, widened to include the ``weights``, (W,).
 
-    A captured pose may go beyond what a rig's weights are meant for; as a start it stays as it is. Where both limits
-    are the same, there are none, and those returned are infinite.
+    A captured pose may exceed the limits of a rig, and is kept as a start. Equal lower and upper limits mean that there
+    are none; infinite ones are returned.
     """
     lower, upper = limits.T
     bounded = upper > lower

@@ -1,8 +1,8 @@
-"""What a maximum a posteriori problem is a sum of.
+"""Terms of a maximum a posteriori problem.
 
-State: the points of the face that the constraints speak of, at one vector of coefficients, shared by all terms.
-Term: a non-negative cost with its gradient; all that the optimiser sees.
-Residual term: a weighted sum of squared residuals, which also gives the curvature that scales the problem.
+State: the constrained points of the face at one vector of coefficients, shared by all terms.
+Term: a non-negative cost with its gradient and curvature, the interface of the optimiser.
+Residual term: a weighted sum of squared residuals, with the Gauss-Newton curvature.
 """
 
 from collections.abc import Sequence
@@ -24,9 +24,9 @@ class AnchoredPoints:
     """The surface points of all constraints of a problem, gathered once.
 
     Attributes:
-        rows: Derivatives of the points by the coefficients, coordinates stacked, shape (3 n, r).
+        rows: Derivatives of the points with respect to the coefficients, coordinates stacked, shape (3 n, r).
         neutral: The points at p = 0, shape (n, 3).
-        views: The cameras with the indices of the points that each sees.
+        views: Each camera with the indices of its points.
     """
 
     rows: Array
@@ -68,15 +68,14 @@ class PoseState:
         return self._projection[0]
 
     def pixel_jacobian(self, indices: Indices) -> Array:
-        """Return the derivatives of the pixels ``indices`` by the coefficients, shape (k, 2, r) (paper, eq. (22))."""
+        """Return the derivatives of the pixels ``indices`` (paper, eq. (22)), shape (k, 2, r)."""
         jacobian: Array = self._projection[1][indices] @ self.anchored_at(indices)[0]
         return jacobian
 
     def pull_back(self, indices: Indices, by_pixel: Array) -> Array:
-        """Return the gradient by the coefficients, (r,), of a cost with gradients ``by_pixel``, (k, 2), by pixels.
+        """Return the gradient of a cost, (r,), from its gradients ``by_pixel``, (k, 2), with respect to the pixels.
 
-        The chain rule from the right: no derivative of the pixels by the coefficients is ever formed. No index may
-        occur twice.
+        Reverse mode: the Jacobian of the pixels is never formed. ``indices`` must not repeat.
         """
         by_point = np.zeros((len(self._anchored.neutral), 3))
         by_point[indices] = np.einsum("ni,nij->nj", by_pixel, self._projection[1][indices])
@@ -88,7 +87,7 @@ class Term(Protocol):
     """A cost of a pose."""
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
-        """Return the cost and its gradient by the coefficients, shape (r,)."""
+        """Return the cost and its gradient with respect to the coefficients, shape (r,)."""
         ...
 
     def curvature(self, state: PoseState) -> Array:
@@ -97,23 +96,23 @@ class Term(Protocol):
 
 
 class QuadraticTerm:
-    """Marks terms that are a quadratic form of the coefficients: a problem adds up the forms of all of them once."""
+    """Base of terms that are quadratic forms of the coefficients. A problem sums their forms once."""
 
     @property
     def is_quadratic(self) -> bool:
-        """Whether the term is one; of some kinds, only some are."""
+        """True if the term is a quadratic form; subclasses override it if only some instances are."""
         return True
 
 
 class ResidualTerm:
     """A weighted sum of squared residuals, sum over i of w_i r_i(p)^2.
 
-    Subclasses give the residuals and their derivatives; they override ``pull_back`` where the product with the
-    derivatives can be had without forming them.
+    Subclasses implement the residuals and their derivatives, and override ``pull_back`` if the product with the
+    derivatives can be computed without forming them.
     """
 
     def __init__(self, weights: Sequence[float] | Array) -> None:
-        """Keep ``weights`` w, one per residual: the inverse variances times what the user asks for."""
+        """Store the ``weights`` w of the residuals: inverse variances times the weight that the user set."""
         self.weights = np.asarray(weights, dtype=np.float64)
 
     def residual(self, state: PoseState) -> Array:
@@ -121,7 +120,7 @@ class ResidualTerm:
         raise NotImplementedError
 
     def jacobian(self, state: PoseState) -> Array:
-        """Return the derivatives of the residuals by the coefficients, shape (m, r)."""
+        """Return the derivatives of the residuals with respect to the coefficients, shape (m, r)."""
         raise NotImplementedError
 
     def pull_back(self, state: PoseState, by_residual: Array) -> Array:
@@ -130,7 +129,7 @@ class ResidualTerm:
         return product
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
-        """Return the cost and its gradient by the coefficients, shape (r,)."""
+        """Return the cost and its gradient with respect to the coefficients, shape (r,)."""
         residual = self.residual(state)
         weighted = self.weights * residual
         return float(weighted @ residual), self.pull_back(state, 2.0 * weighted)

@@ -1,1 +1,1 @@
-"""From files to characters: rigs, example meshes, markers and performances become characters that can be posed."""
+"""Training: characters from rigs, example meshes, marker motion and performances."""

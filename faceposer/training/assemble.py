@@ -1,4 +1,4 @@
-"""Puts a character together from a file's mesh."""
+"""Conversion of a file's mesh to the canonical form of characters."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,29 +13,29 @@ from faceposer.model.character import Part
 from faceposer.model.character_file import load_character
 from faceposer.model.origin import Origin
 from faceposer.training.eyes import eye_uv
-from faceposer.training.parts import PartedMesh, into_parts
+from faceposer.training.parts import PartedMesh, split_into_parts
 
 Array = NDArray[np.float64]
 
-# Numbers by which vertices that lie at one place are told apart by how they move.
+# Length of the motion fingerprint that distinguishes coincident vertices.
 _FINGERPRINTS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class UprightMesh:
-    """A file's mesh in the program's axes, unit and order, with the way back.
+class CanonicalMesh:
+    """A file's mesh in the canonical axes, unit and vertex order, with the mapping back to the file.
 
     Attributes:
         vertices: Upright, in centimetres, shape (N, 3).
-        polygons: Shape (F, 4).
+        polygons: Vertex ids, shape (F, 4).
         uv: Texture coordinates, shape (U, 2).
-        polygon_uvs: Shape (F, 4).
-        parts: Pieces of the mesh.
+        polygon_uvs: Texture coordinate ids, shape (F, 4).
+        parts: Parts of the mesh.
         textures: Encoded images by part or material.
-        origin: How the file has it.
-        file_ids: One of the file's vertices for each, shape (N,).
-        regions: Vertex ids by the names that the program's own faces have, where they are known.
-        like_a_man: Whether it lies on the program's own man so well that his regions are its own.
+        origin: The mesh as in the file.
+        file_ids: One of the file's vertices for each vertex, shape (N,).
+        regions: Vertex ids by the region names of the built-in characters, if known.
+        resembles_man: True if the mesh aligns with the built-in man well enough to use his regions.
     """
 
     vertices: NDArray[np.float32]
@@ -47,30 +47,30 @@ class UprightMesh:
     origin: Origin
     file_ids: NDArray[np.int32]
     regions: Mapping[str, NDArray[np.int32]] | None = None
-    like_a_man: bool = True
+    resembles_man: bool = True
 
     def displacements(self, of_file: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Return displacements of the file's vertices, (..., M, 3), as those of this mesh, (..., N, 3)."""
+        """Convert displacements of the file's vertices, (..., M, 3), to those of this mesh, (..., N, 3)."""
         turned = of_file[..., self.file_ids, :] @ np.linalg.inv(self.origin.linear).T
         return turned.astype(np.float32)
 
 
 def assemble(
     mesh: PolygonMesh, upright: Similarity, motion: NDArray[np.floating], textures: Mapping[str, bytes]
-) -> UprightMesh:
-    """Return ``mesh`` as the program has it.
+) -> CanonicalMesh:
+    """Return ``mesh`` in canonical form.
 
     Args:
-        mesh: As the file has it, M vertices.
-        upright: From the file's axes and unit to upright centimetres.
-        motion: Some displacements of its vertices, shape (k, M, 3).
-        textures: Encoded images by the file's names of materials.
+        mesh: The mesh as in the file, M vertices.
+        upright: Similarity from the file's axes and unit to upright centimetres.
+        motion: Sample displacements of its vertices, shape (k, M, 3).
+        textures: Encoded images by material names of the file.
     """
     vertices = upright.apply(mesh.vertices)
-    parted = into_parts(mesh, vertices, fingerprints(motion))
+    parted = split_into_parts(mesh, vertices, fingerprints(motion))
     positions = vertices[parted.file_ids]
     uv = mesh.uv if len(mesh.uv) else np.zeros((1, 2))
-    uv, corner_uvs, images = _with_looks(parted, positions, uv, textures)
+    uv, corner_uvs, images = _with_textures(parted, positions, uv, textures)
     inverse = upright.inverse()
     origin = Origin(
         float(inverse.scale) * inverse.rotation,
@@ -81,7 +81,7 @@ def assemble(
         mesh.polygon_uvs,
         mesh.groups,
     )
-    return UprightMesh(
+    return CanonicalMesh(
         positions.astype(np.float32),
         parted.polygons,
         uv.astype(np.float32),
@@ -94,17 +94,17 @@ def assemble(
 
 
 def fingerprints(motion: NDArray[np.floating]) -> Array:
-    """Return a few numbers per vertex, (M, k), that differ where the displacements ``motion``, (f, M, 3), do."""
+    """Return random projections of the displacements ``motion``, (f, M, 3), that distinguish vertices, shape (M, k)."""
     rng = np.random.default_rng(0)
     directions = rng.standard_normal((len(motion), 3, _FINGERPRINTS))
     numbers: Array = np.einsum("fmd,fdk->mk", motion, directions, optimize=True)
     return numbers
 
 
-def _with_looks(
+def _with_textures(
     parted: PartedMesh, vertices: Array, uv: Array, textures: Mapping[str, bytes]
 ) -> tuple[Array, NDArray[np.int32], dict[str, bytes]]:
-    """Return texture coordinates, their ids and images; eyes without an image get those of the program's own man."""
+    """Return texture coordinates, their ids and images; eyes without an image get those of the built-in man."""
     corner_uvs = parted.corner_uvs.copy()
     images: dict[str, bytes] = {}
     for part, material in zip(parted.parts, parted.materials, strict=True):
@@ -115,10 +115,10 @@ def _with_looks(
             rows = np.where(corners >= 0, corners - part.vertices[0] + len(uv), -1)
             corner_uvs[slice(*part.polygons)] = rows
             uv = np.vstack([uv, eye_uv(vertices[slice(*part.vertices)])])
-            images["eye"] = _eye_picture()
+            images["eye"] = _default_eye_texture()
     return uv, corner_uvs, images
 
 
 @lru_cache(maxsize=1)
-def _eye_picture() -> bytes:
+def _default_eye_texture() -> bytes:
     return load_character("man").textures["eye"]

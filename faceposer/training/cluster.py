@@ -1,7 +1,7 @@
-"""Example meshes in the memory of many machines: a store of frames on a Dask cluster, an optional extra.
+"""Frame store in the memory of a Dask cluster, an optional extra.
 
-Each worker reads and aligns some chunks of frames and keeps them. What is learned goes to the data: a pass sends the
-bases to every worker once, and of what the chunks give only one sum comes back.
+Each worker reads, aligns and keeps some chunks of frames. A pass sends the bases to every worker once, and only the sum
+of the chunks' results is returned.
 """
 
 import os
@@ -21,26 +21,26 @@ Array = NDArray[np.float64]
 Result = TypeVar("Result")
 
 _PATIENCE_S = 10
-# So many sums are added at a time on the way to one.
+# Number of sums that are added at a time.
 _FAN_IN = 8
 _POLL_S = 0.5
 
 
 class ClusteredFrames:
-    """Displacements in the memory of a cluster's workers, chunk by chunk.
+    """Displacements in the memory of a cluster's workers, in chunks.
 
-    What is lost with a worker is read again by another.
+    Chunks of a lost worker are read again by another.
     """
 
     def __init__(self, client: Any, reader: AlignedReader, address: str, progress: Progress) -> None:
         self.n_frames, self.n_vertices = len(reader.sequence), len(reader.sequence.neutral.vertices)
         self._client, self._progress, self._address = client, progress, address
         chunks = chunk_ranges(self.n_frames, self.n_vertices)
-        # Workers have working folders of their own.
+        # Workers have different working folders.
         absolute = replace(reader, sequence=reader.sequence.absolute())
         (shared,) = client.scatter([absolute], broadcast=True, hash=False)
         self._chunks = [client.submit(_read, shared, first, stop, pure=False) for first, stop in chunks]
-        # Errors of reading show here, and no pass begins before all is read.
+        # Reading errors are raised here, before the first pass.
         for i, future in enumerate(self._chunks):
             self._wait_for(future)
             progress.at("Reading and aligning", (i + 1) / len(chunks))
@@ -57,23 +57,23 @@ class ClusteredFrames:
             self._client.cancel(futures)
 
     def total(self, function: Callable[..., list[Array]], *arguments: Any) -> list[Array]:
-        """Return the sum over all chunks of the arrays that ``function(chunk, *arguments)`` gives, added up there."""
-        # Only sums are asked for: the workers drop each chunk's own result as soon as it is added.
-        level = self._added(self._submit(function, arguments))
-        wanted = list(level)
+        """Return the sum over all chunks of the arrays ``function(chunk, *arguments)``, computed on the cluster."""
+        # Only references to sums are kept, so that the workers free each chunk's result as soon as it is added.
+        level = self._sum_groups(self._submit(function, arguments))
+        sums = list(level)
         try:
             while len(level) > 1:
-                level = self._added(level)
-                wanted += level
-            for i, future in enumerate(wanted):
+                level = self._sum_groups(level)
+                sums += level
+            for i, future in enumerate(sums):
                 self._wait_for(future)
-                self._progress.at("Principal components", (i + 1) / len(wanted))
+                self._progress.at("Principal components", (i + 1) / len(sums))
             result: list[Array] = level[0].result()
             return result
         finally:
-            self._client.cancel(wanted)
+            self._client.cancel(sums)
 
-    def _added(self, level: list[Any]) -> list[Any]:
+    def _sum_groups(self, level: list[Any]) -> list[Any]:
         groups = [level[i : i + _FAN_IN] for i in range(0, len(level), _FAN_IN)]
         return [self._client.submit(sum_of, group, pure=False) for group in groups]
 
@@ -82,10 +82,10 @@ class ClusteredFrames:
         return [self._client.submit(function, chunk, *sent, pure=False) for chunk in self._chunks]
 
     def _wait_for(self, future: Any) -> None:
-        """Wait until ``future`` is done, and say now and then that it is not, so that the user can stop.
+        """Wait until ``future`` is done, reporting progress so that the user can cancel.
 
         Raises:
-            FacePoserError: If it failed.
+            FacePoserError: If the task failed.
         """
         while not future.done():
             try:
@@ -102,36 +102,36 @@ class ClusteredFrames:
                 raise error
             reason = f"{type(error).__name__}: {error}" if error else "it was cancelled"
             raise FacePoserError(
-                f"The Dask cluster at {self._address} could not do its part ({reason}); see its workers' logs."
+                f"The Dask cluster at {self._address} failed ({reason}); see the logs of its workers."
             ) from error
 
 
 @contextmanager
 def clustered(reader: AlignedReader, scheduler: str, progress: Progress) -> Iterator[ClusteredFrames]:
-    """Have the workers of a Dask cluster read all frames of ``reader``, and yield them; free the workers afterwards.
+    """Read all frames of ``reader`` into the memory of a Dask cluster's workers, yield them, and free the workers.
 
     Args:
-        reader: Whose files must lie under the same paths on every worker.
-        scheduler: Address, such as "tcp://host:8786".
-        progress: Told how far it is.
+        reader: Reader of files that have the same paths on every worker.
+        scheduler: Address of the scheduler, such as "tcp://host:8786".
+        progress: Progress to update.
 
     Raises:
-        FacePoserError: If there is no Dask here, nothing or no worker at the address, no Face Poser on a worker, or a
-            frame that a worker cannot read.
+        FacePoserError: If Dask is not installed, no scheduler or no worker answers, a worker lacks Face Poser, or a
+            worker cannot read a frame.
     """
     try:
         from distributed import Client
     except ImportError as error:
         raise FacePoserError(
-            "Learning on a cluster needs Dask; install it with: pip install 'faceposer[cluster]'"
+            "Training on a cluster needs Dask; install it with: pip install 'faceposer[cluster]'"
         ) from error
-    progress.at("Looking for the cluster")
+    progress.at("Connecting to the cluster")
     try:
         client: Any = Client(scheduler, timeout=_PATIENCE_S, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, ImportError) as error:
         raise FacePoserError(
-            f"No Dask scheduler answers at '{scheduler}'; start one with 'dask scheduler', and give the address that "
-            "it prints, such as tcp://host:8786."
+            f"No Dask scheduler answers at '{scheduler}'; start one with 'dask scheduler', and use the address that it "
+            "prints, such as tcp://host:8786."
         ) from error
     try:
         _check_workers(client, scheduler)
@@ -141,22 +141,20 @@ def clustered(reader: AlignedReader, scheduler: str, progress: Progress) -> Iter
 
 
 def _check_workers(client: Any, scheduler: str) -> None:
-    """Refuse a cluster without workers, or with some that lack this program."""
+    """Raise ``FacePoserError`` if the cluster has no workers, or a worker lacks Face Poser."""
     try:
         client.wait_for_workers(1, timeout=_PATIENCE_S)
     except TimeoutError:
         raise FacePoserError(
             f"The Dask scheduler at '{scheduler}' has no workers; start some with: dask worker {scheduler}"
         ) from None
-    for worker, there in client.run(_probe()).items():
-        if not there:
-            raise FacePoserError(
-                f"The Dask worker {worker} lacks Face Poser; install it there in the version that is here."
-            )
+    for worker, installed in client.run(_probe()).items():
+        if not installed:
+            raise FacePoserError(f"The Dask worker {worker} does not have Face Poser; install the same version on it.")
 
 
 def _probe() -> Callable[[], bool]:
-    # A function inside another is sent as it is; by name it could not even be called where the program is missing.
+    # A nested function is pickled by value, so that it also runs on workers without Face Poser.
     def has_program() -> bool:
         try:
             import faceposer.training.frames  # noqa: F401
@@ -168,17 +166,17 @@ def _probe() -> Callable[[], bool]:
 
 
 def _read(reader: AlignedReader, first: int, stop: int) -> Frames:
-    """Return a chunk of frames, on a worker, where a missing file has a meaning of its own."""
+    """Read a chunk of frames on a worker; a file missing there is reported with the worker's address."""
     for source in reader.sequence.sources_of(range(first, stop)):
         if not os.access(source.path, os.R_OK):
             raise FacePoserError(
-                f"'{source.path}' cannot be read on the Dask worker {_own_address()}; all workers must see the files "
-                "under the same path as here, such as on a shared disk."
+                f"'{source.path}' cannot be read on the Dask worker {_worker_address()}; all workers need the files "
+                "under the same path as on this machine, such as on a shared disk."
             )
     return reader.read(first, stop)
 
 
-def _own_address() -> str:
+def _worker_address() -> str:
     from distributed import get_worker
 
     return str(get_worker().address)

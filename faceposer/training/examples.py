@@ -1,4 +1,4 @@
-"""Example meshes of one topology become a character: its controls are the principal modes of its regions."""
+"""Characters from example meshes of one topology, controlled by the principal modes of their regions."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,44 +14,44 @@ from faceposer.geometry.alignment import rigid_alignment
 from faceposer.geometry.mesh_sequence import MeshSequence, open_sequence
 from faceposer.model.character import Character
 from faceposer.progress import Progress
-from faceposer.training.assemble import UprightMesh, assemble
+from faceposer.training.assemble import CanonicalMesh, assemble
+from faceposer.training.canonical_frame import frame_from_motion
 from faceposer.training.eyes import misplaced_eyes
 from faceposer.training.frames import AlignedReader, FrameStore, sample_of, spooled, steady_vertices
 from faceposer.training.measures import Curves, curves_of
 from faceposer.training.mode_statistics import statistics_of_modes
 from faceposer.training.modes import Modes, learn_modes, local_metric
 from faceposer.training.segments import Segments, face_segments, find_segments, whole_face
-from faceposer.training.upright import upright_by_motion
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
-# Regions of a face so unlike a man's that his do not fit; what lies on both sides counts once.
+# Number of clusters, before splitting by sides, for a face too unlike the built-in man to use his regions.
 _CLUSTERS = 4
-# Room beyond the examples' own extremes that a mode may go, as a share of their range.
+# Margin of a mode's limits beyond the extremes of the examples, as a share of their range.
 _MARGIN = 0.1
 _MOST_CURVE = 40
-# With fewer examples nothing can be said of how well others would be met.
+# With fewer examples, the generalization to others cannot be judged.
 _FEW = 12
-# Examples left out that come nearer than this share of their distance from neutral are met.
+# Largest acceptable distance of held-out examples, as a share of their distance from neutral.
 _POOR = 0.5
 
 
 @dataclass(frozen=True)
 class ExampleOptions:
-    """What to make of examples.
+    """Options for training from examples.
 
     Attributes:
         name: Short name of the character.
-        title: Name to show.
-        neutral: File of the neutral mesh, if no name tells.
-        segments: Regions that get modes of their own: "face" for brows, eyes, ears and mouth, "whole" for one, or how
-            many to find by what moves together.
-        n_dimensions: Number of modes in all, as many as the energy asks for if None.
-        n_components: Number of factor analyzers, chosen by blocks left out if None.
-        n_factors: Number of factors of each, likewise.
+        title: Displayed name.
+        neutral: File of the neutral mesh, if its name does not identify it.
+        segments: Regions with separate modes: "face" for brows, eyes, ears and mouth, "whole" for a single region, or
+            the number of regions to find by clustering the motion.
+        n_dimensions: Total number of modes, chosen by their energy if None.
+        n_components: Number of factor analyzers, chosen by cross-validation if None.
+        n_factors: Number of factors of each, chosen by cross-validation if None.
         scheduler: Address of a Dask scheduler, for more frames than one machine can hold.
-        credits: Where the character comes from, and its licence.
+        credits: Source and licence of the character.
     """
 
     name: str
@@ -66,30 +66,30 @@ class ExampleOptions:
 
 
 def character_from_examples(path: Path, options: ExampleOptions, progress: Progress | None = None) -> Character:
-    """Return the character that the meshes in ``path``, a folder or a .npz file, are examples of.
+    """Train a character from the example meshes in ``path``, a folder or a .npz file.
 
     Raises:
-        FacePoserError: If a file cannot be used, naming it, the place and the remedy.
+        FacePoserError: If a file cannot be used.
     """
     progress = progress or Progress()
-    progress.at("Looking at the files")
+    progress.at("Opening the files")
     return character_from_sequence(open_sequence(path, options.neutral), path.name, options, progress)
 
 
 def character_from_sequence(
-    sequence: MeshSequence, source: str, options: ExampleOptions, progress: Progress, mesh: UprightMesh | None = None
+    sequence: MeshSequence, source: str, options: ExampleOptions, progress: Progress, mesh: CanonicalMesh | None = None
 ) -> Character:
-    """Return the character that the meshes of ``sequence`` are examples of.
+    """Train a character from the example meshes of ``sequence``.
 
     Args:
         sequence: The examples.
-        source: Where they come from, for the summary.
-        options: What to make of them.
-        progress: Told how far it is.
-        mesh: Their neutral mesh upright, with its parts; found from what moves if None.
+        source: Name of their source, for the summary.
+        options: Options for training.
+        progress: Progress to update.
+        mesh: The neutral mesh in canonical form, with its parts; determined from the motion if None.
 
     Raises:
-        FacePoserError: If the examples cannot be used, naming the place.
+        FacePoserError: If the examples cannot be used.
     """
     if len(sequence) < 2:
         raise FacePoserError(f"'{source}' has a single mesh; give at least two, one of them neutral.")
@@ -100,14 +100,14 @@ def character_from_sequence(
         for frame in sample:
             frame[:] = rigid_alignment(frame[steady], neutral[steady]).apply(frame) - neutral
     except ValueError as error:
-        raise FacePoserError(f"The meshes of '{source}' cannot be laid on each other: {error}.") from error
+        raise FacePoserError(f"The meshes of '{source}' cannot be aligned: {error}.") from error
     motion = np.einsum("fmd,fmd->m", sample, sample, dtype=np.float64) / len(sample)
     size = float(np.ptp(neutral, axis=0).max())
     if not motion.max() > (1e-5 * size) ** 2:
-        raise FacePoserError(f"The meshes of '{source}' are all the same; give examples of different expressions.")
+        raise FacePoserError(f"The meshes of '{source}' are all the same; add examples of different expressions.")
     if mesh is None:
-        upright, like_a_man = upright_by_motion(neutral, sequence.neutral.triangles(), motion)
-        mesh = replace(assemble(sequence.neutral, upright, sample, {}), like_a_man=like_a_man)
+        upright, resembles_man = frame_from_motion(neutral, sequence.neutral.triangles(), motion)
+        mesh = replace(assemble(sequence.neutral, upright, sample, {}), resembles_man=resembles_man)
 
     progress.at("Finding the regions")
     triangles = _triangles(mesh)
@@ -122,7 +122,7 @@ def character_from_sequence(
     lower, upper = np.minimum(modes.weights.min(axis=0), 0.0), np.maximum(modes.weights.max(axis=0), 0.0)
     room = _MARGIN * (upper - lower)
     shapes = mesh.displacements(modes.fields)
-    progress.at("Measuring what was learned")
+    progress.at("Evaluating the model")
     flat = own_sample.reshape(len(own_sample), -1)
     curves = curves_of((flat @ flat.T).astype(np.float64), len(mesh.vertices), _MOST_CURVE)
     summary: dict[str, Any] = {
@@ -134,7 +134,7 @@ def character_from_sequence(
         "parts": [part.name for part in mesh.parts],
         "dimensions": len(modes.names),
         **_kept_energy(shapes, own_sample, modes, segments),
-        "settled": modes.settled,
+        "settled": modes.converged,
         "prior": {"from": "examples", **choice.as_json()},
         "curves": curves.as_json(),
         "warnings": [
@@ -178,25 +178,25 @@ def _store(reader: AlignedReader, scheduler: str | None, progress: Progress) -> 
             yield distributed
 
 
-def _segments(wanted: str | int, mesh: UprightMesh, triangles: NDArray[np.int32], sample: Floats) -> Segments:
+def _segments(option: str | int, mesh: CanonicalMesh, triangles: NDArray[np.int32], sample: Floats) -> Segments:
     vertices = mesh.vertices.astype(np.float64)
-    if wanted == "whole":
+    if option == "whole":
         return whole_face(len(vertices))
-    if isinstance(wanted, int):
-        return find_segments(vertices, triangles, sample, wanted)
-    if mesh.regions is None and not mesh.like_a_man:
+    if isinstance(option, int):
+        return find_segments(vertices, triangles, sample, option)
+    if mesh.regions is None and not mesh.resembles_man:
         return find_segments(vertices, triangles, sample, _CLUSTERS)
     return face_segments(vertices, triangles, sample, mesh.regions)
 
 
-def _triangles(mesh: UprightMesh) -> NDArray[np.int32]:
+def _triangles(mesh: CanonicalMesh) -> NDArray[np.int32]:
     corners = mesh.polygons
     quads = corners[corners[:, 3] >= 0]
     return np.concatenate([corners[:, :3], quads[:, [0, 2, 3]]])
 
 
 def _kept_energy(shapes: Floats, sample: Floats, modes: Modes, segments: Segments) -> dict[str, Any]:
-    """Return the share of the sample's squared displacement that the modes make, of all and of each region."""
+    """Return the share of the sample's squared displacement that the modes explain, in total and by region."""
     flat = shapes.reshape(len(shapes), -1)
     solve = np.linalg.pinv(flat.astype(np.float64) @ flat.T.astype(np.float64), rcond=1e-10, hermitian=True)
     left, total = np.zeros(shapes.shape[1]), np.zeros(shapes.shape[1])
@@ -219,18 +219,16 @@ def _kept_energy(shapes: Floats, sample: Floats, modes: Modes, segments: Segment
 
 
 def _warnings(count: int, curves: Curves, modes: Modes) -> list[str]:
-    """Return in plain words what the data is too little for."""
+    """Return warnings about the amount of data."""
     found = []
     if count < _FEW:
-        found.append(
-            f"{count} examples are too few to judge the model: it can make little else than what lies between them."
-        )
+        found.append(f"{count} examples are too few to judge the model: it can make little more than blends of them.")
     if curves.generalization and curves.generalization[-1] > _POOR * curves.neutral:
         share = 100.0 * curves.generalization[-1] / max(curves.neutral, 1e-12)
         found.append(
-            f"Examples that were left out are missed by {share:.0f} % of their distance from the neutral face: there "
-            "are too few examples, or they have too little in common."
+            f"Held-out examples are missed by {share:.0f} % of their distance from the neutral face: there are too few "
+            "examples, or they have too little in common."
         )
-    if not modes.settled:
-        found.append("The principal components had not settled after the last pass over the frames.")
+    if not modes.converged:
+        found.append("The principal components had not converged after the last pass over the frames.")
     return found

@@ -1,7 +1,8 @@
-"""From performances to what is known of how the ARKit weights move together.
+"""Expression statistics from performances: the joint distribution of the ARKit weights.
 
-One performer's takes are not the space of faces: left and right move as one, some shapes hardly occur, gaze and blinks
-go with whatever was said. They are therefore cleaned, then augmented, before a mixture is fitted.
+The takes of one performer do not span the space of faces: left and right move as one, some shapes hardly occur, and
+gaze and blinks correlate with whatever was said. The takes are therefore cleaned and augmented before a mixture is
+fitted.
 """
 
 from collections.abc import Sequence
@@ -24,24 +25,24 @@ _ITERATIONS = 60
 
 @dataclass(frozen=True)
 class Recipe:
-    """How statistics are made from performances.
+    """Parameters for learning statistics from performances.
 
     Attributes:
-        rest_percentile: Percentile of each channel over a take that is taken for the performer's rest.
-        jump: Frames in which a channel, blinks aside, changes by more than this are taken for tracking errors.
+        rest_percentile: Percentile of each channel over a take that defines the performer's rest.
+        jump: Largest change of a channel between frames, except blinks; beyond it frames count as tracking errors.
         n_examples: Number of augmented examples.
-        halves: Share of examples whose upper face comes from another frame.
-        sides: Share of examples whose left and right get different strengths.
-        extras: Share of examples to which one shape is added by itself.
+        halves: Share of examples with the upper face of another frame.
+        sides: Share of examples with different strengths left and right.
+        extras: Share of examples to which a single shape is added.
         n_components: Number K of factor analyzers.
         n_factors: Number q of factors of each.
-        fit_shrinkage: Of the fit; see ``MixtureOfFactorAnalyzers``.
-        blend: Share of the covariance of all examples in each component's, after the fit.
-        folds: Number of stretches of the performance, each left out once, on which the coupling of muscles is judged.
-        believed: Share of the coupling found that is believed: one performer's habits are not everybody's.
-        others: Share of examples made of performances of other people, where there are any.
-        n_kept: Number of examples that are kept as they are.
-        seed: Of everything random.
+        fit_shrinkage: Shrinkage of the fit; see ``MixtureOfFactorAnalyzers``.
+        blend: Share of the covariance of all examples that is blended into each component's, after the fit.
+        folds: Number of stretches of the performance, each held out once, that estimate the coupling of muscles.
+        believed: Share of the estimated coupling that is used, since one performer's habits do not generalize.
+        others: Share of examples from performances of other people, if there are any.
+        n_kept: Number of examples that are stored.
+        seed: Random seed.
     """
 
     rest_percentile: float = 5.0
@@ -62,12 +63,12 @@ class Recipe:
 
 
 def clean(capture: Capture, recipe: Recipe) -> Array:
-    """Return the weights of a take, (F', S), above the performer's rest, without frames that jump."""
+    """Return the weights of a take relative to the performer's rest, without frames that jump, shape (F', S)."""
     return capture.without_jumps(recipe.jump).from_rest(recipe.rest_percentile).weights
 
 
 def mirror_indices(shape_names: Sequence[str]) -> NDArray[np.intp]:
-    """Return, for each shape, the index of the same shape of the other side."""
+    """Return the index of each shape's counterpart on the other side."""
     swap = {"Left": "Right", "Right": "Left"}
     indices = []
     for name in shape_names:
@@ -78,11 +79,11 @@ def mirror_indices(shape_names: Sequence[str]) -> NDArray[np.intp]:
 
 
 def augment(frames: Array, shape_names: Sequence[str], recipe: Recipe) -> Array:
-    """Return ``n_examples`` examples, (n, S), made from the ``frames`` of a performance, (F, S).
+    """Return ``n_examples`` examples, (n, S), augmented from the ``frames`` of a performance, (F, S).
 
-    Frames are mirrored; the upper half of one goes with the lower half of another; left and right get different
-    strengths; gaze comes from elsewhere always; expressions come in all strengths down to none; and now and then one
-    shape is added by itself, since some hardly occur in a capture but must be to hand.
+    Frames are mirrored; the upper half of one is combined with the lower half of another; left and right get different
+    strengths; gaze always comes from another frame; expressions are scaled to all strengths; and single shapes are
+    added at random, since some hardly occur in a capture but are needed.
     """
     rng = np.random.default_rng(recipe.seed)
     n = recipe.n_examples
@@ -111,15 +112,15 @@ def augment(frames: Array, shape_names: Sequence[str], recipe: Recipe) -> Array:
 
 
 def couple(frames: Array, shape_names: Sequence[str], recipe: Recipe, metric: Array | None = None) -> Array:
-    """Return how far regions tell of each other in the ``frames`` of a performance, (F, S), as a matrix, (S, S).
+    """Return the coupling between regions in the ``frames`` of a performance, (F, S), as a matrix, (S, S).
 
-    Each of ``recipe.folds`` contiguous stretches, for neighbouring frames are alike, is predicted from the others; both
-    are augmented, since that is what the prior sees.
+    Each of ``recipe.folds`` stretches is predicted from the others. Stretches are contiguous because neighbouring
+    frames are similar, and augmented like the examples of the prior.
 
     Args:
-        frames: Cleaned frames, in their order.
+        frames: Cleaned frames, in temporal order.
         shape_names: Names of the S weights.
-        recipe: How examples are made of them.
+        recipe: Parameters of the augmentation.
         metric: See ``learn_coupling``.
     """
     rng = np.random.default_rng(recipe.seed)
@@ -144,9 +145,9 @@ def fit_statistics(
     Args:
         examples: Augmented examples.
         shape_names: Names of the S weights.
-        recipe: Of the fit.
-        credits: Where the examples come from.
-        coupling: Of the regions, shape (S, S), as ``couple`` returns it; if None, they are independent.
+        recipe: Parameters of the fit.
+        credits: Source of the examples.
+        coupling: Coupling of the regions, shape (S, S), from ``couple``; if None, they are independent.
     """
     mixture = MixtureOfFactorAnalyzers(
         recipe.n_components,
@@ -173,7 +174,7 @@ def fit_statistics(
 
 
 def _spaced(n: int, kept: int) -> NDArray[np.intp]:
-    """Return ``kept`` of the indices below ``n``, or all, evenly spaced."""
+    """Return at most ``kept`` evenly spaced indices below ``n``."""
     return np.linspace(0, n - 1, min(n, kept)).round().astype(np.intp)
 
 
@@ -185,8 +186,8 @@ def learn_from_frames(
     metric: Array | None = None,
     others: Sequence[Array] = (),
 ) -> ExpressionStatistics:
-    """Return the statistics of cleaned ``frames``, (F, S), in their order, and of the ``others``; see ``learn``."""
-    examples = augment(with_others(frames, others, recipe), shape_names, recipe)
+    """Return the statistics of cleaned ``frames``, (F, S), in temporal order, and of ``others``; see ``learn``."""
+    examples = augment(add_others(frames, others, recipe), shape_names, recipe)
     return fit_statistics(examples, shape_names, recipe, credits, couple(frames, shape_names, recipe, metric))
 
 
@@ -197,18 +198,18 @@ def learn(
     metric: Array | None = None,
     others: Sequence[Sequence[Capture]] = (),
 ) -> ExpressionStatistics:
-    """Return the statistics of performances by ``recipe``, each with a rest of its own.
+    """Return the statistics of performances, each relative to its own rest.
 
-    The statistics are of all shapes that some capture has, and of their counterparts on the other side. A shape rests
-    in a capture that has no channel for it; a side that no capture has learns from the mirror image of the other.
+    The statistics cover all shapes of the captures and their counterparts on the other side. A shape without a channel
+    in a capture is at rest there; a side without any channel is learned from the mirror image of the other.
 
     Args:
         captures: The performances.
-        recipe: How they are learned from.
-        credits: Where they come from.
-        metric: Inner products of a face's shapes, shape (S, S), to measure errors by; see ``learn_coupling``.
-        others: Performances of other people, a sequence for each. ``recipe.others`` of the examples are made of these,
-            each person counting alike; the coupling is learned from ``captures`` alone.
+        recipe: Parameters; the default ``Recipe`` if None.
+        credits: Source of the performances.
+        metric: Inner products of a face's shapes, shape (S, S), in which errors are measured; see ``learn_coupling``.
+        others: Performances of other people, a sequence for each. They make up the share ``recipe.others`` of the
+            examples, with equal parts for each person; the coupling is learned from ``captures`` alone.
 
     Raises:
         ValueError: If there is no capture.
@@ -225,16 +226,16 @@ def learn(
     return learn_from_frames(frames, shape_names, recipe, credits, metric, [frames_of(takes) for takes in others])
 
 
-def with_others(frames: Array, others: Sequence[Array], recipe: Recipe) -> Array:
-    """Return ``frames``, (F, S), with those of ``others`` repeated so that they make up ``recipe.others`` of all."""
+def add_others(frames: Array, others: Sequence[Array], recipe: Recipe) -> Array:
+    """Return ``frames``, (F, S), with the frames of ``others`` repeated to make up the share ``recipe.others``."""
     if not others or recipe.others <= 0:
         return frames
-    wanted = round(recipe.others / (1.0 - recipe.others) * len(frames) / len(others))
-    return np.concatenate([frames, *(other[np.arange(wanted) % len(other)] for other in others)])
+    count = round(recipe.others / (1.0 - recipe.others) * len(frames) / len(others))
+    return np.concatenate([frames, *(other[np.arange(count) % len(other)] for other in others)])
 
 
 def shapes_of(captures: Sequence[Capture]) -> tuple[str, ...]:
-    """Return the shapes that some of the ``captures`` have, with their counterparts on the other side."""
+    """Return the shapes of all ``captures``, with their counterparts on the other side."""
     present = dict.fromkeys(name for capture in captures for name in capture.shape_names)
     for name in list(present):
         for side, other in (("Left", "Right"), ("Right", "Left")):

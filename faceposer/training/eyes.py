@@ -1,4 +1,4 @@
-"""Eyes of characters from files: a look and a gaze for those that have none."""
+"""Eyes of imported characters: texture coordinates and gaze shapes for eyes without them."""
 
 import re
 from collections.abc import Sequence
@@ -11,15 +11,15 @@ from faceposer.model.contact.eyeballs import CONCENTRIC, fit_sphere
 
 Array = NDArray[np.float64]
 
-# How far the eyes of the program's own characters turn at full strength, in degrees (assets/README.md).
+# Rotation of the built-in characters' eyes at full strength, in degrees (assets/README.md).
 _TURN = {"LookIn": 30.0, "LookOut": 30.0, "LookUp": 22.0, "LookDown": 25.0}
-# The eye's picture is seen along the gaze axis: this share of its width is 100 degrees from the middle.
+# The eye's texture is a view along the gaze axis, with this share of its width per 100 degrees from the centre.
 _WIDTH_PER_DEGREE = 0.49 / 100.0
 _MIDDLE_CM = 0.3
 
 
 def side_of(part: Part, vertices: NDArray[np.floating]) -> str:
-    """Return on which side, "Left" or "Right", an eye lies: by its place, in the middle by its name."""
+    """Return the side of an eye, "Left" or "Right", by its position or, if it is central, by its name."""
     x = float(vertices[slice(*part.vertices), 0].mean())
     if abs(x) < _MIDDLE_CM and re.search(r"(?i:right)|[\W_]r\d*$|R$", part.name):
         return "Right"
@@ -27,29 +27,28 @@ def side_of(part: Part, vertices: NDArray[np.floating]) -> str:
 
 
 def misplaced_eyes(vertices: NDArray[np.floating], parts: Sequence[Part]) -> list[str]:
-    """Return a sentence for left and right eyes that lie in one place, as exporters leave them that lose transforms."""
+    """Return a warning for each pair of eyes at the same position, which exporters cause by losing transforms."""
     eyes = [(part, vertices[slice(*part.vertices)].mean(axis=0)) for part in parts if part.material == "eye"]
     return [
-        f"{left.name} and {right.name} lie in the same place instead of behind the lids: the file has lost where they "
-        "belong. Put them there in the program that wrote it."
-        for left, here in eyes
-        for right, there in eyes
+        f"{left.name} and {right.name} are in the same place instead of behind the lids: the file has lost their "
+        "positions. Correct them in the program that wrote it."
+        for left, left_centre in eyes
+        for right, right_centre in eyes
         if (side_of(left, vertices), side_of(right, vertices)) == ("Left", "Right")
-        and float(np.abs(here - there).max()) < _MIDDLE_CM
+        and float(np.abs(left_centre - right_centre).max()) < _MIDDLE_CM
     ]
 
 
 def add_gaze(vertices: Array, parts: Sequence[Part], names: Sequence[str], shapes: NDArray[np.float32]) -> list[str]:
-    """Turn the eyes that no eyeLook shape moves, in ``shapes`` of shape (S, N, 3), and return their parts' names.
+    """Add rotations of the eyes that no eyeLook shape moves to ``shapes``, and return the names of their parts.
 
-    In many files the eyes are turned by bones; as shapes they follow the gaze here. Concentric shells, such as sclera
-    and iris, turn about one centre.
+    Many files turn the eyes by bones. Concentric shells, such as sclera and iris, rotate about one centre.
 
     Args:
         vertices: Upright, shape (N, 3).
-        parts: Pieces of the mesh.
-        names: Of the shapes, ARKit's, S of them.
-        shapes: Offsets; changed in place.
+        parts: Parts of the mesh.
+        names: ARKit's names of the S shapes.
+        shapes: Offsets, shape (S, N, 3); modified in place.
     """
     turned = []
     for part in parts:
@@ -62,13 +61,13 @@ def add_gaze(vertices: Array, parts: Sequence[Part], names: Sequence[str], shape
         for i in looks:
             if names[i].endswith(side):
                 action = names[i].removeprefix("eye").removesuffix(side)
-                shapes[i, ids] = _turned(vertices[ids] - centre, action, side) - (vertices[ids] - centre)
+                shapes[i, ids] = _rotate(vertices[ids] - centre, action, side) - (vertices[ids] - centre)
         turned.append(part.name)
     return turned
 
 
 def _centre_of_shells(part: Part, parts: Sequence[Part], vertices: Array) -> Array:
-    """Return the centre, (3,), of the largest of the shells that make one eye with ``part``."""
+    """Return the centre, (3,), of the largest shell concentric with ``part``."""
     centre, radius = fit_sphere(vertices[slice(*part.vertices)])
     shells = [(radius, centre)]
     for other in parts:
@@ -79,7 +78,7 @@ def _centre_of_shells(part: Part, parts: Sequence[Part], vertices: Array) -> Arr
     return max(shells, key=lambda shell: shell[0])[1]
 
 
-def _turned(points: Array, action: str, side: str) -> Array:
+def _rotate(points: Array, action: str, side: str) -> Array:
     angle = np.deg2rad(_TURN[action])
     cosine, sine = np.cos(angle), np.sin(angle)
     x, y, z = points.T
@@ -92,7 +91,7 @@ def _turned(points: Array, action: str, side: str) -> Array:
 
 
 def eye_uv(points: Array) -> Array:
-    """Return texture coordinates, (n, 2), of an eye's ``points``, (n, 3), for a picture seen along the gaze axis."""
+    """Return texture coordinates, (n, 2), of an eye's ``points``, (n, 3), for an image seen along the gaze axis."""
     centre, radius = fit_sphere(points)
     directions = (points - centre) / max(radius, np.finfo(float).tiny)
     across = np.hypot(directions[:, 0], directions[:, 1])

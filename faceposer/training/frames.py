@@ -1,7 +1,7 @@
-"""Example meshes as displacements from the neutral face, without head motion, kept where memory does not matter.
+"""Example meshes as displacements from the neutral face, without head motion, in out-of-core stores.
 
-What is learned from examples needs only sums over frames. A store lets a function run over all chunks of frames and
-gives its results; whether the chunks lie in a file on this machine or in the memory of many is its own affair.
+Training needs only sums over frames. A store applies a function to all chunks of frames; the chunks may be in a local
+file or in the memory of several machines.
 """
 
 import errno
@@ -28,26 +28,26 @@ Array = NDArray[np.float64]
 Frames = NDArray[np.float32]
 Result = TypeVar("Result")
 
-#: Share of the vertices that count as those that a face's expressions move least.
+#: Share of the vertices used for alignment: those that move least.
 STEADY_SHARE = 0.3
-#: Frames from which it is found what moves, and in what regions: as many as fit into memory anywhere.
+#: Largest number of frames in the sample that determines motion and regions, small enough for any memory.
 SAMPLE_FRAMES = 192
 _SAMPLE_BYTES = 64 * 2**20
-# So many of them tell which vertices move least.
+# Largest number of these frames that determine the vertices that move least.
 _STEADY_FRAMES = 48
 _CHUNK_BYTES = 24 * 2**20
 _ROUNDS = 12
-# Below this many numbers it takes longer to start other processes than to read the files.
+# Amount of numbers below which starting processes takes longer than reading the files.
 _WORTH_PROCESSES = 6_000_000
 
 
 @dataclass(frozen=True, eq=False)
 class AlignedReader:
-    """Reads frames of a sequence as displacements; it can be sent to other processes and machines.
+    """Reader of a sequence's frames as displacements, which can be pickled for other processes and machines.
 
     Attributes:
-        sequence: Where the frames come from.
-        steady: Ids of the vertices by which frames are laid on the neutral.
+        sequence: The sequence of frames.
+        steady: Ids of the vertices by which frames are aligned with the neutral.
     """
 
     sequence: MeshSequence
@@ -67,7 +67,7 @@ class AlignedReader:
     def each(self, numbers: Sequence[int]) -> Iterator[Frames]:
         """Yield the displacements of all vertices, (N, 3), in the frames ``numbers``, given in ascending order.
 
-        Each frame is laid on the neutral face by the vertices that move least (Lau et al. 2009, section 3.1).
+        Each frame is aligned with the neutral face by the vertices that move least (Lau et al. 2009, section 3.1).
 
         Raises:
             FacePoserError: If a frame cannot be read or aligned.
@@ -78,27 +78,27 @@ class AlignedReader:
                 alignment = rigid_alignment(vertices[self.steady], neutral[self.steady])
             except ValueError as error:
                 name = self.sequence.name_of(number)
-                raise FacePoserError(f"The neutral face and {name} cannot be laid on each other: {error}.") from error
+                raise FacePoserError(f"The neutral face and {name} cannot be aligned: {error}.") from error
             yield (alignment.apply(vertices) - neutral).astype(np.float32)
 
 
 class FrameStore(Protocol):
-    """Displacements of all examples, in chunks of some frames each."""
+    """Displacements of all examples, in chunks of frames."""
 
     n_frames: int
     n_vertices: int
 
     def run(self, function: Callable[..., Result], *arguments: Any) -> Iterator[Result]:
-        """Yield ``function(chunk, *arguments)`` of each chunk, (n, N, 3), in order; both can be sent elsewhere."""
+        """Yield ``function(chunk, *arguments)`` of each chunk, (n, N, 3), in order; both must be picklable."""
         ...
 
     def total(self, function: Callable[..., list[Array]], *arguments: Any) -> list[Array]:
-        """Return the sum over all chunks of the arrays that ``function(chunk, *arguments)`` gives."""
+        """Return the sum over all chunks of the arrays ``function(chunk, *arguments)``."""
         ...
 
 
 class SpooledFrames:
-    """Displacements in one file of single precision, read chunk by chunk with two threads."""
+    """Displacements in a temporary file of single precision, read in chunks by two threads."""
 
     def __init__(self, path: Path, n_frames: int, n_vertices: int, progress: Progress) -> None:
         self.n_frames, self.n_vertices = n_frames, n_vertices
@@ -111,14 +111,14 @@ class SpooledFrames:
         def work(bounds: tuple[int, int]) -> Result:
             return function(self.read(*bounds), *arguments)
 
-        # Two chunks at a time: NumPy leaves the interpreter free while it multiplies.
+        # Two chunks at a time: NumPy releases the interpreter lock during multiplications.
         with ThreadPoolExecutor(2) as pool:
             for i, result in enumerate(_in_order(pool, work, chunks)):
                 self._progress.at("Principal components", (i + 1) / len(chunks))
                 yield result
 
     def total(self, function: Callable[..., list[Array]], *arguments: Any) -> list[Array]:
-        """Return the sum over all chunks of the arrays that ``function(chunk, *arguments)`` gives."""
+        """Return the sum over all chunks of the arrays ``function(chunk, *arguments)``."""
         return sum_of(self.run(function, *arguments))
 
     def read(self, first: int, stop: int) -> Frames:
@@ -135,7 +135,7 @@ def chunk_ranges(n_frames: int, n_vertices: int) -> list[tuple[int, int]]:
 
 
 def sum_of(results: Iterable[list[Array]]) -> list[Array]:
-    """Return the sums of arrays at the same places of lists that come one after another; the lists are used up."""
+    """Return the elementwise sums of lists of arrays; the iterable is consumed."""
     total: list[Array] = []
     for arrays in results:
         if not total:
@@ -147,10 +147,10 @@ def sum_of(results: Iterable[list[Array]]) -> list[Array]:
 
 
 def sample_of(sequence: MeshSequence, progress: Progress, most: int = SAMPLE_FRAMES) -> tuple[list[int], Frames]:
-    """Return the numbers of some frames, evenly chosen, and their vertices as they are in the files, shape (n, N, 3).
+    """Return the numbers of evenly spaced frames, and their unaligned vertices, shape (n, N, 3).
 
-    There are at most ``most``, and fewer of a large mesh. Each frame is shifted to have its middle at the origin, lest
-    single precision lose what is far from there.
+    There are at most ``most``, and fewer for a large mesh. Each frame is centred at the origin, to preserve accuracy in
+    single precision.
     """
     n_vertices = len(sequence.neutral.vertices)
     count = min(most, len(sequence), max(2, _SAMPLE_BYTES // (12 * n_vertices)))
@@ -163,13 +163,13 @@ def sample_of(sequence: MeshSequence, progress: Progress, most: int = SAMPLE_FRA
 
 
 def steady_vertices(sample: Frames, neutral: Array) -> NDArray[np.intp]:
-    """Return the ids of the vertices that move least once head motion is taken out.
+    """Return the ids of the vertices that move least after head motion is removed.
 
-    Frames are laid on the neutral by all vertices, then again and again by those that were farthest from moving.
+    Frames are aligned with the neutral by all vertices, then repeatedly by those that moved least.
 
     Args:
-        sample: Some frames, shape (n, N, 3).
-        neutral: Shape (N, 3).
+        sample: Frames, shape (n, N, 3).
+        neutral: Neutral vertices, shape (N, 3).
 
     Raises:
         ValueError: If the vertices do not determine an alignment.
@@ -191,7 +191,7 @@ def steady_vertices(sample: Frames, neutral: Array) -> NDArray[np.intp]:
 
 @contextmanager
 def spooled(reader: AlignedReader, progress: Progress) -> Iterator[SpooledFrames]:
-    """Write all frames of ``reader`` to a temporary file that is gone afterwards, and yield them.
+    """Write all frames of ``reader`` to a temporary file, yield them, and delete the file afterwards.
 
     Raises:
         FacePoserError: If a frame cannot be read, or the disk is full.
@@ -199,13 +199,13 @@ def spooled(reader: AlignedReader, progress: Progress) -> Iterator[SpooledFrames
     count, width = len(reader.sequence), len(reader.sequence.neutral.vertices)
     try:
         with tempfile.TemporaryDirectory(prefix="faceposer-") as folder:
-            # A file with holes is made whatever the disk has room for; better to know now than after half the work.
+            # A sparse file is created even on a full disk: check the space before the work begins.
             if shutil.disk_usage(folder).free < 12 * count * width:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             path = Path(folder) / "frames"
             with path.open("wb") as file:
                 file.truncate(12 * count * width)
-            # What is compressed is unpacked from the beginning once by each of two workers.
+            # Compressed data must be unpacked from the beginning: split it between two workers only.
             chunks = _halves(count) if reader.sequence.compressed else chunk_ranges(count, width)
             with _workers(3 * count * width) as pool:
                 jobs = ((reader, path, first, stop) for first, stop in chunks)
@@ -214,8 +214,8 @@ def spooled(reader: AlignedReader, progress: Progress) -> Iterator[SpooledFrames
             yield SpooledFrames(path, count, width, progress)
     except BrokenExecutor as error:
         raise FacePoserError(
-            "A process that read the meshes was ended from outside, as happens when memory is short; close other "
-            "programs, or train with --scheduler on a cluster."
+            "A process that read the meshes was terminated by the system, probably for lack of memory; close other "
+            "programs, or train on a cluster with --scheduler."
         ) from error
     except OSError as error:
         raise FacePoserError(
@@ -243,7 +243,7 @@ def _workers(numbers: int) -> Executor:
 
 
 def _in_order(pool: Executor, function: Callable[[Any], Result], jobs: Any) -> Iterator[Result]:
-    """Yield results in order with only a few jobs ahead, so that finished ones do not fill the memory."""
+    """Yield results in order, with only a few jobs submitted ahead to limit memory."""
     waiting = []
     try:
         for job in jobs:

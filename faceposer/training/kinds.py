@@ -1,4 +1,4 @@
-"""What kind of source a file or folder is, told without the libraries that learning needs."""
+"""Kinds of training sources, detected without importing the libraries that training needs."""
 
 import re
 from itertools import islice
@@ -12,25 +12,25 @@ from faceposer.model.shape_names import canonical_shape
 
 Kind = Literal["rig", "examples", "markers"]
 
-#: Of files with the motion of markers.
+#: Suffixes of files with the motion of markers.
 MARKER_SUFFIXES = (".c3d", ".csv")
-# So many files called like ARKit's shapes make a folder a rig and not a heap of examples.
+# Number of files named after ARKit's shapes that make a folder a rig rather than examples.
 _SHAPES_IN_RIG = 5
-# A rig's folder does not hold more: the window looks into folders while their path is typed.
+# Largest number of files examined, since the window inspects folders while their path is typed.
 _MOST_FILES = 1000
 
 
 def kind_of(source: Path) -> Kind:
-    """Return what ``source`` most likely is: a rig, examples or markers.
+    """Detect whether ``source`` is a rig, examples or markers.
 
     Raises:
-        FacePoserError: If it is none of them, or a folder that cannot be read.
+        FacePoserError: If it is none of these, or a folder that cannot be read.
     """
     suffix = source.suffix.lower()
     if source.is_dir():
         try:
             files = islice(source.iterdir(), _MOST_FILES)
-            shapes = islice((path for path in files if _last_name(path.stem) is not None), _SHAPES_IN_RIG)
+            shapes = islice((path for path in files if _arkit_shape(path.stem) is not None), _SHAPES_IN_RIG)
             return "rig" if len(list(shapes)) == _SHAPES_IN_RIG else "examples"
         except OSError as error:
             raise FacePoserError(f"The folder '{source}' cannot be read: {error.strerror}.") from error
@@ -41,18 +41,18 @@ def kind_of(source: Path) -> Kind:
     if suffix in MARKER_SUFFIXES:
         return "markers"
     raise FacePoserError(
-        f"'{source}' is nothing to learn a character from; give a glTF file with shapes, a folder of meshes, or the "
-        "motion of markers."
+        f"'{source}' is not a source of characters; use a glTF file with shapes, a folder of meshes, or a file with "
+        "the motion of markers."
     )
 
 
 def plain_name(path: Path) -> str:
-    """Return a short name for a character from the name of its source."""
+    """Derive the short name of a character from the name of its source."""
     name = re.sub(r"[^a-z0-9]+", "-", (path.name if path.is_dir() else path.stem).lower()).strip("-")
     return name or "character"
 
 
-def _last_name(stem: str) -> str | None:
-    """Return the ARKit shape that a file is called after, whatever stands before it."""
+def _arkit_shape(stem: str) -> str | None:
+    """Return the ARKit shape that a file is named after, ignoring any prefix."""
     words = re.split(r"[-.\s]+", stem)
     return canonical_shape(stem) or canonical_shape(words[-1])

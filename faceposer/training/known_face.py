@@ -1,4 +1,4 @@
-"""Examples of a face whose mesh is a character already: it keeps its parts, looks, regions and feature points."""
+"""Training from examples of an existing character, which keeps its parts, textures, regions and feature points."""
 
 import tempfile
 from collections.abc import Iterable
@@ -14,12 +14,12 @@ from faceposer.geometry.polygon_mesh import Group, PolygonMesh
 from faceposer.model.character import Character
 from faceposer.model.origin import Origin
 from faceposer.progress import Progress
-from faceposer.training.assemble import UprightMesh
+from faceposer.training.assemble import CanonicalMesh
 from faceposer.training.examples import ExampleOptions, character_from_sequence
 
 
 def mesh_of(character: Character) -> PolygonMesh:
-    """Return the mesh of a character, with its parts as groups."""
+    """Return the mesh of a character, with a group for each part."""
     groups = tuple(Group(part.name, part.polygons, part.material) for part in character.parts)
     return PolygonMesh(
         character.vertices.astype(np.float64),
@@ -39,19 +39,19 @@ def character_from_frames(
     options: ExampleOptions,
     progress: Progress,
 ) -> Character:
-    """Return the character that ``frames`` are examples of.
+    """Train a character from the examples ``frames``.
 
     Args:
-        frames: ``count`` arrays of shape (M, 3), read once.
-        count: How many there are.
+        frames: ``count`` arrays of shape (M, 3), iterated once.
+        count: Number of frames.
         mesh: The neutral face, M vertices.
-        known: The character that ``mesh`` is of, if it is one.
-        source: Where the frames come from, for the summary.
-        options: What to make of them.
-        progress: Told how far it is.
+        known: The character of ``mesh``, if it belongs to one.
+        source: Name of the source, for the summary.
+        options: Options for training.
+        progress: Progress to update.
 
     Raises:
-        FacePoserError: If the frames cannot be used, or there is no room for them.
+        FacePoserError: If the frames cannot be used, or the disk is full.
     """
     with tempfile.TemporaryDirectory(prefix="faceposer-") as folder:
         path = Path(folder) / "frames.npz"
@@ -65,7 +65,7 @@ def character_from_frames(
         sequence = frames_of(path, mesh, f"the mesh of '{known.name if known else source}'")
         if known is None:
             return character_from_sequence(sequence, source, options, progress)
-        learned = character_from_sequence(sequence, source, options, progress, _as_upright(known))
+        learned = character_from_sequence(sequence, source, options, progress, _canonical_mesh(known))
     return replace(
         learned,
         regions=known.regions,
@@ -75,11 +75,11 @@ def character_from_frames(
     )
 
 
-def _as_upright(known: Character) -> UprightMesh:
+def _canonical_mesh(known: Character) -> CanonicalMesh:
     ids = np.arange(len(known.vertices), dtype=np.int32)
     mesh = mesh_of(known)
     origin = Origin(np.eye(3), mesh.vertices, ids, mesh.polygons, mesh.uv, mesh.polygon_uvs, mesh.groups)
-    return UprightMesh(
+    return CanonicalMesh(
         known.vertices,
         known.polygons,
         known.uv,

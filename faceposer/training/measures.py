@@ -1,6 +1,6 @@
-"""How good a model of shapes is: compactness, generalization and specificity (Davies, "Learning shape", 2002).
+"""Quality of shape models: compactness, generalization and specificity (Davies, "Learning shape", 2002).
 
-All three are judged on a sample of the examples. Distances are root mean squares over vertices, in centimetres.
+All three are computed on a sample of the examples. Distances are root mean squares over vertices, in centimetres.
 """
 
 from dataclasses import dataclass
@@ -17,15 +17,14 @@ _TINY = float(np.finfo(float).tiny)
 
 @dataclass(frozen=True)
 class Curves:
-    """The three curves by the number of components.
+    """The three measures as functions of the number of components.
 
     Attributes:
-        components: 1, 2, ..., shape (m,).
-        compactness: Share of the energy that so many components have.
-        generalization: Distance of examples left out, in contiguous blocks, from what so many components can make; none
-            where there are too few examples.
-        specificity: Distance of faces drawn from a Gaussian over so many components from the nearest example.
-        neutral: Distance of the examples from the neutral face, to compare with.
+        components: Numbers of components, 1, 2, ..., shape (m,).
+        compactness: Share of the energy in the components.
+        generalization: Reconstruction error of held-out contiguous blocks of examples; empty for too few examples.
+        specificity: Distance of faces drawn from a Gaussian over the components to the nearest example.
+        neutral: Distance of the examples from the neutral face, for comparison.
     """
 
     components: tuple[int, ...]
@@ -35,7 +34,7 @@ class Curves:
     neutral: float
 
     def as_json(self) -> dict[str, object]:
-        """Return the curves for a JSON file."""
+        """Return the JSON form of the curves."""
         return {
             "components": list(self.components),
             "compactness": [round(value, 6) for value in self.compactness],
@@ -46,18 +45,18 @@ class Curves:
 
 
 def contiguous_blocks(count: int, most: int = _BLOCKS) -> list[NDArray[np.intp]]:
-    """Return the numbers 0 to ``count`` - 1 in at most ``most`` runs: neighbouring frames are not independent."""
+    """Split the numbers 0 to ``count`` - 1 into at most ``most`` runs, since neighbouring frames are dependent."""
     return [block for block in np.array_split(np.arange(count), min(most, count)) if len(block)]
 
 
 def curves_of(inner: Array, n_vertices: int, most: int, seed: int = 0) -> Curves:
-    """Return the curves of examples of which only the inner products are known.
+    """Compute the curves of examples from their inner products.
 
     Args:
-        inner: Inner products of the examples' displacements from the neutral face, cm², in order of time, shape (n, n).
-        n_vertices: Of the mesh.
+        inner: Inner products of the examples' displacements from the neutral face, cm², in temporal order, (n, n).
+        n_vertices: Number of vertices of the mesh.
         most: Largest number of components.
-        seed: Of the draws.
+        seed: Random seed of the draws.
     """
     n = len(inner)
     most = max(1, min(most, n))
@@ -99,14 +98,14 @@ def _specificity(energies: Array, axes: Array, inner: Array, n_vertices: int, mo
     if len(inner) < 2:
         return [0.0] * most
     rng = np.random.default_rng(seed)
-    # The examples' own spread about their mean, since displacements are from the neutral face. By a triangular factor
-    # the draws over m components are the first m numbers of those over more, and the curve does not jitter.
+    # Spread about the mean, since displacements are relative to the neutral face. With a triangular factor, draws over
+    # m components are the first m numbers of draws over more, so that the curve is smooth.
     covariance = np.cov(scores.T, bias=True).reshape(most, most)
     factor = np.linalg.cholesky(covariance + 1e-9 * max(float(np.trace(covariance)), _TINY) * np.eye(most))
     draws = scores.mean(axis=0) + rng.standard_normal((_DRAWS, most)) @ factor.T
     results = []
     for m in range(1, most + 1):
-        # A draw has nothing along the other components; the example's share there adds to the distance.
+        # A draw is zero along the other components; the example's share there adds to the distance.
         lengths = (scores[:, :m] ** 2).sum(axis=1)
         rest = (np.diag(inner) - lengths).clip(0.0)
         squared = ((draws[:, :m] ** 2).sum(axis=1)[:, None] - 2.0 * draws[:, :m] @ scores[:, :m].T) + lengths

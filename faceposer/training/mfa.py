@@ -1,6 +1,6 @@
-"""Mixture of factor analyzers, in scikit-learn's style (Ghahramani and Hinton 1997; Lau et al. 2009, section 5).
+"""Mixture of factor analyzers as a scikit-learn estimator (Ghahramani and Hinton 1997; Lau et al. 2009, section 5).
 
-scikit-learn is imported here and in training alone: a program that only poses faces never waits for it.
+scikit-learn is imported in training only, so that posing does not load it.
 """
 
 import warnings
@@ -24,22 +24,22 @@ Array = NDArray[np.float64]
 
 
 class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[misc]
-    """A density: sum over k of weight_k N(mean_k, A_k A_k^T + Psi_k) with few factors A_k and diagonal noise Psi_k.
+    """The density sum over k of weight_k N(mean_k, A_k A_k^T + Psi_k), with loadings A_k and diagonal noise Psi_k.
 
-    Fitted by expectation-maximisation from a k-means start. With ``shrinkage`` the fit is maximum a posteriori: each
-    component's covariance has an inverse Wishart prior around the covariance of all samples, worth as many samples as
-    make up that share of an average component. Plain maximum likelihood overfits the neighbouring frames of a capture.
+    It is fitted by expectation-maximisation from a k-means start. With ``shrinkage`` the fit is maximum a posteriori:
+    each component's covariance has an inverse Wishart prior around the covariance of all samples, with the weight of
+    that share of an average component. Plain maximum likelihood overfits the neighbouring frames of a capture.
 
     Args:
         n_components: Number K of factor analyzers.
         n_factors: Number q of factors of each.
         noise: "shared" for one Psi (the paper's eq. (18)), "separate" for one per component.
-        shrinkage: Share of an average component that the prior is worth, 0 for maximum likelihood, below 1.
+        shrinkage: Weight of the prior as a share of an average component, below 1; 0 for maximum likelihood.
         reg_covar: Least noise variance.
-        n_init: Number of starts, of which the best is kept.
-        max_iter: Largest number of iterations per start.
-        tol: The fit ends when the mean objective rises by less than this.
-        random_state: Seed or generator of the starts and of ``sample``.
+        n_init: Number of initialisations, of which the best is kept.
+        max_iter: Largest number of iterations per initialisation.
+        tol: Convergence threshold: the fit ends when the mean objective rises by less.
+        random_state: Seed or generator of the initialisations and of ``sample``.
 
     Attributes:
         weights_: Mixing proportions, shape (K,).
@@ -47,7 +47,7 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
         loadings_: A_k, shape (K, d, q).
         noise_variance_: Diagonals of Psi_k, shape (K, d); all rows equal if shared.
         covariances_: A_k A_k^T + Psi_k, shape (K, d, d).
-        converged_: Whether the objective of the best start rose by less than ``tol`` within ``max_iter`` iterations.
+        converged_: True if the objective of the best start rose by less than ``tol`` within ``max_iter`` iterations.
         n_iter_: Number of iterations of the best start, at most ``max_iter``.
         lower_bound_: Its objective per sample: the mean log-likelihood, plus the log-prior if there is shrinkage.
         lower_bounds_: The objective after each of its iterations.
@@ -121,7 +121,7 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
         return self
 
     def _run(self, samples: Array, random_state: np.random.RandomState) -> dict[str, Any]:
-        """Return the fitted attributes of one start: expectation and maximisation in turn until the objective rests."""
+        """Return the fitted attributes of one start, after alternating expectation and maximisation to convergence."""
         self._start(samples, random_state)
         bounds: list[float] = []
         converged = False
@@ -148,7 +148,7 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
         return _covariances(self.loadings_, self.noise_variance_)
 
     def _start(self, X: Array, random_state: np.random.RandomState) -> None:
-        """Begin with k-means clusters: their means, and a factor analysis of each by its principal axes."""
+        """Initialise from k-means clusters: their means, and a factor analysis of each by its principal axes."""
         seed = random_state.randint(np.iinfo(np.int32).max)
         labels = KMeans(self.n_components, n_init=1, random_state=seed).fit_predict(X)
         responsibilities = np.eye(self.n_components)[labels]
@@ -210,7 +210,7 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
         return float(log_density.mean()), np.exp(log_joint - log_density[:, None])
 
     def _log_prior(self) -> float:
-        """Return the log-density, but for a constant, of the covariances under their inverse Wishart priors."""
+        """Return the log-density of the covariances under their inverse Wishart priors, up to a constant."""
         if self._prior_samples == 0:
             return 0.0
         total = 0.0
@@ -220,10 +220,10 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
         return -0.5 * self._prior_samples * total
 
     def _maximise(self, X: Array, responsibilities: Array) -> None:
-        """Raise the expected objective: weights and means exactly, then one step of each factor analysis.
+        """Increase the expected objective: weights and means exactly, then one step of each factor analysis.
 
-        For given responsibilities the best mean is the weighted mean whatever the covariance, so that the factors can
-        be updated from the scatter about it (Ghahramani and Hinton, eqs. (8) to (12), with the mean taken out).
+        For given responsibilities the optimal mean is the weighted mean for any covariance, so that the factors can be
+        updated from the scatter about it (Ghahramani and Hinton, eqs. (8) to (12), with the mean removed).
         """
         self._set_weights_and_means(X, responsibilities)
         scatter = self._scatter(X, responsibilities)
@@ -238,14 +238,14 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
         self.loadings_ = loadings
         self.noise_variance_ = np.maximum(self._tied(noise), self.reg_covar)
 
-    def _checked(self, X: ArrayLike) -> Array:
+    def _validate(self, X: ArrayLike) -> Array:
         check_is_fitted(self, "loadings_")
         checked: Array = validate_data(self, X, dtype=np.float64, reset=False)
         return checked
 
     def score_samples(self, X: ArrayLike) -> Array:
         """Return the log-density of each of the samples ``X``, (n, d), shape (n,)."""
-        log_density: Array = np.logaddexp.reduce(self._log_joint(self._checked(X)), axis=1)
+        log_density: Array = np.logaddexp.reduce(self._log_joint(self._validate(X)), axis=1)
         return log_density
 
     def score(self, X: ArrayLike, y: None = None) -> float:
@@ -254,7 +254,7 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
 
     def predict_proba(self, X: ArrayLike) -> Array:
         """Return the probability of each component given each of the samples ``X``, (n, d), shape (n, K)."""
-        return self._expect(self._checked(X))[1]
+        return self._expect(self._validate(X))[1]
 
     def predict(self, X: ArrayLike) -> NDArray[np.intp]:
         """Return the likeliest component of each of the samples ``X``, (n, d), shape (n,)."""
@@ -262,7 +262,7 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
         return labels
 
     def sample(self, n_samples: int = 1) -> tuple[Array, NDArray[np.intp]]:
-        """Return ``n_samples`` random samples, (n, d), and the components that they come from, (n,)."""
+        """Return ``n_samples`` random samples, (n, d), and their components, (n,)."""
         check_is_fitted(self, "loadings_")
         if n_samples < 1:
             raise ValueError(f"n_samples={n_samples} must be at least 1")
@@ -273,7 +273,7 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
         return self.means_[labels] + np.einsum("ndq,nq->nd", self.loadings_[labels], factors) + noise, labels
 
     def _n_parameters(self) -> int:
-        """Return the number of free parameters; a rotation of the factors is none."""
+        """Return the number of free parameters, not counting rotations of the factors."""
         n_components, n_features, n_factors = self.loadings_.shape
         loadings = n_components * (n_features * n_factors - n_factors * (n_factors - 1) // 2)
         noise = n_features * (1 if self.noise == "shared" else n_components)
@@ -289,14 +289,14 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
         return float(-2.0 * self.score_samples(X).sum() + 2.0 * self._n_parameters())
 
     def as_mixture(self) -> GaussianMixture:
-        """Return the density in the form that solving evaluates."""
+        """Return the density in the form used by the solver."""
         check_is_fitted(self, "loadings_")
         return GaussianMixture(self.weights_, self.means_, self.covariances_)
 
 
 @contextmanager
 def convergence_recorded() -> Iterator[list[str]]:
-    """Collect the messages of fits in the block that do not converge, which are then not shown.
+    """Collect the convergence warnings of fits in the block instead of showing them.
 
     Other warnings are shown when the block ends.
     """

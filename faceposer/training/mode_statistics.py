@@ -1,4 +1,4 @@
-"""How the principal modes of example meshes move together: the prior of a character that is known by examples."""
+"""Prior of characters trained from examples: statistics of the weights of their principal modes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,26 +15,26 @@ from faceposer.training.selection import Choice, Fold, block_folds, calm_covaria
 
 Array = NDArray[np.float64]
 
-# Blocks that are left out in turn: of few frames more, so that each leaves enough to learn from.
+# Number of cross-validation blocks: more for few frames, so that enough remain for training.
 _BLOCKS, _BLOCKS_OF_MANY, _MANY = 5, 3, 500
 _MOST_TO_CHOOSE = 2000
 _MOST_TO_FIT = 20_000
 _SHRINKAGE = 0.1
 _ITERATIONS = 60
-# Least variance in any direction, the weights' own being 1: what no example did is unlikely, but not impossible.
+# Least variance in any direction, relative to unit variance of the weights, so that no direction is impossible.
 _NOISE = 0.02
 
 
 def statistics_of_modes(
     modes: Modes, n_components: int | None, n_factors: int | None, progress: Progress
 ) -> tuple[ExpressionStatistics, Choice]:
-    """Return the statistics of the weights of ``modes``, and how the size of their mixture was chosen.
+    """Return the statistics of the weights of ``modes``, and the chosen size of their mixture.
 
     Args:
-        modes: With the examples' weights, in units of their standard deviations.
-        n_components: Number of factor analyzers, chosen by contiguous blocks left out if None.
-        n_factors: Number of factors of each, likewise.
-        progress: Told how far it is.
+        modes: Modes with the examples' weights, in units of their standard deviations.
+        n_components: Number of factor analyzers, chosen by cross-validation on contiguous blocks if None.
+        n_factors: Number of factors of each, chosen likewise if None.
+        progress: Progress to update.
     """
     samples = modes.weights
     step = max(1, len(samples) // _MOST_TO_CHOOSE)
@@ -60,15 +60,15 @@ def statistics_of_modes(
         (1.0 - choice.blend) * fitted.covariances_ + choice.blend * covariance,
         samples.mean(axis=0),
         covariance,
-        "Learned from example meshes of the user.",
+        "Learned from the user's example meshes.",
         modes.regions,
-        learn_coupling(_changes(folds), modes.regions) if len(folds) > 1 else None,
+        learn_coupling(_with_differences(folds), modes.regions) if len(folds) > 1 else None,
     )
     return statistics, replace(choice, converged=fitted.converged_)
 
 
-def _changes(folds: Sequence[Fold]) -> list[Fold]:
-    """Return folds whose frames left out have become changes between them and from rest."""
+def _with_differences(folds: Sequence[Fold]) -> list[Fold]:
+    """Return folds with the differences between held-out frames added to these."""
     changed = []
     for train, left_out in folds:
         others = np.roll(left_out, 1, axis=0)

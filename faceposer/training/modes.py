@@ -1,4 +1,4 @@
-"""Principal modes of a face's regions: the controls of a character that is known by examples alone."""
+"""Principal modes of the regions of a face: the shapes of a character trained from examples."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,32 +14,32 @@ from faceposer.training.streaming_pca import Components, Region, regional_pca, s
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
-#: A region gets as many modes as have this share of its energy, at most so many.
+#: Share of a region's energy that its modes keep, and the largest number of modes of a region.
 KEEP = 0.998
 MOST_MODES = 20
-#: A region gets at most one mode for so many examples: of few, the last components are each one example's own.
+#: Least number of examples per mode of a region, since the last components of few examples fit single examples.
 FRAMES_PER_MODE = 2
-# What moves less than this share of the most moving vertex counts as if it moved so much.
+# Least motion of a vertex in the metric, as a share of the largest.
 _STILL = 0.04
-# A vertex of which a region has less than this is none of its.
+# Mask below which a vertex does not belong to a region.
 _NO_SHARE = 1e-3
 _LEAST_AREA = 1e-3
-# Share of another region's energy that single precision makes out of nothing.
+# Share of the largest region's energy below which a region's energy is rounding of single precision.
 _ROUNDING = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Displacements that add up to the examples.
+    """Linear modes of the examples' displacements.
 
     Attributes:
-        names: Such as "upper 1", r of them.
-        regions: Segment of each.
+        names: Names of the r modes, such as "upper 1".
+        regions: Segment of each mode.
         fields: Displacements of all vertices in the file's axes and unit at a weight of one standard deviation (about
             zero, the neutral face), shape (r, M, 3).
-        weights: Of the examples, shape (F, r).
-        kept: Share of the energy that the modes of each segment have, by segment, in the metric of the components.
-        settled: Whether the iteration for the components had converged.
+        weights: Weights of the examples, shape (F, r).
+        kept: Share of the energy of each segment that its modes keep, in the metric of the components.
+        converged: True if the iteration for the components converged.
     """
 
     names: tuple[str, ...]
@@ -47,21 +47,21 @@ class Modes:
     fields: Floats
     weights: Array
     kept: dict[str, float]
-    settled: bool
+    converged: bool
 
 
 def local_metric(vertices: Array, triangles: NDArray[np.integer], motion: Array) -> Floats:
-    """Return the weight of each vertex in the components, (N,): its area over the square of how far it moves.
+    """Return the weight of each vertex in the components, (N,): its area divided by its mean squared displacement.
 
-    In the plain metric the jaw has nearly all the energy, and a brow is dropped as noise.
+    In the plain metric the jaw has nearly all the energy, and brows are dropped as noise.
 
     Args:
-        vertices: Shape (N, 3).
+        vertices: Neutral vertices, shape (N, 3).
         triangles: Vertex ids, shape (T, 3).
         motion: Mean squared displacement of each vertex, shape (N,).
     """
     area = vertex_areas(vertices, triangles)
-    # A vertex at which all triangles are flat must not weigh nothing: displacements are divided by the weights again.
+    # Vertices of degenerate triangles need a positive weight, because displacements are later divided by the weights.
     area = np.maximum(area, _LEAST_AREA * area.mean())
     still = _STILL**2 * max(float(motion.max(initial=0.0)), np.finfo(float).tiny)
     weights = area / (motion + still)
@@ -80,11 +80,11 @@ def learn_modes(
 
     Args:
         store: Displacements of the file's M vertices in all examples.
-        sample: Some of them, shape (s, M, 3).
-        segments: Of N vertices.
-        metric: Weights of these, shape (N,).
-        ids: The file's vertex of each, shape (N,).
-        n_dimensions: Number of modes in all; as many as ``KEEP`` asks for if None.
+        sample: A sample of the displacements, shape (s, M, 3).
+        segments: Segments of the N vertices.
+        metric: Weights of the vertices, shape (N,).
+        ids: The file's vertex of each vertex, shape (N,).
+        n_dimensions: Total number of modes; determined by ``KEEP`` if None.
     """
     chosen = [np.flatnonzero(mask > _NO_SHARE) for mask in segments.masks]
     regions = [
@@ -99,7 +99,7 @@ def learn_modes(
     counts = _counts(found, n_dimensions)
     kept = {name: part.kept(count) for name, part, count in zip(segments.names, found, counts, strict=True)}
     found = [
-        Components(part.directions[:count], part.energies[:count], part.total, part.settled)
+        Components(part.directions[:count], part.energies[:count], part.total, part.converged)
         for part, count in zip(found, counts, strict=True)
     ]
     scores = scores_of(store, regions, found)
@@ -112,11 +112,11 @@ def learn_modes(
         row += len(unscaled)
     names = [f"{name} {i + 1}" for name, count in zip(segments.names, counts, strict=True) for i in range(count)]
     owners = [name for name, count in zip(segments.names, counts, strict=True) for _ in range(count)]
-    return Modes(tuple(names), tuple(owners), fields, scores / sizes, kept, all(part.settled for part in found))
+    return Modes(tuple(names), tuple(owners), fields, scores / sizes, kept, all(part.converged for part in found))
 
 
 def _counts(found: Sequence[Components], n_dimensions: int | None) -> list[int]:
-    """Return how many components of each region to keep: none where nothing but rounding moves."""
+    """Return the number of components to keep of each region, 0 for regions without motion."""
     moves = [part.total > _ROUNDING * max(other.total for other in found) for part in found]
     if n_dimensions is None:
         shares = [np.cumsum(part.energies) / max(part.total, np.finfo(float).tiny) for part in found]
@@ -124,7 +124,7 @@ def _counts(found: Sequence[Components], n_dimensions: int | None) -> list[int]:
             min(int(np.searchsorted(share, KEEP)) + 1, len(share)) if moving else 0
             for share, moving in zip(shares, moves, strict=True)
         ]
-    # One each, then always where most energy is still left out.
+    # One for each region, then greedily the component with the most energy.
     counts = [int(moving) for moving in moves]
     while sum(counts) < n_dimensions:
         gains = [

@@ -1,4 +1,4 @@
-"""Teeth and the inside of the mouth that a file has in the mesh of the skin, found by where they lie."""
+"""Detection of teeth and the inside of the mouth in a mesh that also contains the skin, by their positions."""
 
 from dataclasses import dataclass
 
@@ -10,24 +10,24 @@ from scipy.sparse.csgraph import connected_components
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
 
-# Fewer crowns on each side make no row of teeth.
+# Least number of crowns on each side of a row of teeth.
 _FEWEST = 3
-# Shares of the height of the skin: the size of a crown, least and greatest, and how low and how wide the row is.
+# Shares of the height of the skin: smallest and largest size of a crown, largest height and width of the row.
 _CROWN, _ROW_HEIGHT, _ROW_WIDTH = (0.01, 0.09), 0.2, 0.35
-# Of the crowns, so many lie behind skin as seen from the front.
+# Least share of the small islands that must be hidden behind skin.
 _HIDDEN = 0.8
-# How far crowns may stick out of the mouth's box and the mouth out of the skin's, as a share of the skin's height.
+# Tolerance of the bounding box of the mouth around the teeth, as a share of the skin's height.
 _ROOM = 0.03
 
 
 @dataclass(frozen=True, eq=False)
 class MouthIslands:
-    """Islands of a mesh that are no skin.
+    """Islands of a mesh that are not skin.
 
     Attributes:
-        islands: Number of the island of each face, shape (F,).
+        islands: Island number of each face, shape (F,).
         teeth: Numbers of the islands that are crowns.
-        mouth: Numbers of the islands that are the inside of the mouth around them.
+        mouth: Numbers of the islands that are the inside of the mouth.
     """
 
     islands: Ids
@@ -36,14 +36,14 @@ class MouthIslands:
 
 
 def find_mouth(corners: Ids, vertices: Array) -> MouthIslands | None:
-    """Return the crowns, and the inside of the mouth, in a mesh of skin, or None if it has none.
+    """Return the crowns and the inside of the mouth in a mesh of skin, or None if it has none.
 
-    Crowns are small islands in a row, some on either side, which lie behind skin when they are seen from the front; the
-    inside of the mouth is an island around them, neither of them connected with the rest.
+    Crowns are small islands in a row on both sides, hidden behind skin as seen from the front. The inside of the mouth
+    is an island around them.
 
     Args:
-        corners: Three corners of each face, vertex ids, shape (F, 3).
-        vertices: Upright, the left at +x, looking along +z, shape (M, 3).
+        corners: Vertex ids of three corners of each face, shape (F, 3).
+        vertices: Upright, with the left at +x, facing +z, shape (M, 3).
     """
     islands = _islands(corners, len(vertices))
     count = int(islands.max(initial=-1)) + 1
@@ -73,7 +73,7 @@ def find_mouth(corners: Ids, vertices: Array) -> MouthIslands | None:
 
 
 def _islands(corners: Ids, count: int) -> Ids:
-    """Return the number of the connected piece of each face, from 0."""
+    """Return the number of the connected component of each face, from 0."""
     a, b, c = corners.T
     edges = (np.ones(2 * len(a), dtype=np.int8), (np.tile(a, 2), np.concatenate([b, c])))
     _, labels = connected_components(coo_array(edges, shape=(count, count)), directed=False)
@@ -81,7 +81,7 @@ def _islands(corners: Ids, count: int) -> Ids:
 
 
 def _hidden(points: Array, triangles: Array) -> NDArray[np.bool_]:
-    """Return which ``points``, (n, 3), have one of the ``triangles``, (F, 3, 3), before them, along +z."""
+    """Return the mask of ``points``, (n, 3), with one of the ``triangles``, (F, 3, 3), in front of them, along +z."""
     hidden = np.zeros(len(points), dtype=bool)
     low, high = triangles[..., :2].min(axis=1), triangles[..., :2].max(axis=1)
     for i, point in enumerate(points):

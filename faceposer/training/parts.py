@@ -1,4 +1,4 @@
-"""A file's mesh as the program wants it: pieces of one material each, seams closed, faces of three or four corners."""
+"""Conversion of a file's mesh to parts of one material each, with seams welded and faces of three or four corners."""
 
 import re
 from dataclasses import dataclass
@@ -34,13 +34,13 @@ class PartedMesh:
     """The parts of a file's mesh.
 
     Attributes:
-        vertex_ids: Vertex here of each of the file's M vertices, shape (M,); -1 where no face uses it.
-        file_ids: One of the file's vertices for each here, shape (N,).
+        vertex_ids: Vertex id of each of the file's M vertices, shape (M,); -1 if no face uses it.
+        file_ids: One of the file's vertices for each vertex, shape (N,).
         polygons: Vertex ids, shape (F, 4); a triangle ends in -1.
-        corner_uvs: Index of the file's texture coordinates per corner, shape (F, 4), -1 where there is no corner; all
-            zero where the file has none.
-        parts: In order, covering all.
-        materials: The file's own material of each part, "" if it has none.
+        corner_uvs: Index of the file's texture coordinates per corner, shape (F, 4), -1 for a missing corner; all zero
+            if the file has none.
+        parts: The parts in order, covering all faces.
+        materials: Material of each part in the file, "" if it has none.
     """
 
     vertex_ids: Ints
@@ -51,17 +51,17 @@ class PartedMesh:
     materials: tuple[str, ...]
 
 
-def into_parts(mesh: PolygonMesh, vertices: Array, motion: Array) -> PartedMesh:
-    """Return the parts of ``mesh``.
+def split_into_parts(mesh: PolygonMesh, vertices: Array, motion: Array) -> PartedMesh:
+    """Split ``mesh`` into parts.
 
-    Groups of faces that share vertices are one part. Vertices of a group at one place that move alike are one, since
-    formats such as glTF and STL repeat them at seams, where the light would show an edge. Two eyes in one mesh
-    become two, and rows of teeth in a mesh of skin a part of their own, with the inside of the mouth.
+    Groups of faces that share vertices become one part. Coincident vertices of a group with the same motion are welded,
+    since formats such as glTF and STL duplicate them at seams, where shading would show an edge. Two eyes in one mesh
+    become two parts. Rows of teeth in a mesh of skin become a separate part, and so does the inside of the mouth.
 
     Args:
-        mesh: As its file has it.
-        vertices: Its vertices upright, left at +x, shape (M, 3).
-        motion: Some numbers that tell how each vertex moves, shape (M, k).
+        mesh: The mesh as in the file.
+        vertices: Its vertices, upright with the left at +x, shape (M, 3).
+        motion: Motion fingerprint of each vertex, shape (M, k).
     """
     polygons, corner_uvs, owners = _small_polygons(mesh)
     groups = _groups_of(mesh)
@@ -98,13 +98,13 @@ def into_parts(mesh: PolygonMesh, vertices: Array, motion: Array) -> PartedMesh:
 
 
 def material_of(*names: str) -> str:
-    """Return the program's material for a part with these ``names`` of groups and materials; skin if none tells."""
+    """Derive the material of a part from the ``names`` of its groups and materials; "skin" by default."""
     text = " ".join(names).lower()
     return next((material for material, words in _MATERIALS if any(word in text for word in words)), "skin")
 
 
 def _small_polygons(mesh: PolygonMesh) -> tuple[Ints, Ints, Ints]:
-    """Return faces of at most four corners, (F, 4), their texture ids, and the file's face that each comes from."""
+    """Return faces of at most four corners, (F, 4), their texture ids, and the original face of each."""
     columns = mesh.polygons.shape[1]
     corners = mesh.polygons
     uvs = mesh.polygon_uvs if len(mesh.polygon_uvs) else np.where(corners >= 0, 0, -1).astype(np.int32)
@@ -126,7 +126,7 @@ def _small_polygons(mesh: PolygonMesh) -> tuple[Ints, Ints, Ints]:
 
 
 def _groups_of(mesh: PolygonMesh) -> list[Group]:
-    """Return the groups of ``mesh`` with those for the faces between them."""
+    """Return the groups of ``mesh``, with unnamed groups for the faces between them."""
     groups: list[Group] = []
     done = 0
     for group in (*mesh.groups, Group("", (len(mesh.polygons), len(mesh.polygons)))):
@@ -145,13 +145,13 @@ def _group_of_polygons(owners: Ints, groups: list[Group]) -> NDArray[np.intp]:
 
 
 def _same_names(groups: list[Group]) -> NDArray[np.intp]:
-    """Return for each group the first of its name: writers of OBJ interleave the runs of one mesh."""
+    """Return the first group of the same name for each group, since OBJ files may interleave groups."""
     named = [group.name or f"\0{i}" for i, group in enumerate(groups)]
     return np.array([named.index(name) for name in named], dtype=np.intp)
 
 
 def _welded(polygons: Ints, owners: Ints, groups: list[Group], vertices: Array, motion: Array) -> NDArray[np.intp]:
-    """Return for each vertex the first of those at its place that move as it does and are of its group, shape (M,)."""
+    """Return the first vertex of the same position, motion and group for each vertex, shape (M,)."""
     group = np.full(len(vertices), -1.0)
     for column in range(polygons.shape[1]):
         has = polygons[:, column] >= 0
@@ -166,7 +166,7 @@ def _welded(polygons: Ints, owners: Ints, groups: list[Group], vertices: Array, 
 def _part_of_polygons(
     corners: NDArray[np.intp], valid: NDArray[np.bool_], owners: Ints, groups: list[Group]
 ) -> tuple[NDArray[np.intp], list[str], list[str], list[str]]:
-    """Return the part of each face, and the name, material and file's material of each part, in the file's order."""
+    """Return the part of each face, and the name, material and original material of each part, in file order."""
     group_of_polygon = _group_of_polygons(owners, groups)
     rows = np.repeat(group_of_polygon, valid.sum(axis=1))
     ids = corners[valid]
@@ -194,7 +194,7 @@ def _split_eyes(
     welded: NDArray[np.intp],
     vertices: Array,
 ) -> tuple[NDArray[np.intp], list[str], list[str], list[str]]:
-    """Return the parts with every part of eyes that lie on both sides as two."""
+    """Split every part that contains eyes on both sides into two."""
     labels, names, materials, own = labels.copy(), list(names), list(materials), list(own)
     for part in [i for i, material in enumerate(materials) if material == "eye"]:
         faces = np.flatnonzero(labels == part)
@@ -223,7 +223,7 @@ def _split_mouth(
     welded: NDArray[np.intp],
     vertices: Array,
 ) -> tuple[NDArray[np.intp], list[str], list[str], list[str]]:
-    """Return the parts with the teeth and the inside of the mouth that lie unconnected in the skin as their own."""
+    """Split unconnected teeth and the inside of the mouth from the parts of skin."""
     labels, names, materials, own = labels.copy(), list(names), list(materials), list(own)
     for part in [i for i, material in enumerate(materials) if material == "skin"]:
         faces = np.flatnonzero(labels == part)
@@ -241,7 +241,7 @@ def _split_mouth(
 
 
 def _distinct(names: list[str]) -> list[str]:
-    """Return ``names`` without spaces, with numbers after those that occur twice."""
+    """Return ``names`` without spaces, made unique by numbers."""
     result: list[str] = []
     for name in names:
         plain = re.sub(r"\s+", "_", name.strip()) or "mesh"

@@ -1,4 +1,4 @@
-"""What performances in front of a telephone teach: how ARKit's weights move together, for a character's own prior."""
+"""Prior of a character from performances captured with a phone: statistics of the ARKit weights."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from faceposer.training.selection import Choice, Fold, choose_mixture
 
 Array = NDArray[np.float64]
 
-# Sizes are compared on fewer examples than the fit gets: the order is the same, the time is not.
+# Sizes are compared on fewer examples than the fit uses, which gives the same ranking in less time.
 _EXAMPLES_TO_CHOOSE = 3000
 _BLOCKS = 3
 _FRAMES_LEFT_OUT = 400
@@ -28,14 +28,14 @@ _FEWEST_FRAMES = 100
 
 
 @dataclass(frozen=True, eq=False)
-class Learned:
-    """What was learned from performances.
+class LearnedStatistics:
+    """Statistics learned from performances.
 
     Attributes:
-        statistics: For the character.
+        statistics: Statistics for the character.
         choice: The size of the mixture.
         takes: Name and number of frames of each take.
-        missing: ARKit's shapes that no take has.
+        missing: ARKit's shapes without a channel in any take.
     """
 
     statistics: ExpressionStatistics
@@ -44,7 +44,7 @@ class Learned:
     missing: tuple[str, ...]
 
     def as_json(self) -> dict[str, Any]:
-        """Return it for the summary of a character."""
+        """Return the JSON form for the summary of a character."""
         return {
             "from": "captures",
             "takes": [{"file": name, "frames": frames} for name, frames in self.takes],
@@ -53,10 +53,16 @@ class Learned:
         }
 
 
-def statistics_of_captures(
+def learn_from_captures(
     paths: Sequence[Path], n_components: int | None, n_factors: int | None, progress: Progress
-) -> Learned:
-    """Return what the performances in the files ``paths`` teach; the size of the mixture is chosen where it is None.
+) -> LearnedStatistics:
+    """Learn statistics from the performances in the files ``paths``.
+
+    Args:
+        paths: Files of performances.
+        n_components: Number of factor analyzers, chosen by cross-validation if None.
+        n_factors: Number of factors of each, chosen by cross-validation if None.
+        progress: Progress to update.
 
     Raises:
         FacePoserError: If a file cannot be used.
@@ -68,7 +74,7 @@ def statistics_of_captures(
         if len(captures[-1].weights) < _FEWEST_FRAMES:
             raise FacePoserError(
                 f"The capture '{path}' has {len(captures[-1].weights)} frames with a face, too few to learn from; "
-                f"record at least {_FEWEST_FRAMES}."
+                f"record at least {_FEWEST_FRAMES} frames."
             )
     names = shapes_of(captures)
     recipe = Recipe()
@@ -78,19 +84,19 @@ def statistics_of_captures(
         recipe, n_components=choice.n_components, n_factors=choice.n_factors, blend=max(choice.blend, recipe.blend)
     )
     with convergence_recorded() as messages:
-        statistics = learn(captures, recipe, "Learned from performances of the user.", _metric(names))
+        statistics = learn(captures, recipe, "Learned from the user's performances.", _metric(names))
     missing = tuple(name for name in captures[0].missing if all(name in capture.missing for capture in captures))
     takes = tuple((path.name, len(capture.weights)) for path, capture in zip(paths, captures, strict=True))
-    return Learned(statistics, replace(choice, converged=not messages), takes, missing)
+    return LearnedStatistics(statistics, replace(choice, converged=not messages), takes, missing)
 
 
 def _metric(names: Sequence[str]) -> Array:
-    """Return the inner products of the man's shapes called ``names``: errors count as far as a face shows them."""
+    """Return the inner products of the man's shapes ``names``, so that errors count by the motion that they cause."""
     return gram_of_weights(load_character("man"), names)
 
 
 def _folds(captures: Sequence[Capture], names: Sequence[str], recipe: Recipe) -> list[Fold]:
-    """Return folds that leave out a take each, or a third of the only one."""
+    """Return folds that each hold out one take, or a third of a single take."""
     cleaned = [clean(capture.with_shapes(names), recipe) for capture in captures]
     pieces = cleaned if len(cleaned) > 1 else np.array_split(cleaned[0], _BLOCKS)
     fewer = replace(recipe, n_examples=_EXAMPLES_TO_CHOOSE)

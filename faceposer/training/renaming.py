@@ -1,4 +1,4 @@
-"""Other names for a character and its shapes."""
+"""Renaming of characters and their shapes."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -15,31 +15,33 @@ def renamed(
     credits: str | None,
     shapes: Mapping[str, str],
 ) -> Character:
-    """Return ``character`` with other names, those that are None staying as they are.
+    """Return ``character`` with new names; None keeps a name.
 
     Args:
         character: The character.
-        where: What it is in, to begin a sentence with.
-        name: Short name.
-        title: Name to show.
-        credits: Where it comes from, and its licence.
-        shapes: New names of shapes by their old ones.
+        where: Name of its file, as the start of an error message.
+        name: New short name.
+        title: New displayed name.
+        credits: New source and licence.
+        shapes: New names of shapes by old names.
 
     Raises:
-        FacePoserError: If there is no such shape, or two would have the same name.
+        FacePoserError: If there is no such shape, or two shapes would have the same name.
     """
     for old in shapes:
         if old not in character.shape_names:
-            raise FacePoserError(f"{where} has no shape '{old}'; see 'faceposer character info --json'.")
+            raise FacePoserError(
+                f"{where} has no shape '{old}'; 'faceposer character info --json' lists the names of its shapes."
+            )
     names = tuple(shapes.get(shape, shape) for shape in character.shape_names)
-    twice = next((shape for shape in names if names.count(shape) > 1), None)
-    if twice is not None:
-        raise FacePoserError(f"Two shapes would be called '{twice}'; choose another name for one of them.")
+    duplicate = next((shape for shape in names if names.count(shape) > 1), None)
+    if duplicate is not None:
+        raise FacePoserError(f"Two shapes would be called '{duplicate}'; choose another name for one of them.")
     statistics = character.statistics
     if statistics is not None:
-        # The statistics speak of the shapes by their names.
-        theirs = tuple(shapes.get(shape, shape) for shape in statistics.shape_names)
-        statistics = replace(statistics, shape_names=theirs)
+        # The statistics refer to shapes by name.
+        renamed_shapes = tuple(shapes.get(shape, shape) for shape in statistics.shape_names)
+        statistics = replace(statistics, shape_names=renamed_shapes)
     return replace(
         character,
         name=character.name if name is None else name,

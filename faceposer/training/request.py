@@ -1,4 +1,4 @@
-"""What a user asks to be learned, however it was asked, and the way to the right kind of learning."""
+"""Training requests from any interface, and their dispatch by kind of source."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,8 +7,8 @@ from faceposer.errors import FacePoserError
 from faceposer.model.character import Character
 from faceposer.progress import Progress
 from faceposer.training.examples import ExampleOptions, character_from_examples
+from faceposer.training.from_markers import character_from_markers
 from faceposer.training.kinds import Kind, kind_of, plain_name
-from faceposer.training.marked import character_from_markers
 from faceposer.training.rigs import RigOptions, character_from_rig
 
 __all__ = ["Kind", "TrainingRequest", "kind_of", "plain_name", "train"]
@@ -16,23 +16,23 @@ __all__ = ["Kind", "TrainingRequest", "kind_of", "plain_name", "train"]
 
 @dataclass(frozen=True)
 class TrainingRequest:
-    """Everything that training depends on.
+    """All parameters of training.
 
     Attributes:
-        kind: Of the source.
+        kind: Kind of the source.
         source: A rig's file or folder; a folder or .npz of example meshes; a file of marker motion.
         name: Short name of the character.
-        title: Name to show.
+        title: Displayed name.
         captures: Performances, for a rig.
-        neutral: The neutral mesh, where its name does not tell.
-        marker_map: Where the markers are.
-        scan: What the markers move: a mesh file, or a character.
+        neutral: File of the neutral mesh, if its name does not identify it.
+        marker_map: File with the places of the markers.
+        scan: The face that the markers move: a mesh file, or a character.
         segments: See ``ExampleOptions``.
-        n_dimensions: Number of modes; chosen by energy if None.
-        n_components: Number of factor analyzers; chosen by data left out if None.
-        n_factors: Number of factors of each; likewise.
+        n_dimensions: Total number of modes, chosen by their energy if None.
+        n_components: Number of factor analyzers, chosen by cross-validation if None.
+        n_factors: Number of factors of each, chosen by cross-validation if None.
         scheduler: Address of a Dask scheduler.
-        credits: Where the character comes from, and its licence.
+        credits: Source and licence of the character.
     """
 
     kind: Kind
@@ -52,14 +52,14 @@ class TrainingRequest:
 
 
 def train(request: TrainingRequest, progress: Progress | None = None) -> Character:
-    """Return the character that ``request`` describes.
+    """Train the character that ``request`` describes.
 
     Raises:
-        FacePoserError: If a file cannot be used, naming it, the place and the remedy.
-        CancelledError: If the user stopped it.
+        FacePoserError: If a file cannot be used.
+        CancelledError: If the user cancels.
     """
     if not request.source.exists():
-        raise FacePoserError(f"There is no '{request.source}'; check the path.")
+        raise FacePoserError(f"'{request.source}' does not exist; check the path.")
     if request.kind == "rig":
         options = RigOptions(
             request.name,
@@ -72,7 +72,7 @@ def train(request: TrainingRequest, progress: Progress | None = None) -> Charact
         )
         return character_from_rig(request.source, options, progress)
     if request.captures:
-        raise FacePoserError("Performances (--capture) say how a rig's shapes move; examples and markers need none.")
+        raise FacePoserError("Performances (--capture) apply to rigs only; remove them for examples and markers.")
     example_options = ExampleOptions(
         request.name,
         request.title,
@@ -87,5 +87,7 @@ def train(request: TrainingRequest, progress: Progress | None = None) -> Charact
     if request.kind == "examples":
         return character_from_examples(request.source, example_options, progress)
     if request.marker_map is None:
-        raise FacePoserError(f"The markers in '{request.source}' need a map (--marker-map) that says where they are.")
+        raise FacePoserError(
+            f"The markers in '{request.source}' need a map (--marker-map) of their places on the face."
+        )
     return character_from_markers(request.source, request.marker_map, request.scan, example_options, progress)

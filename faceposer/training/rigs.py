@@ -1,4 +1,4 @@
-"""A rig with ARKit's shapes becomes a character: exactly, in the rig's own weights."""
+"""Characters from rigs with ARKit's shapes, which keep the weights of the rig."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,36 +14,36 @@ from faceposer.model.character import Character
 from faceposer.model.face_model import build_face_model
 from faceposer.model.shape_names import halves_of, match_arkit
 from faceposer.progress import Progress
-from faceposer.training.assemble import UprightMesh, assemble
+from faceposer.training.assemble import CanonicalMesh, assemble
+from faceposer.training.canonical_frame import frame_from_shapes, opposite_name
 from faceposer.training.eyes import add_gaze, misplaced_eyes
 from faceposer.training.landmarks import find_landmarks
 from faceposer.training.measures import curves_of
-from faceposer.training.performances import Learned, statistics_of_captures
-from faceposer.training.upright import other_side, upright_by_shapes
+from faceposer.training.performances import LearnedStatistics, learn_from_captures
 
-#: Fewer of ARKit's shapes than this are no rig for it.
+#: Least number of ARKit's shapes in a rig.
 _FEWEST_SHAPES = 5
 _DRAWS = 256
 _EXCHANGED = (
-    "Its left shapes move what is on its right: the mesh is mirrored, or its names are those of who looks at it. "
-    "Performances and gaze go to the other side."
+    "Its left shapes move its right side: the mesh is mirrored, or its shapes are named from the viewer's side. "
+    "Performances and gaze are mirrored."
 )
-# A shape of which more than this share is not reached is listed.
-_WORTH_TELLING = 0.01
+# Reconstruction error above which a shape is listed in the summary.
+_LISTED_ERROR = 0.01
 
 
 @dataclass(frozen=True)
 class RigOptions:
-    """What to make of a rig.
+    """Options for training from a rig.
 
     Attributes:
         name: Short name of the character.
-        title: Name to show.
-        neutral: File of the neutral face in a folder, if its name does not tell.
+        title: Displayed name.
+        neutral: File of the neutral face in a folder, if its name does not identify it.
         captures: Performances to learn from; without any, the shipped statistics apply.
-        n_components: Number of factor analyzers, chosen by held-out takes if None.
-        n_factors: Number of factors of each, likewise.
-        credits: Where the character comes from, and its licence.
+        n_components: Number of factor analyzers, chosen by cross-validation on takes if None.
+        n_factors: Number of factors of each, chosen likewise if None.
+        credits: Source and licence of the character.
     """
 
     name: str
@@ -56,10 +56,10 @@ class RigOptions:
 
 
 def character_from_rig(path: Path, options: RigOptions, progress: Progress | None = None) -> Character:
-    """Return the character in the rig ``path``, a glTF file or a folder of shapes.
+    """Create a character from the rig ``path``, a glTF file or a folder of shapes.
 
     Raises:
-        FacePoserError: If a file cannot be used, naming it, the place and the remedy.
+        FacePoserError: If a file cannot be used.
     """
     progress = progress or Progress()
     progress.at("Reading the rig")
@@ -67,13 +67,13 @@ def character_from_rig(path: Path, options: RigOptions, progress: Progress | Non
 
 
 def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, progress: Progress) -> Character:
-    """Return the character of a rig that has been read from the file or folder ``source``.
+    """Create a character from a ``rig`` read from the file or folder ``source``.
 
     Raises:
-        FacePoserError: If it has too few of ARKit's shapes, or they move too little.
+        FacePoserError: If the rig has too few of ARKit's shapes, or they move too little.
     """
     match = match_arkit(rig.targets, f"The rig '{source}'")
-    # A whole whose halves are there as well is their sum.
+    # A shape that exists both whole and as two halves is the sum of its halves, and redundant.
     found_names = {*match.shapes.values()}
     wholes = {name for name in found_names if halves_of(name) and found_names.issuperset(halves_of(name))}
     named = {ours: rig.targets[theirs] for theirs, ours in match.shapes.items() if ours not in wholes}
@@ -81,15 +81,15 @@ def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, prog
     if len(moving) < _FEWEST_SHAPES:
         examples = ", ".join(f"'{name}'" for name in list(rig.targets)[:3])
         raise FacePoserError(
-            f"The rig '{source}' has {len(moving)} of ARKit's 52 shapes, which are too few (its shapes are called "
-            f"{examples}); rename them as ARKit does, such as jawOpen, or learn from them with --examples."
+            f"The rig '{source}' has {len(moving)} of ARKit's 52 shapes, which is too few (its shapes are called "
+            f"{examples}); rename them to ARKit's names, such as jawOpen, or train from them with --examples."
         )
-    progress.at("Finding the face", 0.2)
-    found = upright_by_shapes(rig.mesh.vertices, named)
+    progress.at("Aligning the face", 0.2)
+    found = frame_from_shapes(rig.mesh.vertices, named)
     if found is None:
         raise FacePoserError(
-            f"The shapes of the rig '{source}' move too little of a face to tell where it looks; add shapes of brows, "
-            "eyes and mouth, or learn from it with --examples."
+            f"The shapes of the rig '{source}' move too little of the face to determine its orientation; add shapes of "
+            "brows, eyes and mouth, or train from it with --examples."
         )
     upright, exchanged = found
     mesh = assemble(rig.mesh, upright, np.stack([*named.values()]), rig.textures)
@@ -102,7 +102,7 @@ def _character(
     missing: Sequence[str],
     others: Sequence[str],
     exchanged: bool,
-    mesh: UprightMesh,
+    mesh: CanonicalMesh,
     options: RigOptions,
     progress: Progress,
 ) -> Character:
@@ -110,12 +110,12 @@ def _character(
     shapes = mesh.displacements(np.stack([named[name] for name in names]))
     turned = add_gaze(mesh.vertices.astype(np.float64), mesh.parts, names, shapes)
     progress.at("Finding eyes, brows and mouth", 0.4)
-    by_place = [other_side(name) if exchanged else name for name in names]
-    marks = find_landmarks(mesh.vertices, mesh.parts, dict(zip(by_place, shapes, strict=True)))
-    learned: Learned | None = None
+    by_side = [opposite_name(name) if exchanged else name for name in names]
+    landmarks = find_landmarks(mesh.vertices, mesh.parts, dict(zip(by_side, shapes, strict=True)))
+    learned: LearnedStatistics | None = None
     if options.captures:
-        learned = statistics_of_captures(options.captures, options.n_components, options.n_factors, progress)
-    progress.at("Putting it together", 0.9)
+        learned = learn_from_captures(options.captures, options.n_components, options.n_factors, progress)
+    progress.at("Assembling the character", 0.9)
     character = Character(
         name=options.name,
         title=options.title,
@@ -126,9 +126,9 @@ def _character(
         parts=mesh.parts,
         shape_names=names,
         shapes=shapes,
-        regions=marks.regions,
-        feature_points=marks.feature_points,
-        feature_titles=marks.feature_titles,
+        regions=landmarks.regions,
+        feature_points=landmarks.feature_points,
+        feature_titles=landmarks.feature_titles,
         textures=mesh.textures,
         credits=options.credits,
         statistics=learned.statistics if learned else None,
@@ -154,9 +154,9 @@ def _character(
 
 
 def _measures(character: Character) -> dict[str, object]:
-    """Return what the subspace keeps, and the curves of expressions drawn from the statistics."""
+    """Return the energy that the subspace keeps, and the curves of expressions drawn from the statistics."""
     model = build_face_model(character)
-    left = {name: round(share, 4) for name, share in model.unreached().items()}
+    left = {name: round(share, 4) for name, share in model.reconstruction_error().items()}
     worst = max(left, key=lambda name: left[name])
     variances = model.subspace.variances
     rng = np.random.default_rng(0)
@@ -168,7 +168,7 @@ def _measures(character: Character) -> dict[str, object]:
     return {
         "dimensions": model.n_coefficients,
         "kept_energy": round(float(1.0 - _lost(model.subspace.directions, model.gram, weights)), 5),
-        "unreached": {name: share for name, share in left.items() if share > _WORTH_TELLING},
+        "unreached": {name: share for name, share in left.items() if share > _LISTED_ERROR},
         "worst": {"shape": worst, "unreached": left[worst]},
         "variances": [round(float(v), 6) for v in variances[:5]],
         "curves": curves.as_json(),
@@ -176,7 +176,7 @@ def _measures(character: Character) -> dict[str, object]:
 
 
 def _lost(directions: NDArray[np.float64], gram: NDArray[np.float64], weights: NDArray[np.float64]) -> float:
-    """Return the share of the squared displacements of poses, (n, S) rig weights, that the subspace cannot make."""
+    """Return the share of the squared displacements of poses, rig weights (n, S), that the subspace loses."""
     inner = weights @ gram @ directions
     fitted = np.einsum("nr,nr->", inner, np.linalg.solve(directions.T @ gram @ directions, inner.T).T)
     total = np.einsum("ns,ns->", weights @ gram, weights)

@@ -1,9 +1,9 @@
-"""Regions of a face that move by themselves, each with modes of its own.
+"""Segmentation of a face into regions that move independently, each with its own modes.
 
-Blanz and Vetter ("A morphable model for the synthesis of 3D faces", 1999, section 3.2) cut the face into segments and
-blend them at their borders. The cut is that of the program's own man, on whom an upright face lies; or it comes from
-the examples: vertices whose movements go together belong together. The masks add up to one everywhere, so
-that the sum of all segments is the face again.
+Blanz and Vetter ("A morphable model for the synthesis of 3D faces", 1999, section 3.2) divide the face into segments
+and blend them at their borders. The segments are those of the built-in man, with whom an upright face is aligned, or
+are clustered from the examples by correlated motion. The masks sum to one everywhere, so that the sum of all segments
+is the face.
 """
 
 from collections.abc import Mapping
@@ -20,29 +20,29 @@ from faceposer.model.character_file import load_character
 
 Array = NDArray[np.float64]
 
-# What moves less than this share of the most moving vertex has no say in where the borders are.
+# Least motion of the vertices that determine the borders, as a share of the largest.
 _STILL = 0.03
-# How much nearness counts beside moving alike.
+# Weight of the distance relative to the similarity of motion.
 _NEARNESS = 0.8
 _TRAITS = 16
-# A cluster with less than this share of its movement within this many radii of the middle is two, left and right.
+# A cluster with less than this share of its motion within this many radii of the midline is split by sides.
 _ACROSS = 0.15
-_MIDST = 0.25
-# A segment that moves less than this share of what moves most has nothing of its own to learn.
+_MIDLINE = 0.25
+# Least motion of a separate segment, as a share of the largest.
 _LEAST_MOTION = 0.05
-# The borders are as wide as this share of the moving part's radius.
+# Width of the borders, as a share of the radius of the moving part.
 _BORDER = 0.14
 
 
 _FACE_RADIUS_CM = 4.0
-#: The segments of a face, with the man's regions that make them.
+#: The segments of a face, and the man's regions in each.
 _FACE = (
     ("brow left", ("brow_left",)),
     ("brow right", ("brow_right",)),
     ("eye left", ("lids_left", "eye_left")),
     ("eye right", ("lids_right", "eye_right")),
     ("ears", ("ear_left", "ear_right")),
-    # Cheeks and nose by themselves made smiles without cheeks, and were less accurate from four points on.
+    # Separate cheeks and nose produced smiles without cheeks, and were less accurate with four or more points.
     ("mouth", ("mouth", "lip_upper", "lip_lower", "jaw", "cheek_left", "cheek_right", "nose", "neck", "scalp")),
 )
 
@@ -52,8 +52,8 @@ class Segments:
     """A smooth partition of a face.
 
     Attributes:
-        names: By where they lie, such as "upper" or "lower left".
-        masks: How much each vertex belongs to each segment, shape (R, N), adding up to 1.
+        names: Names by position, such as "upper" or "lower left".
+        masks: Share of each vertex in each segment, shape (R, N), summing to 1 over the segments.
     """
 
     names: tuple[str, ...]
@@ -61,7 +61,7 @@ class Segments:
 
 
 def whole_face(n_vertices: int) -> Segments:
-    """Return the one segment that is the whole face."""
+    """Return a single segment, the whole face."""
     return Segments(("face",), np.ones((1, n_vertices), dtype=np.float32))
 
 
@@ -71,13 +71,13 @@ def face_segments(
     sample: NDArray[np.float32],
     regions: Mapping[str, NDArray[np.int32]] | None = None,
 ) -> Segments:
-    """Return brows, eyes, ears if they move, and the mouth with cheeks, nose and all the rest, of an upright face.
+    """Return the segments of an upright face: brows, eyes, ears if they move, and the mouth with all the rest.
 
     Args:
         vertices: Upright neutral face in centimetres, shape (N, 3).
         triangles: Vertex ids, shape (T, 3).
-        sample: Displacements in some examples, shape (n, N, 3).
-        regions: The face's own regions, if it has them; else those of the man, on whom it lies.
+        sample: Sample of the examples' displacements, shape (n, N, 3).
+        regions: Regions of the face; if None, those of the built-in man, with whom it is aligned.
     """
     motion = np.sqrt(np.einsum("fnd,fnd->n", sample, sample, dtype=np.float64) / len(sample))
     places, of = vertices, regions
@@ -105,14 +105,14 @@ def face_segments(
 def find_segments(
     vertices: Array, triangles: NDArray[np.integer], sample: NDArray[np.float32], count: int, seed: int = 0
 ) -> Segments:
-    """Return the segments of a face: ``count`` of them, those that lie on both sides and not between as two.
+    """Cluster a face into ``count`` segments; a cluster on both sides, but not in the middle, is split into two.
 
     Args:
         vertices: Upright neutral face, shape (N, 3).
         triangles: Vertex ids, shape (T, 3).
-        sample: Displacements in some examples, shape (n, N, 3).
-        count: How many segments to find; 1 for the whole face.
-        seed: Of the clustering.
+        sample: Sample of the examples' displacements, shape (n, N, 3).
+        count: Number of clusters; 1 for the whole face.
+        seed: Random seed of the clustering.
     """
     motion = np.sqrt(np.einsum("fnd,fnd->n", sample, sample, dtype=np.float64) / len(sample))
     moving = np.flatnonzero(motion > _STILL * motion.max(initial=0.0))
@@ -122,15 +122,15 @@ def find_segments(
     middle = weights @ vertices[moving] / weights.sum()
     radius = float(np.sqrt(weights @ ((vertices[moving] - middle) ** 2).sum(axis=1) / weights.sum()))
     traits = _movement_traits(sample[:, moving], motion[moving])
-    # What lies left and right moves alike, and is found together before it is parted.
+    # Both sides move similarly: they are clustered together before they are split.
     places = (vertices[moving] - middle) / radius
     places[:, 0] = np.abs(places[:, 0])
     from sklearn.cluster import KMeans  # slow to import
 
     clusters = KMeans(count, n_init=10, random_state=seed)
     clusters.fit(np.hstack([traits, _NEARNESS * places]), sample_weight=np.sqrt(motion[moving]))
-    parted = _by_sides(clusters.labels_, vertices[moving, 0] - middle[0], np.sqrt(motion[moving]), _MIDST * radius)
-    labels, _ = _without_gaps(_spread(parted, moving, vertices, triangles))
+    split = _split_sides(clusters.labels_, vertices[moving, 0] - middle[0], np.sqrt(motion[moving]), _MIDLINE * radius)
+    labels, _ = _without_gaps(_extend(split, moving, vertices, triangles))
     masks = _smooth(labels, vertices, triangles, (_BORDER * radius) ** 2)
     shares = masks @ (motion**2)
     order = [int(i) for i in np.argsort(-shares) if shares[i] > 0]
@@ -138,20 +138,20 @@ def find_segments(
     return Segments(_names(places_of), masks[order])
 
 
-def _by_sides(labels: NDArray[np.integer], x: Array, weights: Array, midst: float) -> NDArray[np.intp]:
-    """Return ``labels`` with a new one for the right of each cluster that has little of its weight near the middle."""
+def _split_sides(labels: NDArray[np.integer], x: Array, weights: Array, midline: float) -> NDArray[np.intp]:
+    """Return ``labels`` with a new label for the right of each cluster with little weight near the midline."""
     result: NDArray[np.intp] = labels.astype(np.intp)
     for label in np.unique(labels).tolist():
         inside = labels == label
-        if weights[inside & (np.abs(x) < midst)].sum() < _ACROSS * weights[inside].sum():
+        if weights[inside & (np.abs(x) < midline)].sum() < _ACROSS * weights[inside].sum():
             result[inside & (x < 0.0)] = result.max() + 1
     return result
 
 
 def _movement_traits(sample: NDArray[np.float32], motion: Array) -> Array:
-    """Return a few numbers per vertex, (n, k), whose distances tell how differently vertices move, whatever the extent.
+    """Return traits of each vertex, (n, k), with distances that measure the difference in motion, whatever its extent.
 
-    Movement to the left on the left and to the right on the right, as of a smile, is alike: x has no sign.
+    Symmetric motion to opposite sides, as in a smile, counts as equal: the sign of x is ignored.
     """
     sized = sample / motion[None, :, None]
     strengths = np.concatenate([np.abs(sized[..., :1]), sized[..., 1:]], axis=2)
@@ -162,16 +162,16 @@ def _movement_traits(sample: NDArray[np.float32], motion: Array) -> Array:
     return traits
 
 
-def _spread(
+def _extend(
     labels: NDArray[np.integer], moving: NDArray[np.intp], vertices: Array, triangles: NDArray[np.integer]
 ) -> NDArray[np.intp]:
-    """Return a label for every vertex: that of the nearest moving one, and one for each small piece as a whole."""
+    """Extend the ``labels`` of the moving vertices to all vertices by proximity, with one label per small component."""
     _, nearest = KDTree(vertices[moving]).query(vertices)
     return _whole_pieces(labels[nearest].astype(np.intp), triangles)
 
 
 def _whole_pieces(labels: NDArray[np.intp], triangles: NDArray[np.integer]) -> NDArray[np.intp]:
-    """Return ``labels``, (N,), with one for each small piece of the mesh: an eyeball is rigid and must not be cut."""
+    """Return ``labels``, (N,), with one label per small component of the mesh, since eyeballs must not be divided."""
     whole = labels.copy()
     n_pieces, piece = connected_components(_edges(triangles, len(labels)), directed=False)
     sizes = np.bincount(piece, minlength=n_pieces)
@@ -189,14 +189,14 @@ def _without_gaps(labels: NDArray[np.intp]) -> tuple[NDArray[np.intp], list[int]
 def _smooth(
     labels: NDArray[np.intp], vertices: Array, triangles: NDArray[np.integer], squared_width: float
 ) -> NDArray[np.float32]:
-    """Return masks, (R, N), of ``labels`` after heat has flowed along the surface so far; they still add up to 1."""
+    """Return the masks of ``labels``, (R, N), smoothed by heat diffusion along the surface; they sum to 1."""
     count = len(vertices)
     one_hot = np.zeros((count, int(labels.max()) + 1))
     one_hot[np.arange(count), labels] = 1.0
     edges = sparse.coo_array(_edges(triangles, count))
     i, j = edges.coords
     lengths = ((vertices[i] - vertices[j]) ** 2).sum(axis=1)
-    # Each edge passes heat as the square of the width over its own squared length, so that density does not matter.
+    # Conductance is the squared width over the squared edge length, so that the result is independent of mesh density.
     flow = np.minimum(squared_width / np.maximum(lengths, 1e-12 * squared_width), 1e4) * 0.25
     weights = sparse.coo_array((flow, (i, j)), shape=(count, count))
     weights = (weights + weights.T).tocsc()
@@ -215,7 +215,7 @@ def _edges(triangles: NDArray[np.integer], count: int) -> sparse.csr_array:
 
 
 def _names(places: list[Array]) -> tuple[str, ...]:
-    """Return what to call segments whose middles lie at ``places``, in radii from the middle of all."""
+    """Return names for segments with the centroids ``places``, in radii from the common centroid."""
     names: list[str] = []
     for place in places:
         height = "upper" if place[1] > 0.35 else "lower" if place[1] < -0.35 else "middle"

@@ -1,4 +1,4 @@
-"""The size of a mixture of factor analyzers, chosen by what it makes of frames that it did not see."""
+"""Selection of the size of a mixture of factor analyzers by cross-validation."""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -19,16 +19,16 @@ Fold = tuple[Array, Array]
 _COMPONENTS = (1, 2, 4, 8, 16, 24)
 _FACTORS = (3, 6, 10)
 _BLENDS = (0.2, 0.5, 0.8, 0.95)
-# Fewer samples than this for each component, on average, and most of what it learns is noise.
+# Least number of samples per component on average; with fewer, the components mostly fit noise.
 _SAMPLES_PER_COMPONENT = 25
-# A larger mixture must be better by this much per frame, or the smaller one is taken.
+# Least gain in log-likelihood per frame of a larger mixture.
 _WORTH = 0.02
 NOISE = 1e-5
 _NOT_CONVERGED = (
-    "The mixture of the prior had not converged when its learning ended: it can be used, and may fit the examples a "
-    "little less well than it could."
+    "The mixture of the prior did not converge within the iteration limit. It is usable, but may fit the examples "
+    "slightly less well."
 )
-# Of fewer samples nothing can be left out.
+# Least number of samples for cross-validation.
 _FEWEST_TO_LEAVE_OUT = 4
 
 
@@ -39,12 +39,12 @@ class Choice:
     Attributes:
         n_components: Number of factor analyzers.
         n_factors: Number of factors of each.
-        blend: Share of the covariance of all samples in each component's.
-        held_out: Mean log-likelihood of frames that were left out.
-        one_gaussian: The same of a single Gaussian.
-        tried: All sizes that were tried, with their results.
-        fixed: Whether the user set the number of analyzers or of factors.
-        converged: Whether the fit of that size to all frames converged.
+        blend: Share of the covariance of all samples that is blended into each component's.
+        held_out: Mean log-likelihood of held-out frames.
+        one_gaussian: Mean log-likelihood of held-out frames under a single Gaussian.
+        tried: All sizes that were compared, with their results.
+        fixed: True if the user set the number of analyzers or of factors.
+        converged: True if the final fit to all frames converged.
     """
 
     n_components: int
@@ -58,11 +58,11 @@ class Choice:
 
     @property
     def warnings(self) -> list[str]:
-        """Sentences about the fit for the summary of a character."""
+        """Warnings about the fit for the summary of a character."""
         return [] if self.converged else [_NOT_CONVERGED]
 
     def as_json(self) -> dict[str, Any]:
-        """Return the choice for a JSON file."""
+        """Return the JSON form of the choice."""
         return {
             "components": self.n_components,
             "factors": self.n_factors,
@@ -83,30 +83,30 @@ def choose_mixture(
     shrinkage: float = 0.1,
     noise: float = NOISE,
 ) -> Choice:
-    """Return the size of a mixture that gives the frames left out the greatest mean log-likelihood.
+    """Choose the size of a mixture that maximises the mean log-likelihood of held-out frames.
 
-    First the number of components is chosen, then that of factors; of sizes that are as good the smaller is taken.
+    The number of components is chosen first, then that of factors. Of equally good sizes, the smallest is chosen.
 
     Args:
-        folds: Pairs of samples to learn from, (n, d), and samples left out, (m, d): takes, or contiguous blocks.
-        progress: Told how far it is.
-        n_components: Taken as it is if given.
-        n_factors: Likewise.
-        shrinkage: Of the fit; see ``MixtureOfFactorAnalyzers``.
+        folds: Pairs of training samples, (n, d), and held-out samples, (m, d): takes, or contiguous blocks.
+        progress: Progress to update.
+        n_components: Number of components, if fixed by the user.
+        n_factors: Number of factors, if fixed by the user.
+        shrinkage: Shrinkage of the fit; see ``MixtureOfFactorAnalyzers``.
         noise: Least variance of the samples in any direction.
 
     Raises:
-        FacePoserError: If more is wished than there are samples or dimensions.
+        FacePoserError: If a fixed number exceeds that of samples or dimensions.
     """
     n_samples, n_dimensions = min(len(train) for train, _ in folds), folds[0][0].shape[1]
     if n_components is not None and n_components > n_samples:
         raise FacePoserError(
-            f"{n_components} factor analyzers are too many for {n_samples} examples (some are left out in turn); ask "
-            "for fewer with --components."
+            f"{n_components} factor analyzers are too many for {n_samples} examples (the rest are held out); set fewer "
+            "with --components."
         )
     if n_factors is not None and n_factors > n_dimensions:
         raise FacePoserError(
-            f"{n_factors} factors are too many for {n_dimensions} dimensions; ask for fewer with --factors."
+            f"{n_factors} factors are too many for {n_dimensions} dimensions; set fewer with --factors."
         )
     most = max(1, n_samples // _SAMPLES_PER_COMPONENT)
     sizes = [k for k in _COMPONENTS if k <= most] if n_components is None else [n_components]
@@ -114,12 +114,12 @@ def choose_mixture(
     usual = factors[-1] if n_factors is None else n_factors
     tried: list[dict[str, Any]] = []
     best: tuple[float, int, int, float] | None = None
-    gaussian = _judge(folds, 1, usual, shrinkage, noise)
+    gaussian = _evaluate(folds, 1, usual, shrinkage, noise)
     plan = [(k, usual) for k in sizes]
     done = 0
     while plan:
         k, q = plan.pop(0)
-        score, blend = gaussian if (k, q) == (1, usual) else _judge(folds, k, q, shrinkage, noise)
+        score, blend = gaussian if (k, q) == (1, usual) else _evaluate(folds, k, q, shrinkage, noise)
         done += 1
         progress.at("Choosing the size of the prior", done / (len(sizes) + len(factors)))
         tried.append({"components": k, "factors": q, "blend": blend, "held_out": round(score, 3)})
@@ -135,12 +135,12 @@ def choose_mixture(
     )
 
 
-def _judge(
+def _evaluate(
     folds: Sequence[Fold], n_components: int, n_factors: int, shrinkage: float, noise: float
 ) -> tuple[float, float]:
-    """Return the mean log-likelihood of the frames left out and the blend that gives it."""
+    """Return the best mean log-likelihood of the held-out frames over all blends, and the blend."""
 
-    def judge(fold: Fold) -> Array:
+    def log_likelihoods(fold: Fold) -> Array:
         train, left_out = fold
         fitted = MixtureOfFactorAnalyzers(
             min(n_components, len(train)),
@@ -159,15 +159,18 @@ def _judge(
         return np.array([mixture.log_densities(left_out).sum() for mixture in mixtures])
 
     count = sum(len(left_out) for _, left_out in folds)
-    # Sizes are compared after few iterations. NumPy leaves the interpreter free while it multiplies.
+    # The fits end after few iterations, converged or not. NumPy releases the interpreter lock during multiplications.
     with convergence_recorded(), ThreadPoolExecutor(2) as pool:
-        totals = np.sum([*pool.map(judge, folds)], axis=0)
+        totals = np.sum([*pool.map(log_likelihoods, folds)], axis=0)
     best = int(np.argmax(totals))
     return float(totals[best] / count), _BLENDS[best]
 
 
 def block_folds(samples: Array, n_blocks: int) -> list[Fold]:
-    """Return folds that leave out one of ``n_blocks`` contiguous blocks of ``samples``, (n, d); none of very few."""
+    """Return folds that each hold out one of ``n_blocks`` contiguous blocks of ``samples``, (n, d).
+
+    Very few samples give a single fold in which all serve as both training and held-out samples.
+    """
     if len(samples) < _FEWEST_TO_LEAVE_OUT:
         return [(samples, samples)]
     blocks = np.array_split(np.arange(len(samples)), min(n_blocks, len(samples)))
@@ -175,9 +178,9 @@ def block_folds(samples: Array, n_blocks: int) -> list[Fold]:
 
 
 def calm_covariance(samples: Array, noise: float = NOISE) -> Array:
-    """Return the covariance of ``samples``, (n, d), with the dimensions half as dependent and ``noise``, shape (d, d).
+    """Return the covariance of ``samples``, (n, d), with halved correlations and added ``noise``, shape (d, d).
 
-    Few samples say little of how two dimensions go together, and nothing of what lies across their span.
+    Few samples determine correlations poorly, and variances outside their span not at all.
     """
     covariance = np.cov(samples.T, bias=True).reshape(samples.shape[1], -1) + noise * np.eye(samples.shape[1])
     halved: Array = 0.5 * covariance + 0.5 * np.diag(np.diag(covariance))

@@ -1,4 +1,4 @@
-"""What was learned and how well, in words, as JSON and as pictures."""
+"""Summaries of characters and their training as text, JSON and plots."""
 
 import json
 from collections.abc import Mapping
@@ -12,12 +12,12 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.shape_names import match_arkit, whole_of
 
 _MANY = 6
-# A shape of which the subspace leaves more than this is worth a word.
-_UNREACHED = 0.15
+# Reconstruction error above which a shape is reported.
+_NOTABLE_ERROR = 0.15
 
 
 def description_of(character: Character) -> dict[str, Any]:
-    """Return what is in a character, for JSON: names, sizes and the summary of its training."""
+    """Return the JSON description of a character: names, sizes and the summary of its training."""
     return {
         "name": character.name,
         "title": character.title,
@@ -36,7 +36,7 @@ def description_of(character: Character) -> dict[str, Any]:
 
 
 def text_of_summary(character: Character) -> str:
-    """Return what a user wants to know of a character, a few lines."""
+    """Return a summary of a character in a few lines of text."""
     about = description_of(character)
     lines = [
         f"{character.title} ('{character.name}'): {about['file_vertices']} vertices, {len(character.polygons)} faces, "
@@ -46,10 +46,10 @@ def text_of_summary(character: Character) -> str:
     if summary.get("kind") == "rig":
         lines.append(f"{arkit_shapes_of(summary)}, {summary['dimensions']} dimensions")
         for key, words in (
-            ("missing", "done without"),
-            ("empty", "empty, move nothing"),
-            ("not_arkit", "not ARKit's, left out"),
-            ("eyes_turned", "eyes that no shape turned, now following the gaze"),
+            ("missing", "missing"),
+            ("empty", "empty (without motion)"),
+            ("not_arkit", "ignored (not ARKit's)"),
+            ("eyes_turned", "eyes without shapes, for which gaze was added"),
         ):
             if summary.get(key):
                 lines.append(f"{words}: {_listed(summary[key])}")
@@ -57,7 +57,7 @@ def text_of_summary(character: Character) -> str:
             share = 100 * summary["worst"]["unreached"]
             lines.append(
                 f"kept energy {_percent(summary['kept_energy'])}; worst shape {summary['worst']['shape']}, "
-                f"{share:.1f} % of it not reached"
+                f"{share:.1f} % of it lost"
             )
     elif summary:
         lines.append(f"{summary['examples']} examples, {summary['dimensions']} modes; neutral: {summary['neutral']}")
@@ -69,7 +69,7 @@ def text_of_summary(character: Character) -> str:
         if "markers" in summary:
             marked = summary["markers"]
             lines.append(
-                f"{marked['frames']} frames of markers, {marked['frames_left_out']} left out, "
+                f"{marked['frames']} frames of markers, {marked['frames_left_out']} skipped, "
                 f"{marked['gaps_filled']} gaps filled"
             )
     else:
@@ -78,8 +78,8 @@ def text_of_summary(character: Character) -> str:
     curves = summary.get("curves", {})
     if curves.get("generalization_cm"):
         lines.append(
-            f"left-out expressions are met to {10 * curves['generalization_cm'][-1]:.2f} mm "
-            f"(neutral: {10 * curves['neutral_cm']:.2f} mm), by {curves['components'][-1]} components"
+            f"held-out expressions are met to {10 * curves['generalization_cm'][-1]:.2f} mm "
+            f"(neutral: {10 * curves['neutral_cm']:.2f} mm) with {curves['components'][-1]} components"
         )
     lines += [f"Note: {warning}" for warning in summary.get("warnings", [])]
     if character.credits:
@@ -88,14 +88,14 @@ def text_of_summary(character: Character) -> str:
 
 
 def arkit_shapes_of(summary: Mapping[str, Any]) -> str:
-    """Return how many of ARKit's shapes a rig has, from its summary: neither those missing nor those that move nothing.
+    """Describe the number of ARKit's shapes in a rig from its summary, without missing and empty ones.
 
-    A rig may have a shape in two halves, which is one of the 52.
+    A shape that a rig splits into two halves counts once.
     """
     lacking = {*summary["missing"], *map(whole_of, summary["empty"])}
-    there = len(ARKIT_SHAPES) - len(lacking)
-    text = f"{there} of ARKit's {len(ARKIT_SHAPES)} shapes"
-    if summary["shapes"] != there + len(summary["empty"]):
+    present = len(ARKIT_SHAPES) - len(lacking)
+    text = f"{present} of ARKit's {len(ARKIT_SHAPES)} shapes"
+    if summary["shapes"] != present + len(summary["empty"]):
         text += f", as {summary['shapes']} sliders, some for one side"
     return text
 
@@ -105,7 +105,7 @@ def _prior_lines(prior: dict[str, Any]) -> list[str]:
         return [f"prior: {prior['from']}"] if prior else []
     lines = [
         f"prior: {prior['components']} factor analyzers of {prior['factors']} factors"
-        f"{', as wished' if prior['fixed_by_user'] else ', chosen by data left out'} (log-likelihood "
+        f"{', set by the user' if prior['fixed_by_user'] else ', chosen by cross-validation'} (log-likelihood "
         f"{prior['held_out_log_likelihood']:.1f}; one Gaussian {prior['one_gaussian']:.1f})"
     ]
     if prior.get("takes"):
@@ -118,28 +118,32 @@ def _prior_lines(prior: dict[str, Any]) -> list[str]:
 
 
 def findings_of(character: Character, model: FaceModel) -> list[str]:
-    """Return what could be better about a sound character, a sentence each."""
+    """Return the shortcomings of a valid character, one sentence each."""
     found = []
     if character.summary.get("kind") not in ("examples", "markers"):
         missing = match_arkit(character.shape_names, f"The character '{character.name}'").missing
         if missing:
-            found.append(f"It has no {_listed(missing)}: the face cannot make them.")
+            found.append(f"It lacks {_listed(missing)}: the face cannot make these expressions.")
     empty = [name for name, shape in zip(character.shape_names, character.shapes, strict=True) if not shape.any()]
     if empty:
-        found.append(f"Nothing moves in {_listed(empty)}.")
-    hard = [f"{name} ({100 * share:.0f} %)" for name, share in model.unreached().items() if share > _UNREACHED]
+        found.append(f"Shapes without motion: {_listed(empty)}.")
+    hard = [
+        f"{name} ({100 * share:.0f} %)"
+        for name, share in model.reconstruction_error().items()
+        if share > _NOTABLE_ERROR
+    ]
     if hard:
-        found.append(f"Only partly within reach (share that is not): {_listed(hard)}.")
+        found.append(f"Shapes that the subspace makes only in part (share lost): {_listed(hard)}.")
     if not character.feature_points:
-        found.append("It has no feature points: places have no names, and no buttons for mouth and eyes.")
+        found.append("It has no feature points: places have no names, and there are no buttons for mouth and eyes.")
     return found + [str(warning) for warning in character.summary.get("warnings", [])]
 
 
 def write_summary(folder: Path, character: Character) -> None:
-    """Write ``summary.json`` and, where matplotlib is there, ``summary.png`` into ``folder``, made if it is missing.
+    """Write ``summary.json`` and ``summary.png`` into ``folder``, which is created if it does not exist.
 
     Raises:
-        FacePoserError: If they cannot be written, or there is no matplotlib for the picture.
+        FacePoserError: If they cannot be written, or matplotlib is not installed for the plot.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -158,15 +162,15 @@ def _plot(path: Path, character: Character) -> None:
         from matplotlib.figure import Figure
     except ImportError:
         raise FacePoserError(
-            "The picture of the summary needs matplotlib (summary.json and the character are written): "
-            "pip install 'faceposer[plots]'."
+            "The plot of the summary needs matplotlib (summary.json and the character are written); install it with: "
+            "pip install 'faceposer[plots]'"
         ) from None
     figure = Figure(figsize=(12, 3.6), layout="constrained")
     panels = figure.subplots(1, 3)
     components = curves["components"]
     for axes, key, title, unit in (
         (panels[0], "compactness", "Compactness", "share of the energy"),
-        (panels[1], "generalization_cm", "Generalization", "cm, examples left out"),
+        (panels[1], "generalization_cm", "Generalization", "cm, held-out examples"),
         (panels[2], "specificity_cm", "Specificity", "cm to the nearest example"),
     ):
         if curves[key]:
@@ -177,7 +181,7 @@ def _plot(path: Path, character: Character) -> None:
         axes.set_ylim(bottom=0.0)
         axes.grid(alpha=0.3)
     figure.suptitle(character.title)
-    with atomic_file(path, "picture") as temporary:
+    with atomic_file(path, "plot") as temporary:
         figure.savefig(temporary, dpi=110, format="png")
 
 

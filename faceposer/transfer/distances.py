@@ -110,8 +110,8 @@ class DistanceTransfer:
             self.target,
             (),
             prior_weight=self._prior_weight,
-            evidence=[term],
-            held=held,
+            extra_terms=[term],
+            passive_terms=held,
             offset=offset,
             spread=RECORDED_SPREAD,
         )

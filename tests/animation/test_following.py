@@ -143,7 +143,7 @@ def test_all_poses_together_are_at_a_minimum(model: FaceModel) -> None:
     tracks = tracked(model, poses, noise_px=1.5)
     rows, neutral = model.rows_at(tracks.points)
     problems = [
-        PoseProblem(model, [], evidence=[TrackTerm(rows, neutral, targets, np.ones(len(SEVEN)), tracks.camera)])
+        PoseProblem(model, [], extra_terms=[TrackTerm(rows, neutral, targets, np.ones(len(SEVEN)), tracks.camera)])
         for targets in tracks.positions
     ]
     metric = smoothness_metric(model, 1.0, 30.0)
@@ -242,7 +242,7 @@ def test_other_evidence_pulls_and_is_seen_by_the_prior(model: FaceModel) -> None
     tracks = tracked(model, performed(model, 16))
     rows, neutral = model.rows_at(tracks.points)
     term = TrackTerm(rows, neutral, tracks.positions[15], np.ones(len(SEVEN)), tracks.camera)
-    with_it, without = PoseProblem(model, [], evidence=[term]), PoseProblem(model, [])
+    with_it, without = PoseProblem(model, [], extra_terms=[term]), PoseProblem(model, [])
     assert not np.allclose(with_it.mixture.covariances, without.mixture.covariances)
     assert not with_it.at_rest
     off = np.abs(term.residual(with_it.state(solve(with_it).coefficients)))

@@ -84,7 +84,7 @@ def test_examples_are_trained(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     status, out, err = run_captured(capsys, "train", "--examples", folder, "-o", output, "--dimensions", "8")
     assert (status, err) == (0, "")
     assert "15 examples, 8 modes" in out
-    assert "not converged" not in out
+    assert "did not converge" not in out
     character = load_character(output)
     assert character.statistics is not None
     old = character.shape_names[0]
@@ -109,17 +109,17 @@ def test_a_prior_that_did_not_converge_is_reported(
             capsys, "train", *source, "-o", tmp_path / "me.npz", "--summary", tmp_path / "about"
         )
         assert (status, err) == (0, "")
-        (line,) = (line for line in out.splitlines() if "not converged" in line)
-        assert line.startswith("Note: The mixture of the prior had not converged when its learning ended")
+        (line,) = (line for line in out.splitlines() if "did not converge" in line)
+        assert line.startswith("Note: The mixture of the prior did not converge within the iteration limit")
         summary = json.loads((tmp_path / "about" / "summary.json").read_text())["summary"]
         assert summary["prior"]["converged"] is False
-        assert sum("not converged" in warning for warning in summary["warnings"]) == 1
+        assert sum("did not converge" in warning for warning in summary["warnings"]) == 1
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["train", "--rig", "nowhere.glb", "-o", "a.npz"], "There is no 'nowhere.glb'; check the path."),
+        (["train", "--rig", "nowhere.glb", "-o", "a.npz"], "'nowhere.glb' does not exist; check the path."),
         (["train", "--rig", "x.glb", "-o", "a.obj"], "The output 'a.obj' must end in '.npz'."),
         (["train", "-o", "a.npz"], "One of the arguments --rig --examples --markers is required"),
         (["train", "--rig", "x.glb", "--examples", "y", "-o", "a.npz"], "not allowed with"),

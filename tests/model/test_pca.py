@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sklearn.decomposition import PCA
 
-from faceposer.model.pca import rig_pca, smallest_reaching, unreached
+from faceposer.model.pca import reconstruction_error, rig_pca, smallest_reaching
 
 
 @pytest.fixture
@@ -40,11 +40,11 @@ def test_empty_and_repeated_shapes_add_no_dimension(rig: tuple[np.ndarray, np.nd
     assert len(subspace.variances) == 6
 
 
-def test_unreached_is_what_a_least_squares_fit_leaves(rig: tuple[np.ndarray, np.ndarray]) -> None:
+def test_the_reconstruction_error_is_what_a_least_squares_fit_leaves(rig: tuple[np.ndarray, np.ndarray]) -> None:
     shapes, weights = rig
     subspace = rig_pca(shapes @ shapes.T, np.cov(weights.T)).truncated(3)
     basis = (subspace.directions.T @ shapes).T
-    for shape, share in zip(shapes, unreached(subspace.directions, shapes @ shapes.T), strict=True):
+    for shape, share in zip(shapes, reconstruction_error(subspace.directions, shapes @ shapes.T), strict=True):
         rest = shape - basis @ np.linalg.lstsq(basis, shape, rcond=None)[0]
         assert share == pytest.approx(np.linalg.norm(rest) / np.linalg.norm(shape), abs=1e-6)
 
@@ -56,5 +56,5 @@ def test_smallest_reaching_is_the_smallest(rig: tuple[np.ndarray, np.ndarray]) -
     chosen = smallest_reaching(everything, gram, np.array([0, 1, 2]), 0.15)
     r = chosen.directions.shape[1]
     assert r < 6
-    assert unreached(chosen.directions, gram)[:3].max() <= 0.15
-    assert unreached(everything.truncated(r - 1).directions, gram)[:3].max() > 0.15
+    assert reconstruction_error(chosen.directions, gram)[:3].max() <= 0.15
+    assert reconstruction_error(everything.truncated(r - 1).directions, gram)[:3].max() > 0.15

@@ -11,7 +11,7 @@ from faceposer.solve.bounded_model import BoundedModel
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.constraints.stroke import StrokeConstraint
-from faceposer.solve.definite import solved, solved_by_root, square_root
+from faceposer.solve.definite import robust_cholesky, solve_definite, solve_triangular
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem, Ridge
 
@@ -49,15 +49,15 @@ def test_the_step_leads_to_where_the_model_is_least(model: FaceModel, camera: Ca
     problem = PoseProblem(model, pulls(model, camera, 8, 60.0, seed), prior_weight=0.1, spread=1.0)
     state = problem.state(problem.start)
     _, gradient = problem.energy_and_gradient_at(state)
-    step, promised = BoundedModel(problem, state, gradient).least()
+    step, promised = BoundedModel(problem, state, gradient).minimise()
     curvature = problem.curvature_at(state, bounded=False)
-    at_start = sum(np.asarray(bound.at(state.p)[1]) for bound in problem.bounds)
+    at_start = sum(np.asarray(bound.evaluate(state.p)[1]) for bound in problem.bounds)
 
     def value(d: np.ndarray) -> float:
-        held = sum(bound.at(state.p + d)[0] - bound.at(state.p)[0] for bound in problem.bounds)
+        held = sum(bound.evaluate(state.p + d)[0] - bound.evaluate(state.p)[0] for bound in problem.bounds)
         return float(d @ (gradient - at_start) + 0.5 * d @ curvature @ d) + held
 
-    assert any(bound.at(state.p + step)[2].any() for bound in problem.bounds), "bounds are met"
+    assert any(bound.evaluate(state.p + step)[2].any() for bound in problem.bounds), "bounds are met"
     assert value(step) == pytest.approx(-promised)
     assert promised > 0.0
     rng = np.random.default_rng(seed)
@@ -123,12 +123,12 @@ def test_definite_matrices_are_solved_even_where_rounding_has_made_them_none() -
     rng = np.random.default_rng(0)
     rows = rng.normal(size=(40, 12))
     matrix, right = rows.T @ rows, rng.normal(size=12)
-    lower = square_root(matrix)
+    lower = robust_cholesky(matrix)
     np.testing.assert_allclose(lower @ lower.T, matrix)
-    np.testing.assert_allclose(lower @ solved_by_root(lower, right), right)
-    np.testing.assert_allclose(lower.T @ solved_by_root(lower, right, transposed=True), right)
-    np.testing.assert_allclose(matrix @ solved(matrix, right), right)
+    np.testing.assert_allclose(lower @ solve_triangular(lower, right), right)
+    np.testing.assert_allclose(lower.T @ solve_triangular(lower, right, transposed=True), right)
+    np.testing.assert_allclose(matrix @ solve_definite(matrix, right), right)
     thin = 1e8 * np.outer(right, right) - 1e-9 * np.eye(12)
-    root = square_root(thin)
+    root = robust_cholesky(thin)
     assert np.isfinite(root).all()
     np.testing.assert_allclose(root @ root.T, thin, atol=1e-3 * np.abs(thin).max())

@@ -79,7 +79,7 @@ def keeps_its_pairs(term: Term, problem: PoseProblem, p: np.ndarray, step: float
         return np.ones(len(p), dtype=bool)
 
     def pairs(x: np.ndarray) -> np.ndarray:
-        match = term._matched(problem.state(x))
+        match = term._match_at(problem.state(x))
         return np.concatenate([match.nearest_target, match.nearest_source])
 
     here, steps = pairs(p), step * np.eye(len(p))
@@ -244,7 +244,7 @@ def test_fixed_points_cost_the_same_however_many(model: FaceModel) -> None:
         ("stroke", {"source": {"vertices": [1]}}, "source has the unknown key 'vertices'"),
         ("curve", {"source": [[1, 2]]}, "source must be a list of 2 to 64 pixels"),
         ("curve", {"target": [[1, 2], [3, 4]]}, "as many points as its source"),
-        ("curve", {"parameters": [9.0] * 20}, "parameters must lie from 0 to 3"),
+        ("curve", {"parameters": [9.0] * 20}, "parameters must be from 0 to 3"),
         ("fixed", {"positions": [[0, 0, 0]]}, "positions must be a list of 40 positions"),
         ("fixed", {"anchors": []}, "anchors must be a list of 1 to"),
         ("gaze", {"direction": [1]}, "direction must be a list of 2 numbers"),

@@ -30,7 +30,7 @@ def pulls(model: FaceModel, camera: Camera, *places: str, by: tuple[float, float
 
 
 def trusted(model: FaceModel, constraints: list[Constraint], spread: float = 0.5) -> float:
-    return PoseProblem(model, constraints, spread=spread).trusted
+    return PoseProblem(model, constraints, spread=spread).trust
 
 
 def test_one_part_is_local_and_points_over_the_face_are_whole(model: FaceModel, camera: Camera) -> None:
@@ -74,7 +74,7 @@ def test_a_constraint_comes_in_by_its_weight_without_jumps(model: FaceModel, cam
     for weight in [0.0, *np.geomspace(1e-4, 1.0, 41)]:
         asked = [*constraints, replace(extra, weight=float(weight))]
         problem = PoseProblem(model, asked)
-        values.append(problem.trusted)
+        values.append(problem.trust)
         faces.append(model.instance(solve(problem).coefficients))
     assert values[-1] > values[0] + 0.1
     assert values == sorted(values)

@@ -53,7 +53,7 @@ def test_it_is_unknown_before_and_after(model: FaceModel, tmp_path: Path) -> Non
     document = Document("man", (lips_at(model, model.neutral()),))
     with registered_constraint():
         write_document(tmp_path / "a.json", document)
-        with pytest.raises(ValueError, match="there is a kind of constraint 'midpoint'"):
+        with pytest.raises(ValueError, match="the kind of constraint 'midpoint' is already registered"):
             register(MidpointConstraint)
     assert known == CONSTRAINTS
     with pytest.raises(FacePoserError, match=r"constraints\[0\]\.type is .*midpoint"):

@@ -89,7 +89,7 @@ def test_bad_takes_are_refused_by_place(tmp_path: Path) -> None:
             tmp_path / "3.csv",
             [row([0.0] * 52), row([0.0] * 51 + ["high"])],  # type: ignore[list-item]
         ),
-        "Line 2 of .* has 33 values, 55 are needed": write(tmp_path / "4.csv", [row([0.0] * 30)]),
+        "Line 2 of .* has 33 values instead of 55": write(tmp_path / "4.csv", [row([0.0] * 30)]),
         "Line 2 of .* has 6 values": write(tmp_path / "5.csv", [[*row([0.5]), 1, 2]], jaw),
         "Line 2 of .* 'nan' in column JawOpen": write(tmp_path / "6.csv", [row([float("nan")])], jaw),
         "Line 2 of .* '57.5' in column JawOpen": write(tmp_path / "7.csv", [row([57.5])], jaw),
@@ -98,18 +98,20 @@ def test_bad_takes_are_refused_by_place(tmp_path: Path) -> None:
             [row([0.1, 0.2]), row(["", 0.2])],  # type: ignore[list-item]
             ("jawOpen", "tongueOut"),
         ),
-        "JawOpen for jawOpen more than once": write(tmp_path / "9.csv", [row([0.5, 0.5])], ("jawOpen", "jawOpen")),
-        "for eyeBlinkLeft more than once": write(tmp_path / "10.csv", [], ("eyeBlink_L", "eyeBlinkLeft")),
-        "for cheekPuff more than once": write(
-            tmp_path / "11.csv", [], ("cheekPuff", "cheekPuffLeft", "cheekPuffRight")
+        r"2 columns for jawOpen \(JawOpen, JawOpen\)": write(
+            tmp_path / "9.csv", [row([0.5, 0.5])], ("jawOpen", "jawOpen")
         ),
+        r"2 columns for eyeBlinkLeft \(EyeBlink_L, EyeBlinkLeft\)": write(
+            tmp_path / "10.csv", [], ("eyeBlink_L", "eyeBlinkLeft")
+        ),
+        "3 columns for cheekPuff ": write(tmp_path / "11.csv", [], ("cheekPuff", "cheekPuffLeft", "cheekPuffRight")),
         "cannot be read": tmp_path / "missing.csv",
         "cannot be read ": tmp_path / "binary.csv",
         "no name of a shape such": tmp_path / "empty.csv",
         "Line 3 of .* begins with 'x'": tmp_path / "word.txt",
         "Line 2 of .* is a frame before": tmp_path / "before.txt",
         "Line 2 of .* names the shapes again": tmp_path / "twice.txt",
-        "Line 4 of .* has 13 values, 14 are needed": write_face_cap(
+        "Line 4 of .* has 13 values instead of 14": write_face_cap(
             tmp_path / "short.txt", ["jawOpen", "jawLeft"], [[0.1, 0.2], [0.1]]
         ),
         "Line 3 of .* 'a' in column jawLeft": write_face_cap(

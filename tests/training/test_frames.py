@@ -118,7 +118,7 @@ def test_frame_that_cannot_be_aligned_is_named(tmp_path: Path) -> None:
     frames[2] = 1.0
     reader = reader_of(sequence_of(moving(mesh, 4), mesh, tmp_path / "sound.npz"))
     broken = type(reader)(sequence_of(frames, mesh, tmp_path / "a.npz"), reader.steady)
-    with pytest.raises(FacePoserError, match=r"frame 3 of '.*a\.npz' cannot be laid on each other"):
+    with pytest.raises(FacePoserError, match=r"frame 3 of '.*a\.npz' cannot be aligned"):
         broken.read(0, 4)
 
 

@@ -27,7 +27,7 @@ def test_modes_and_weights_make_the_examples(tmp_path: Path) -> None:
     for segments in (whole_face(len(ids)), halves(len(ids))):
         with spooled(reader, Progress()) as store:
             modes = learn_modes(store, displacements[::8], segments, metric, ids)
-        assert modes.settled
+        assert modes.converged
         assert all(share >= KEEP for share in modes.kept.values())
         np.testing.assert_allclose((modes.weights**2).mean(axis=0), 1.0, rtol=1e-5)
         made = np.einsum("fr,rnd->fnd", modes.weights, modes.fields)

@@ -16,7 +16,7 @@ from faceposer.model.contact.measure import penetration_mm
 from faceposer.model.face_model import build_face_model
 from faceposer.training.eyes import add_gaze, misplaced_eyes
 from faceposer.training.mouth_parts import find_mouth
-from faceposer.training.parts import into_parts, material_of
+from faceposer.training.parts import material_of, split_into_parts
 from faceposer.training.request import TrainingRequest, train
 
 RIGS = os.environ.get("FACEPOSER_RIGS")
@@ -90,7 +90,7 @@ def test_a_mesh_of_one_piece_has_no_mouth() -> None:
 def test_parts_of_the_mouth_have_names_and_materials() -> None:
     vertices, triangles = joined(HEAD, ball((0.0, -4.0, 5.0), (4.2, 1.5, 2.5)), *crowns())
     mesh = PolygonMesh(vertices, triangles.astype(np.int32), groups=(Group("face", (0, len(triangles)), "all"),))
-    parted = into_parts(mesh, vertices, np.zeros((len(vertices), 1)))
+    parted = split_into_parts(mesh, vertices, np.zeros((len(vertices), 1)))
     assert [(part.name, part.material) for part in parted.parts] == [
         ("face", "skin"),
         ("face_teeth", "teeth"),
@@ -124,7 +124,7 @@ def test_concentric_shells_turn_about_one_centre_and_eyes_in_one_place_are_named
     np.testing.assert_allclose(after, before, atol=1e-4)
     assert misplaced_eyes(vertices, parts) == []
     both = [Part("eyeLeft", "eye", (0, 1), (0, n)), Part("eyeRight", "eye", (1, 2), (n, 2 * n))]
-    assert "eyeLeft and eyeRight lie in the same place" in misplaced_eyes(vertices - [3.0, 0.0, 0.0], both)[0]
+    assert "eyeLeft and eyeRight are in the same place" in misplaced_eyes(vertices - [3.0, 0.0, 0.0], both)[0]
     assert misplaced_eyes(vertices, both) == []
 
 

@@ -229,11 +229,11 @@ def test_a_rig_of_another_program() -> None:
     ]
     assert [part.material for part in character.parts] == ["eye", "eye", "teeth", "skin", "teeth", "gums"]
     # Its exporter has lost the places of the eyes.
-    assert "eyeLeft and eyeRight lie in the same place" in character.summary["warnings"][0]
+    assert "eyeLeft and eyeRight are in the same place" in character.summary["warnings"][0]
     assert character.summary["empty"] == ["tongueOut"]
     corners = character.vertices[[character.feature_points["8.3"], character.feature_points["8.4"]]]
     np.testing.assert_allclose(corners[0], corners[1] * [-1, 1, 1], atol=0.3)
-    assert max(build_face_model(character).unreached().values()) < 0.15
+    assert max(build_face_model(character).reconstruction_error().values()) < 0.15
 
 
 def test_left_and_right_exchanged_is_noticed() -> None:

@@ -67,7 +67,7 @@ def exact(frames: np.ndarray, region: Region, count: int) -> tuple[np.ndarray, n
 
 def check(found: Components, frames: np.ndarray, region: Region, count: int, degrees: float = 0.1) -> None:
     rows, energies, total = exact(frames, region, count)
-    assert found.settled
+    assert found.converged
     assert found.total == pytest.approx(total, rel=1e-5)
     np.testing.assert_allclose(found.energies, energies, rtol=1e-4, atol=1e-6 * total)
     assert np.rad2deg(subspace_angles(found.directions.T.astype(np.float64), rows.T)[0]) < degrees
@@ -138,7 +138,7 @@ def test_identical_frames_have_one_component_and_still_ones_none() -> None:
     assert found.kept(1) == pytest.approx(1.0, abs=1e-6)
     still = np.zeros((30, N, 3))
     found = regional_pca(InMemory(still), [whole()], still[:4].astype(np.float32), 5)[0]
-    assert found.settled
+    assert found.converged
     assert found.total == 0.0
     assert found.kept(1) == 1.0
     assert np.isfinite(found.directions).all()

@@ -1,1 +1,1 @@
-"""The constraints: what a user can say about a face, one file per kind."""
+"""The kinds of constraints, one module for each."""

@@ -1,4 +1,4 @@
-"""The base of all kinds of constraints: weight, switches, and what the rest of the program asks of a kind."""
+"""Base classes of all kinds of constraints."""
 
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Protocol, Self
@@ -18,7 +18,7 @@ LARGEST_WEIGHT = 1e6
 
 
 class PlaceNames(Protocol):
-    """Names for the places of a face."""
+    """Names of places on a face."""
 
     def name(self, point: SurfacePoint | int) -> str:
         """Return the name of a surface point or a vertex."""
@@ -35,17 +35,17 @@ class PlaceNames(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class ConstraintBase:
-    """How much a constraint counts, and what most kinds have in common.
+    """Base class of constraints: weight, switches and default implementations.
 
     Attributes:
         kind: Name of the kind in session files.
-        noun: What one constraint of the kind is called where a person reads.
-        icon: Name of its icon, one of the tools'.
-        informs_prior: Whether it tells something of the rest of the face, so that the prior is conditioned on it.
+        noun: Name of the kind in the user interface.
+        icon: Name of its icon, one of the tools' icons.
+        informs_prior: True if the prior is conditioned on constraints of this kind.
         weight: Factor on its energy, at least 0.
-        enabled: Whether it counts.
-        locked: Whether it is safe from being moved or removed by hand.
-        rest: Where its ``places`` lie on the neutral face, shape (n, 3), in a file; None while it is edited.
+        enabled: True if the constraint is active.
+        locked: True if the constraint cannot be moved or removed by hand.
+        rest: Positions of its ``places`` on the neutral face, shape (n, 3), in a file; None while it is edited.
     """
 
     kind: ClassVar[str] = ""
@@ -60,67 +60,67 @@ class ConstraintBase:
 
     @property
     def points(self) -> SurfacePoints:
-        """The points of the surface that the constraint speaks of."""
+        """The constrained points of the surface."""
         raise NotImplementedError
 
     @property
     def places(self) -> SurfacePoints | None:
-        """The points of the surface that a file stores for the constraint, or None where it stores none."""
+        """The points of the surface that a file stores for the constraint, or None if it stores none."""
         return self.points
 
     def with_rest(self, model: FaceModel) -> Self:
-        """Return the constraint as a file keeps it, with the rest positions of its ``places``."""
+        """Return the constraint as stored in a file, with the rest positions of its ``places``."""
         places = self.places
         if places is None or not len(places):
             return replace(self, rest=None)
         return replace(self, rest=places.positions(model.character.vertices, model.triangles))
 
     def without_rest(self) -> Self:
-        """Return the constraint as it is edited, without rest positions."""
+        """Return the constraint for editing, without rest positions."""
         return self if self.rest is None else replace(self, rest=None)
 
     def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> Self:
-        """Return the constraint on another version of the character.
+        """Return the constraint transferred to another version of the character.
 
         Args:
-            places: Takes the stead of ``places``; None if those are None.
-            frame: Lays the old version on the new one; what was drawn is seen by a camera that is moved likewise.
-            shift: From where ``frame`` takes the rest position of each place to that of the new one, shape (n, 3).
+            places: The new ``places``; None if those are None.
+            frame: Similarity from the old version to the new one, which the camera follows.
+            shift: Offset of each new rest position from the old one transformed by ``frame``, shape (n, 3).
         """
         raise NotImplementedError
 
     def resolved(self, model: FaceModel, p: ArrayLike) -> Self:
-        """Return the constraint as it is, once its points are known to lie on the face.
+        """Check the points of the constraint, and return it unchanged.
 
         Raises:
-            ValueError: If they do not.
+            ValueError: If a point does not lie on the face.
         """
         self.points.check(model.triangles)
         return self
 
     def moved_start(self, model: FaceModel, start: Array) -> Array:
-        """Return ``start``: most constraints pull only by their energy."""
+        """Return the ``start`` pose unchanged: most constraints act through their energy only."""
         return start
 
     def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
-        """Return ``residual_px``, given where the points of the constraint appear, shape (n, 2)."""
+        """Return ``residual_px``, given the projected ``pixels`` of the constraint's points, shape (n, 2)."""
         return self.residual_px(model, p)
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
-        """Return how far the constraint is from being met by the face ``p``, shape (r,), in pixels."""
+        """Return the residual of the constraint on the face ``p``, shape (r,), in pixels."""
         raise NotImplementedError
 
     def nudged(self, offset: tuple[float, float]) -> Self | None:
-        """Return the constraint with its target moved by ``offset`` pixels of its camera, or None if it has none."""
+        """Return the constraint with its target moved by ``offset`` pixels of its camera, or None without a target."""
         return None
 
     def place(self, names: PlaceNames) -> str:
-        """Return the name of the place that the constraint speaks of."""
+        """Return the name of the constrained place."""
         points = self.points
         return names.name(points[len(points) // 2]) if len(points) else "nothing"
 
     def switches_to_json(self) -> dict[str, Any]:
-        """Return the switches as the session file has them; a lock is written only where there is one."""
+        """Return weight, switches and rest positions in their JSON form; ``locked`` is written only if it is set."""
         data: dict[str, Any] = {"weight": self.weight, "enabled": self.enabled}
         if self.locked:
             data["locked"] = True
@@ -130,7 +130,7 @@ class ConstraintBase:
 
 
 class ConstraintJson(JsonObject, kw_only=True):
-    """Base of the JSON forms of all kinds: the keys that each of them has."""
+    """Base of the JSON forms of all kinds, with their common keys."""
 
     type: str
     weight: Annotated[float, Meta(ge=0.0, le=LARGEST_WEIGHT)] = 1.0

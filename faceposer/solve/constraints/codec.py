@@ -1,4 +1,4 @@
-"""JSON forms that the constraints share (docs/session-format.md)."""
+"""JSON forms shared by the constraints (docs/session-format.md)."""
 
 from typing import Annotated, Any
 
@@ -36,7 +36,7 @@ class AnchorJson(JsonObject):
     barycentric: Triple | UnsetType = UNSET
 
     def __post_init__(self) -> None:
-        """Check that it is one of the two."""
+        """Check that the keys describe exactly one of the two."""
         on_face = (self.face is not UNSET, self.barycentric is not UNSET)
         if on_face != (self.vertex is UNSET,) * 2:
             raise JsonError("must have either the key 'vertex', or 'face' and 'barycentric'")
@@ -71,7 +71,7 @@ class CameraJson(JsonObject):
     shift: Pixel = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        """Check that the numbers make a camera."""
+        """Check that the numbers describe a valid camera."""
         self.camera()
 
     def camera(self) -> Camera:
@@ -80,14 +80,14 @@ class CameraJson(JsonObject):
 
 
 def anchor_to_json(anchor: SurfacePoint | int) -> dict[str, Any]:
-    """Return a vertex index or a surface point as the session file has it."""
+    """Return the JSON form of a vertex index or a surface point."""
     if isinstance(anchor, int):
         return {"vertex": anchor}
     return {"face": anchor.face, "barycentric": list(anchor.barycentric)}
 
 
 def points_to_json(points: SurfacePoints) -> list[dict[str, Any]]:
-    """Return many points as the session file has them."""
+    """Return the JSON form of surface points."""
     return [anchor_to_json(point) for point in points]
 
 
@@ -97,26 +97,26 @@ def points_of(anchors: list[AnchorJson]) -> SurfacePoints:
 
 
 def weights_to_json(weights: NDArray[np.float64]) -> list[float]:
-    """Return the weights of shapes, shape (S,), as the session file has them, to a millionth."""
+    """Return the JSON form of shape weights, shape (S,), rounded to a millionth."""
     rounded: list[float] = np.round(weights, 6).tolist()
     return rounded
 
 
 def rest_to_json(positions: NDArray[np.float64]) -> list[list[float]]:
-    """Return rest positions, shape (n, 3), as the session file has them, to a ten-thousandth of the unit."""
+    """Return the JSON form of rest positions, shape (n, 3), rounded to a ten-thousandth of the unit."""
     rounded: list[list[float]] = np.round(positions, 4).tolist()
     return rounded
 
 
 def check_rest(rest: NDArray[np.float64] | None, places: SurfacePoints | None, where: str) -> None:
-    """Raise ``FacePoserError`` unless there is a position in ``rest``, shape (n, 3), for all ``places``, or none."""
+    """Raise ``FacePoserError`` unless ``rest``, shape (n, 3), is None or has a position for each of ``places``."""
     count = 0 if places is None else len(places)
     if rest is not None and len(rest) != count:
         raise FacePoserError(f"{where}.rest must be a list of {count} positions, one per anchor.")
 
 
 def camera_to_json(camera: Camera) -> dict[str, Any]:
-    """Return a camera as the session file has it."""
+    """Return the JSON form of a camera."""
     data = {
         "rotation": camera.rotation.tolist(),
         "translation": camera.translation.tolist(),

@@ -1,4 +1,4 @@
-"""A curve on the face whose control points are dragged (Lau et al. 2009, section 4.4)."""
+"""Constraint on a curve of the face, edited by its control points (Lau et al. 2009, section 4.4)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,8 +25,8 @@ from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 MOST_POINTS = 64
 # Points of the face per piece of the curve.
 _PER_PIECE = 12
-# What an offset along the target counts, against one across it: a curve says where a lip should run, and less
-# strictly which point of the lip should be where.
+# Weight of offsets along the target relative to those across it: a curve prescribes the course of a lip more strictly
+# than the position of each point on it.
 _ALONG = 0.25
 
 
@@ -50,19 +50,19 @@ class _CurveJson(ConstraintJson, kw_only=True):
         if len(self.parameters) != len(self.anchors):
             raise JsonError(f"must be a list of {len(self.anchors)} numbers, one per anchor", "parameters")
         if not 0.0 <= min(self.parameters) <= max(self.parameters) <= len(self.source) - 1:
-            raise JsonError(f"must lie from 0 to {len(self.source) - 1}, the number of pieces", "parameters")
+            raise JsonError(f"must be from 0 to {len(self.source) - 1}, the number of pieces", "parameters")
 
 
 @dataclass(frozen=True)
 class CurveConstraint(ConstraintBase):
-    """The points of the face under the relaxed curve through ``source`` lie under that through ``target``.
+    """Moves the points of the face under the relaxed curve through ``source`` onto the curve through ``target``.
 
     Attributes:
         source: Control points, at least two, in the pixels of ``camera``.
-        target: As many control points.
+        target: Control points of the target, as many as in ``source``.
         camera: The camera under which both were drawn.
-        anchors: Points of the face along the source; None in a file that leaves it to be looked up.
-        parameters: Where on the curve each of them lies, from 0 to the number of pieces.
+        anchors: Points of the face along the source; None in a file without them, until they are resolved.
+        parameters: Curve parameter of each anchor, from 0 to the number of pieces.
     """
 
     kind: ClassVar[str] = "curve"
@@ -80,22 +80,22 @@ class CurveConstraint(ConstraintBase):
         """The points of the face along the source.
 
         Raises:
-            RuntimeError: If they have not been looked up yet; see ``resolved``.
+            RuntimeError: If the source is unresolved; see ``resolved``.
         """
         if self.anchors is None:
-            raise RuntimeError("the source of the curve has not been looked up on the face yet")
+            raise RuntimeError("the source of the curve is not resolved to points of the face yet")
         return self.anchors
 
     @cached_property
     def targets(self) -> tuple[Array, Array]:
-        """Where each point should lie, and the unit tangent of the target there, each (m, 2)."""
+        """Target position of each point, and the unit tangent of the target there, each (m, 2)."""
         positions, derivatives = curve_at(relaxed_bezier(self.target), self.parameters)
         lengths = np.hypot(derivatives[:, 0], derivatives[:, 1])[:, None]
         return positions, np.where(lengths > 1e-9, derivatives / np.maximum(lengths, 1e-9), (1.0, 0.0))
 
     @property
     def places(self) -> SurfacePoints | None:
-        """The points of the face along the source, or None if they are still to be looked up."""
+        """The points of the face along the source, or None if the source is unresolved."""
         return self.anchors
 
     def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> "CurveConstraint":
@@ -103,7 +103,7 @@ class CurveConstraint(ConstraintBase):
         return replace(self, anchors=places, camera=self.camera.following(frame), rest=None)
 
     def resolved(self, model: FaceModel, p: ArrayLike) -> "CurveConstraint":
-        """Return the constraint with points along its source, if it has none looked up on the face ``p``.
+        """Return the constraint with points along its source, picked on the face ``p`` if it has none.
 
         Raises:
             ValueError: If the source does not lie on the face.
@@ -125,7 +125,7 @@ class CurveConstraint(ConstraintBase):
 
     @staticmethod
     def terms(constraints: Sequence["CurveConstraint"], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
-        """Return a term for each of ``constraints``, whose points have the indices ``slots`` in the state."""
+        """Return a term for each of ``constraints``; ``slots`` are the indices of their points in the state."""
         return [CurveTerm(constraint, points) for constraint, points in zip(constraints, slots, strict=True)]
 
     def with_target(self, index: int, pixel: tuple[float, float]) -> "CurveConstraint":
@@ -137,7 +137,7 @@ class CurveConstraint(ConstraintBase):
         return replace(self, target=as_pixels(np.add(self.target, offset)))
 
     def with_point_at(self, parameter: float) -> "CurveConstraint":
-        """Return the constraint with one more control point on both curves, at ``parameter``."""
+        """Return the constraint with a control point inserted into both curves at ``parameter``."""
         piece = min(max(int(parameter), 0), len(self.source) - 2)
         share = min(max(parameter - piece, 1e-3), 1.0 - 1e-3)
 
@@ -152,14 +152,14 @@ class CurveConstraint(ConstraintBase):
         return replace(self, source=split(self.source), target=split(self.target), parameters=tuple(new.tolist()))
 
     def without_point(self, index: int) -> "CurveConstraint":
-        """Return the constraint without control point ``index``; with an end point its piece goes too.
+        """Return the constraint without control point ``index``; removing an end point removes its piece.
 
         Raises:
-            ValueError: If only two control points are left.
+            ValueError: If the curve has only two control points.
         """
         count = len(self.source)
         if count <= 2:
-            raise ValueError("a curve needs at least two points")
+            raise ValueError("a curve needs at least two control points")
         old = np.array(self.parameters)
         keep = np.ones(len(old), dtype=bool)
         if index == 0:
@@ -178,20 +178,20 @@ class CurveConstraint(ConstraintBase):
         )
 
     def mirrored(self, mirror: SurfaceMirror, model: FaceModel, p: ArrayLike) -> "CurveConstraint | None":
-        """Return the constraint that does across what this one does to the face ``p``, or None where it cannot be."""
-        across = mirror.points(self.points)
-        if across is None:
+        """Return the mirrored constraint for the face ``p``, or None if its points have no mirror image."""
+        opposite = mirror.points(self.points)
+        if opposite is None:
             return None
         camera = mirrored_camera(self.camera)
-        here = mirrored_pixels(self.camera.project(model.positions_at(self.points, p)), self.camera)
-        apart = (camera.project(model.positions_at(across, p)) - here).mean(axis=0)
+        pixels = mirrored_pixels(self.camera.project(model.positions_at(self.points, p)), self.camera)
+        offset = (camera.project(model.positions_at(opposite, p)) - pixels).mean(axis=0)
         source, target = (
-            as_pixels(mirrored_pixels(points, self.camera) + apart) for points in (self.source, self.target)
+            as_pixels(mirrored_pixels(points, self.camera) + offset) for points in (self.source, self.target)
         )
-        return replace(self, source=source, target=target, camera=camera, anchors=across, locked=False)
+        return replace(self, source=source, target=target, camera=camera, anchors=opposite, locked=False)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the constraint as the session file has it."""
+        """Return the JSON form of the constraint."""
         data: dict[str, Any] = {
             "type": self.kind,
             "source": [list(pixel) for pixel in self.source],
@@ -207,7 +207,7 @@ class CurveConstraint(ConstraintBase):
         """Return the constraint that ``data`` describes.
 
         Raises:
-            FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
+            FacePoserError: If a key is unknown, missing or of the wrong type; ``where`` names the place.
         """
         form = convert(data, _CurveJson, where)
         anchors = None if form.anchors is UNSET else codec.points_of(form.anchors)
@@ -219,11 +219,11 @@ class CurveTerm(ResidualTerm):
     """w C / (m sigma^2) sum over i of (n_i . (y_i - z_i))^2 + a (t_i . (y_i - z_i))^2, for C control points.
 
     z_i is the point of the target with the parameter of y_i on the source, t_i its tangent and n_i its normal. The
-    paper takes curves for strokes, which know no such pairs; a curve that is edited point by point has them.
+    paper treats curves as strokes, without correspondences; curves edited by control points have them.
     """
 
     def __init__(self, constraint: CurveConstraint, points: Indices) -> None:
-        """Prepare the term for ``constraint`` whose points have the indices ``points`` in the state."""
+        """Prepare the term for ``constraint``; ``points`` are the indices of its points in the state."""
         self._points = points
         self._targets, tangents = constraint.targets
         normals = tangents[:, ::-1] * (-1.0, 1.0)

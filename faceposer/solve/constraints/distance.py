@@ -1,4 +1,4 @@
-"""Two points of the face that should appear a given distance apart (Lau et al. 2009, section 4.2)."""
+"""Constraint on the projected distance between two points of the face (Lau et al. 2009, section 4.2)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson, Pla
 from faceposer.solve.constraints.point import SIGMA_PX
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 
-# Pixels below which two points have no direction from one to the other.
+# Distance in pixels below which the direction between two points is undefined.
 _COINCIDENT = 1e-6
 
 
@@ -31,7 +31,7 @@ class _DistanceJson(ConstraintJson, kw_only=True):
 
 @dataclass(frozen=True)
 class DistanceConstraint(ConstraintBase):
-    """The two ``anchors`` appear ``target`` pixels apart under ``camera``.
+    """Moves the two ``anchors`` to a distance of ``target`` pixels under ``camera``.
 
     Attributes:
         anchors: Two surface points or indices of vertices.
@@ -58,23 +58,23 @@ class DistanceConstraint(ConstraintBase):
         return replace(self, anchors=(places[0], places[1]), camera=self.camera.following(frame), rest=None)
 
     def pixels(self, model: FaceModel, p: ArrayLike) -> Array:
-        """Return where ``camera`` sees the two points of the face ``p``, shape (2, 2)."""
+        """Return the pixels of the two points of the face ``p`` under ``camera``, shape (2, 2)."""
         return self.camera.project(model.positions_at(self.points, p))
 
     def measured(self, model: FaceModel, p: ArrayLike) -> float:
-        """Return the distance that the two points of the face ``p``, shape (r,), have now, in pixels."""
+        """Return the distance of the two points on the face ``p``, shape (r,), in pixels."""
         first, second = self.pixels(model, p)
         return float(np.hypot(*(first - second)))
 
     def reach(self, model: FaceModel) -> tuple[float, float]:
-        """Return the least and the greatest distance that the face can do, in pixels of ``camera``.
+        """Return the smallest and the largest distance that the face can attain, in pixels of ``camera``.
 
-        What it can do is taken to be any shape of its rig, and any two together, at full strength.
+        They are taken over all single shapes and pairs of shapes of the rig at full strength.
         """
         return _reach(model, self.points, self.camera)
 
     def nudged(self, offset: tuple[float, float]) -> "DistanceConstraint":
-        """Return the constraint with a distance that is larger by what ``offset`` goes right and up, in pixels."""
+        """Return the constraint with its distance increased by the ``offset`` to the right plus upwards, in pixels."""
         return replace(self, target=max(self.target + offset[0] - offset[1], 0.0))
 
     def place(self, names: PlaceNames) -> str:
@@ -82,33 +82,33 @@ class DistanceConstraint(ConstraintBase):
         return names.pair(self.anchors)
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
-        """Return by how many pixels the distance is missed on the face ``p``, shape (r,)."""
+        """Return the error of the distance on the face ``p``, shape (r,), in pixels."""
         return self.residual_of(self.pixels(model, p))
 
     def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
-        """Return ``residual_px``, given where the points of the constraint appear, shape (n, 2)."""
+        """Return ``residual_px``, given the projected ``pixels`` of the constraint's points, shape (n, 2)."""
         return self.residual_of(pixels)
 
     def residual_of(self, pixels: Array) -> float:
-        """Return by how much the distance is missed where the two points appear at ``pixels``, shape (2, 2)."""
+        """Return the error of the distance between two ``pixels``, shape (2, 2)."""
         return abs(float(np.hypot(*(pixels[0] - pixels[1]))) - self.target)
 
     @staticmethod
     def terms(constraints: Sequence["DistanceConstraint"], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
-        """Return one term for all ``constraints``, whose points have the indices ``slots`` in the state."""
+        """Return one term for all ``constraints``; ``slots`` are the indices of their points in the state."""
         return [DistanceTerm(constraints, np.array(slots))]
 
     def mirrored(self, mirror: SurfaceMirror, model: FaceModel, p: ArrayLike) -> "DistanceConstraint | None":
-        """Return the constraint that does across what this one does to the face ``p``, or None where it cannot be."""
-        across = mirror.points(self.points)
-        if across is None:
+        """Return the mirrored constraint for the face ``p``, or None if its points have no mirror image."""
+        opposite = mirror.points(self.points)
+        if opposite is None:
             return None
-        pair = DistanceConstraint((across[0], across[1]), 0.0, mirrored_camera(self.camera), weight=self.weight)
+        pair = DistanceConstraint((opposite[0], opposite[1]), 0.0, mirrored_camera(self.camera), weight=self.weight)
         target = pair.measured(model, p) + self.target - self.measured(model, p)
         return replace(pair, target=max(target, 0.0), enabled=self.enabled)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the constraint as the session file has it."""
+        """Return the JSON form of the constraint."""
         return {
             "type": self.kind,
             "anchors": [codec.anchor_to_json(anchor) for anchor in self.anchors],
@@ -122,7 +122,7 @@ class DistanceConstraint(ConstraintBase):
         """Return the constraint that ``data`` describes.
 
         Raises:
-            FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
+            FacePoserError: If a key is unknown, missing or of the wrong type; ``where`` names the place.
         """
         form = convert(data, _DistanceJson, where)
         first, second = (anchor.anchor() for anchor in form.anchors)
@@ -132,7 +132,7 @@ class DistanceConstraint(ConstraintBase):
 @lru_cache(maxsize=64)
 def _reach(model: FaceModel, points: SurfacePoints, camera: Camera) -> tuple[float, float]:
     rows, neutral = model.rows_at(points)
-    # At most 100 shapes or so: all pairs are a few thousand faces of two points each.
+    # With about 100 shapes, all pairs are a few thousand faces of two points each.
     alone = np.concatenate([np.zeros((1, 2, 3)), np.moveaxis(rows @ model.subspace.projection, -1, 0)])
     pairs = neutral + alone[:, None] + alone[None]
     pixels = camera.project(pairs.reshape(-1, 3)).reshape(-1, 2, 2)
@@ -143,11 +143,11 @@ def _reach(model: FaceModel, points: SurfacePoints, camera: Camera) -> tuple[flo
 class DistanceTerm(ResidualTerm):
     """sum over pairs of w (|y_i - y_j| - d)^2 / sigma^2 (paper, eqs. (10) and (26); the printed (10) lacks the norm).
 
-    Where two points coincide the distance has no derivative; there it is taken to be zero.
+    The derivative of the distance is taken to be zero where two points coincide.
     """
 
     def __init__(self, constraints: Sequence[DistanceConstraint], points: Indices) -> None:
-        """Prepare the term for ``constraints`` whose points have the indices ``points``, (n, 2), in the state."""
+        """Prepare the term for ``constraints``; ``points``, (n, 2), are the indices of their points in the state."""
         super().__init__(np.array([constraint.weight / SIGMA_PX**2 for constraint in constraints]))
         self._targets = np.array([constraint.target for constraint in constraints])
         self._points = points

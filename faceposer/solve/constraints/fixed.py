@@ -1,4 +1,4 @@
-"""Points of the face that should stay where they were (Lau et al. 2009, section 4.5)."""
+"""Constraint that holds points of the face in place (Lau et al. 2009, section 4.5)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,9 +18,9 @@ from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson, Pla
 from faceposer.solve.constraints.point import SIGMA_PX
 from faceposer.solve.term import Array, Indices, PoseState, QuadraticTerm, Term
 
-#: How many pixels a centimetre takes in an ordinary view: a distance in space counts like one in such a picture.
+#: Pixels per centimetre in an ordinary view, to compare distances in space with distances in an image.
 PX_PER_CM = 25.0
-# Held vertices are neighbours and tell much the same: all together count as this many points at most.
+# Largest number of points as which all fixed vertices together count, since neighbours are redundant.
 _AS_MANY_POINTS = 20
 
 
@@ -35,12 +35,12 @@ class _FixedJson(ConstraintJson, kw_only=True):
 
 @dataclass(frozen=True, eq=False)
 class FixedConstraint(ConstraintBase):
-    """The points ``anchors`` of the face stay at ``positions``.
+    """Holds the points ``anchors`` of the face at ``positions``.
 
     Attributes:
-        anchors: Usually at vertices.
-        positions: Where they were when they were fixed, shape (n, 3), in the unit of the mesh; None in a file that
-            does not say, where it means the face that editing starts from.
+        anchors: Points of the surface, usually at vertices.
+        positions: Positions to hold, shape (n, 3), in the unit of the mesh; None in a file without them, which stands
+            for the positions on the face that editing starts from.
     """
 
     kind: ClassVar[str] = "fixed"
@@ -55,13 +55,13 @@ class FixedConstraint(ConstraintBase):
         if self.positions is not None:
             positions = np.array(self.positions, dtype=np.float64).reshape(-1, 3)
             if len(positions) != len(self.points):
-                raise ValueError(f"{len(positions)} positions do not go with {len(self.points)} points")
+                raise ValueError(f"{len(positions)} positions do not match {len(self.points)} points")
             positions.setflags(write=False)
             object.__setattr__(self, "positions", positions)
 
     @property
     def points(self) -> SurfacePoints:
-        """The points of the surface that are held."""
+        """The fixed points of the surface."""
         return self.anchors
 
     def __eq__(self, other: object) -> bool:
@@ -80,10 +80,9 @@ class FixedConstraint(ConstraintBase):
         return np.zeros((0, 3)) if self.positions is None else self.positions
 
     def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> "FixedConstraint":
-        """Return the constraint at ``places`` of another version of the character, its positions moved likewise.
+        """Return the constraint at ``places`` of another version of the character, with transformed positions.
 
-        Offsets from the neutral face are kept, in the size of the other version. A vertex that several places came to
-        is held once.
+        Offsets from the neutral face are scaled to the other version. Places that coincide are merged.
         """
         assert places is not None
         _, kept = np.unique(np.column_stack([places.faces, places.barycentric.round(9)]), axis=0, return_index=True)
@@ -92,7 +91,7 @@ class FixedConstraint(ConstraintBase):
         return replace(self, anchors=places.subset(kept), positions=positions, rest=None)
 
     def resolved(self, model: FaceModel, p: ArrayLike) -> "FixedConstraint":
-        """Return the constraint with positions: its own, or else those of the face ``p``, shape (r,).
+        """Return the constraint with positions, taken from the face ``p``, shape (r,), if it has none.
 
         Raises:
             ValueError: If its points do not lie on the face.
@@ -101,11 +100,11 @@ class FixedConstraint(ConstraintBase):
         return self if self.positions is not None else replace(self, positions=model.positions_at(self.points, p))
 
     def place(self, names: PlaceNames) -> str:
-        """Return the name of the area that is held."""
+        """Return the name of the fixed area."""
         return names.area(self.points)
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
-        """Return how far the points of the face ``p`` are off on average, in the pixels of an ordinary view."""
+        """Return the mean displacement of the points of the face ``p``, in pixels of an ordinary view."""
         if self.positions is None or not len(self.points):
             return 0.0
         offsets = model.positions_at(self.points, p) - self.positions
@@ -113,18 +112,18 @@ class FixedConstraint(ConstraintBase):
 
     @staticmethod
     def terms(constraints: Sequence["FixedConstraint"], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
-        """Return a term for each of ``constraints``; they lie in space and need no place in the state."""
+        """Return a term for each of ``constraints``; they are defined in space and have no points in the state."""
         return [FixedTerm(constraint, model) for constraint in constraints if len(constraint.points)]
 
     def mirrored(self, mirror: SurfaceMirror, model: FaceModel, p: ArrayLike) -> "FixedConstraint | None":
-        """Return the constraint that holds what lies across where it is on the face ``p``, or None."""
-        across = mirror.points(self.points)
-        if across is None:
+        """Return the constraint that fixes the mirrored points on the face ``p``, or None if there are none."""
+        opposite = mirror.points(self.points)
+        if opposite is None:
             return None
-        return replace(self, anchors=across, positions=model.positions_at(across, p), locked=False)
+        return replace(self, anchors=opposite, positions=model.positions_at(opposite, p), locked=False)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the constraint as the session file has it."""
+        """Return the JSON form of the constraint."""
         data: dict[str, Any] = {"type": self.kind, "anchors": codec.points_to_json(self.points)}
         if self.positions is not None:
             data["positions"] = self.positions.tolist()
@@ -135,7 +134,7 @@ class FixedConstraint(ConstraintBase):
         """Return the constraint that ``data`` describes.
 
         Raises:
-            FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
+            FacePoserError: If a key is unknown, missing or of the wrong type; ``where`` names the place.
         """
         form = convert(data, _FixedJson, where)
         positions = None if form.positions is UNSET else np.array(form.positions)
@@ -145,9 +144,9 @@ class FixedConstraint(ConstraintBase):
 class FixedTerm(QuadraticTerm):
     """w m / n sum over i of |x_i(p) - x_i,original|^2 / sigma^2 (paper, eqs. (15) and (30); (30) lacks a factor 2).
 
-    Positions are linear in p, so that the energy is a quadratic form whose matrix is gathered once for a set of points:
-    an evaluation costs the same for ten vertices and for ten thousand. n vertices count as m = min(n, 20) points, so
-    that painting a region more densely does not hold it harder.
+    Positions are linear in p, so that the energy is a quadratic form with a matrix that is computed once for a set of
+    points: an evaluation costs the same for ten vertices and for ten thousand. n vertices count as m = min(n, 20)
+    points, so that the density of the mesh does not affect the strength.
     """
 
     def __init__(self, constraint: FixedConstraint, model: FaceModel) -> None:
@@ -162,10 +161,10 @@ class FixedTerm(QuadraticTerm):
         self._constant = scale * float(offset @ offset)
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
-        """Return the energy and its gradient by the coefficients, shape (r,)."""
-        pulled = self._matrix @ state.p
-        value = float(state.p @ pulled + 2.0 * (self._slope @ state.p)) + self._constant
-        return max(value, 0.0), 2.0 * (pulled + self._slope)
+        """Return the energy and its gradient with respect to the coefficients, shape (r,)."""
+        product = self._matrix @ state.p
+        value = float(state.p @ product + 2.0 * (self._slope @ state.p)) + self._constant
+        return max(value, 0.0), 2.0 * (product + self._slope)
 
     def curvature(self, state: PoseState) -> Array:
         """Return the second derivative, shape (r, r)."""

@@ -1,4 +1,4 @@
-"""Where both eyes look: a handle that they follow, lids with them."""
+"""Constraint on the gaze: both eyes and their lids follow a handle."""
 
 import math
 from collections.abc import Sequence
@@ -18,11 +18,11 @@ from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson, Pla
 from faceposer.solve.constraints.fixed import PX_PER_CM
 from faceposer.solve.term import Array, Indices, PoseState, QuadraticTerm, ResidualTerm, Term
 
-#: Degrees that an eye turns when its shape is at full strength: outwards or inwards, up or down.
+#: Rotation of an eye in degrees at full strength of its shape: outwards or inwards, up or down.
 MOST_YAW, MOST_PITCH = 31.0, 23.0
-#: Centimetres from the eyes to the handle that they follow.
+#: Distance in centimetres from the eyes to the handle.
 REACH_CM = 22.0
-# How far a rig weight of gaze may be off, as a standard deviation.
+# Standard deviation of the rig weights of gaze.
 _SIGMA = 0.01
 _NO_POINTS = SurfacePoints(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
 
@@ -33,10 +33,10 @@ class _GazeJson(ConstraintJson, kw_only=True):
 
 @dataclass(frozen=True)
 class GazeConstraint(ConstraintBase):
-    """Both eyes look in ``direction``.
+    """Turns both eyes to ``direction``.
 
-    Gaze is kept apart from the statistics of the rest of the face: it moves the start pose that the prior is seen from,
-    by the eyeLook shapes alone, so that no prior is paid for it and nothing but the eyes and their lids follows.
+    Gaze is independent of the statistics of the rest of the face. It moves the start pose on which the prior is
+    conditioned, through the eyeLook shapes only, so that the prior does not penalise it and only eyes and lids move.
 
     Attributes:
         direction: Degrees to the character's left and upwards.
@@ -45,7 +45,7 @@ class GazeConstraint(ConstraintBase):
     kind: ClassVar[str] = "gaze"
     noun: ClassVar[str] = "gaze"
     icon: ClassVar[str] = "gaze"
-    # Where the eyes look tells nothing of the rest of the face.
+    # Gaze is independent of the rest of the face.
     informs_prior: ClassVar[bool] = False
     camera: ClassVar[None] = None
 
@@ -53,16 +53,16 @@ class GazeConstraint(ConstraintBase):
 
     @property
     def points(self) -> SurfacePoints:
-        """No points: the constraint speaks of the rig's weights."""
+        """No points: the constraint acts on the rig's weights."""
         return _NO_POINTS
 
     @property
     def places(self) -> None:
-        """None: nothing on the surface is stored."""
+        """None: the constraint has no places on the surface."""
         return None
 
     def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> "GazeConstraint":
-        """Return the constraint as it is: directions are the same for every version of a character."""
+        """Return the constraint unchanged: directions apply to every version of a character."""
         return self
 
     def weights(self) -> dict[str, float]:
@@ -87,14 +87,14 @@ class GazeConstraint(ConstraintBase):
         return model.coefficients_of(weights)
 
     def place(self, names: PlaceNames) -> str:
-        """Return what it turns."""
+        """Return the name of the constrained parts."""
         return "both eyes"
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
-        """Return how far the gaze of the face ``p`` passes by the handle, in the pixels of an ordinary view."""
-        looking = gaze_direction(model, p)
-        off = math.hypot(*(math.radians(looking[i] - self.direction[i]) for i in range(2)))
-        return PX_PER_CM * REACH_CM * off
+        """Return the distance of the gaze of the face ``p`` from the handle, in pixels of an ordinary view."""
+        current = gaze_direction(model, p)
+        angle = math.hypot(*(math.radians(current[i] - self.direction[i]) for i in range(2)))
+        return PX_PER_CM * REACH_CM * angle
 
     @staticmethod
     def terms(constraints: Sequence["GazeConstraint"], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
@@ -102,11 +102,11 @@ class GazeConstraint(ConstraintBase):
         return [GazeTerm(constraint, model) for constraint in constraints]
 
     def mirrored(self, mirror: SurfaceMirror, model: FaceModel, p: ArrayLike) -> "GazeConstraint | None":
-        """Return None: both eyes follow one handle."""
+        """Return None: one handle turns both eyes."""
         return None
 
     def to_json(self) -> dict[str, Any]:
-        """Return the constraint as the session file has it."""
+        """Return the JSON form of the constraint."""
         return {"type": self.kind, "direction": list(self.direction), **self.switches_to_json()}
 
     @classmethod
@@ -114,19 +114,19 @@ class GazeConstraint(ConstraintBase):
         """Return the constraint that ``data`` describes.
 
         Raises:
-            FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
+            FacePoserError: If a key is unknown, missing or of the wrong type; ``where`` names the place.
         """
         form = convert(data, _GazeJson, where)
         return cls(form.direction, **form.switches).within_reach()
 
     def within_reach(self) -> "GazeConstraint":
-        """Return the constraint with its direction no farther than eyes turn."""
+        """Return the constraint with its direction clamped to the range of the eyes."""
         yaw, pitch = self.direction
         return replace(self, direction=(min(max(yaw, -MOST_YAW), MOST_YAW), min(max(pitch, -MOST_PITCH), MOST_PITCH)))
 
 
 def gaze_direction(model: FaceModel, p: ArrayLike) -> tuple[float, float]:
-    """Return where the eyes of the face ``p`` look on average, in degrees to the character's left and upwards."""
+    """Return the mean gaze of the face ``p``, in degrees to the character's left and upwards."""
     weights = dict(zip(model.character.shape_names, model.weights_of(p).tolist(), strict=True))
 
     def mean(*names: str) -> float:
@@ -138,7 +138,7 @@ def gaze_direction(model: FaceModel, p: ArrayLike) -> tuple[float, float]:
 
 
 class GazeTerm(ResidualTerm, QuadraticTerm):
-    """w / sigma^2 sum over the eyeLook shapes of (weight_j(p) - value_j)^2: other constraints do not turn the eyes."""
+    """w / sigma^2 sum over the eyeLook shapes of (weight_j(p) - value_j)^2, so that other constraints keep the gaze."""
 
     def __init__(self, constraint: GazeConstraint, model: FaceModel) -> None:
         """Prepare the term for ``constraint``."""
@@ -148,7 +148,7 @@ class GazeTerm(ResidualTerm, QuadraticTerm):
         self._values = np.array(list(values.values()))
 
     def residual(self, state: PoseState) -> Array:
-        """Return weight minus value, shape (m,)."""
+        """Return the weights minus their values, shape (m,)."""
         residual: Array = self._directions @ state.p - self._values
         return residual
 

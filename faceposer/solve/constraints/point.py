@@ -1,4 +1,4 @@
-"""A point of the face that should lie under a pixel (Lau et al. 2009, section 4.1)."""
+"""Constraint that projects a point of the face onto a pixel (Lau et al. 2009, section 4.1)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,11 +19,12 @@ from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson
 from faceposer.solve.reach import reach_of_points
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
 
-# How far a hand misses the pixel that it means, in pixels: sigma of eq. (9).
+# Standard deviation of a target set by hand, in pixels: sigma of eq. (9).
 SIGMA_PX = 1.5
-# By what share of its length a pull passes by what it means, as a standard deviation, and how many points are few.
+# Standard deviation of a pull across its direction, as a share of its length, and the number of points up to which it
+# applies in full.
 _SLACK, _FEW = 0.15, 3.0
-# Signs of (v, u) that turn (u, v) by a right angle.
+# Signs of (v, u) that rotate (u, v) by a right angle.
 _QUARTER_TURN = np.array([-1.0, 1.0])
 
 
@@ -35,11 +36,11 @@ class _PointJson(ConstraintJson, kw_only=True):
 
 @dataclass(frozen=True)
 class PointConstraint(ConstraintBase):
-    """The point ``anchor`` of the face projects onto the pixel ``target``.
+    """Projects the point ``anchor`` of the face onto the pixel ``target``.
 
     Attributes:
         anchor: A surface point, or the index of a vertex.
-        target: Where the point should appear, (u, v) in the pixels of ``camera``.
+        target: Target of the point, (u, v) in the pixels of ``camera``.
         camera: The camera under which the target was drawn.
     """
 
@@ -70,35 +71,36 @@ class PointConstraint(ConstraintBase):
         return self.residual_of(self.camera.project(model.positions_at(self.points, p)))
 
     def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
-        """Return ``residual_px``, given where the points of the constraint appear, shape (n, 2)."""
+        """Return ``residual_px``, given the projected ``pixels`` of the constraint's points, shape (n, 2)."""
         return self.residual_of(pixels)
 
     def residual_of(self, pixels: Array) -> float:
-        """Return the distance to the target where the point appears at ``pixels``, shape (1, 2)."""
+        """Return the distance from ``pixels``, shape (1, 2), to the target."""
         return float(np.hypot(*(pixels[0] - self.target)))
 
     @staticmethod
     def terms(constraints: Sequence["PointConstraint"], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
-        """Return one term for all ``constraints``, whose points have the indices ``slots`` in the state."""
+        """Return one term for all ``constraints``; ``slots`` are the indices of their points in the state."""
         return [PointTerm(constraints, np.concatenate(slots))]
 
     def mirrored(self, mirror: SurfaceMirror, model: FaceModel, p: ArrayLike) -> "PointConstraint | None":
-        """Return the constraint that does across what this one does to the face ``p``, or None where it cannot be.
+        """Return the mirrored constraint for the face ``p``, or None if its point has no mirror image.
 
-        The mirrored target keeps the distance that the two points have from being mirror images now.
+        The mirrored pull is applied to the current position of the opposite point, so that the current asymmetry of the
+        face is kept.
         """
-        across = mirror.points(self.points)
-        if across is None:
+        opposite = mirror.points(self.points)
+        if opposite is None:
             return None
         camera = mirrored_camera(self.camera)
-        here = self.camera.project(model.positions_at(self.points, p))[0]
-        there = camera.project(model.positions_at(across, p))[0]
-        moved = mirrored_pixels(self.target, self.camera)[0] - mirrored_pixels(here, self.camera)[0]
-        u, v = (there + moved).tolist()
-        return PointConstraint(across[0], (u, v), camera, weight=self.weight, enabled=self.enabled)
+        pixel = self.camera.project(model.positions_at(self.points, p))[0]
+        opposite_pixel = camera.project(model.positions_at(opposite, p))[0]
+        pull = mirrored_pixels(self.target, self.camera)[0] - mirrored_pixels(pixel, self.camera)[0]
+        u, v = (opposite_pixel + pull).tolist()
+        return PointConstraint(opposite[0], (u, v), camera, weight=self.weight, enabled=self.enabled)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the constraint as the session file has it."""
+        """Return the JSON form of the constraint."""
         return {
             "type": self.kind,
             "anchor": codec.anchor_to_json(self.anchor),
@@ -112,7 +114,7 @@ class PointConstraint(ConstraintBase):
         """Return the constraint that ``data`` describes.
 
         Raises:
-            FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
+            FacePoserError: If a key is unknown, missing or of the wrong type; ``where`` names the place.
         """
         form = convert(data, _PointJson, where)
         return cls(form.anchor.anchor(), form.target, form.camera.camera(), **form.switches)
@@ -120,20 +122,20 @@ class PointConstraint(ConstraintBase):
 
 @lru_cache(maxsize=1024)
 def _points_at(anchor: SurfacePoint | int) -> SurfacePoints:
-    """Return the point ``anchor`` as a batch of one; while it is dragged, it stays the same."""
+    """Return the point ``anchor`` as a batch of one, cached so that a drag reuses the same object."""
     return SurfacePoints.of([anchor])
 
 
 class PointTerm(ResidualTerm):
-    """sum over i of w_i (a_i^2 / sigma^2 + b_i^2 / sigma_i^2), a_i and b_i being y_i(p) - z_i along and across pull i.
+    """sum over i of w_i (a_i^2 / sigma^2 + b_i^2 / sigma_i^2), with a_i and b_i y_i(p) - z_i along and across pull i.
 
-    This is the paper's eqs. (9) and (25), with sigma_i = sigma. A hand that pulls a few points tells their direction no
-    better than to some degrees, and a face that has to be exact there is no natural one: with the pull's length l_i and
-    n points, sigma_i^2 = sigma^2 + (t l_i min(1, 3 / n))^2 once `take_up` has seen where the pulls begin.
+    With sigma_i = sigma, these are the paper's eqs. (9) and (25). A hand that pulls a few points determines their
+    direction only to some degrees, and meeting it exactly makes unnatural faces. After ``apply_reach``,
+    sigma_i^2 = sigma^2 + (t l_i min(1, 3 / n))^2 for pulls of length l_i on n points.
     """
 
     def __init__(self, constraints: Sequence[PointConstraint], points: Indices) -> None:
-        """Prepare the term for ``constraints`` whose points have the indices ``points`` in the state."""
+        """Prepare the term for ``constraints``; ``points`` are the indices of their points in the state."""
         super().__init__(np.repeat([constraint.weight / SIGMA_PX**2 for constraint in constraints], 2))
         self._targets = np.array([constraint.target for constraint in constraints])
         self._cameras = [constraint.camera for constraint in constraints]
@@ -142,31 +144,29 @@ class PointTerm(ResidualTerm):
         self._axes = np.zeros((len(constraints), 2, 2))
         self._axes[:, (0, 1), (0, 1)] = 1.0
 
-    def take_up(self, model: FaceModel, state: PoseState, limits: Array, trusted: float = 0.0) -> None:
-        """Look at the pulls from the ``state`` where they begin: their reach (``faceposer.solve.reach``) and direction.
-
-        Targets that no face reaches are brought back to its reach.
+    def apply_reach(self, model: FaceModel, state: PoseState, limits: Array, trust: float = 0.0) -> None:
+        """Limit the targets to their reach from ``state`` (``faceposer.solve.reach``), and relax them across the pulls.
 
         Args:
             model: The face.
             state: The pose that the pulls start from.
-            limits: Of the weights of the model's density there, shape (W, 2).
-            trusted: From 0 to 1, how far the pulls count as they are, without regard to reach and direction: the more
-                of the face follows, and the more of it is pulled.
+            limits: Limits of the weights of the model's density at the pose, shape (W, 2).
+            trust: Share from 0 to 1 by which pulls count unchanged. It is larger the more of the face is constrained,
+                and the larger the spread.
         """
-        here = state.pixels[self._points]
-        pulls = self._targets - here
+        origins = state.pixels[self._points]
+        pulls = self._targets - origins
         for camera in dict.fromkeys(self._cameras):
-            seen = np.array([own == camera for own in self._cameras])
-            reach = reach_of_points(model, state, self._points[seen], camera, limits)
-            pulls[seen] = (1.0 - trusted) * reach.limited(pulls[seen]) + trusted * pulls[seen]
-        self._targets = here + pulls
+            in_view = np.array([own == camera for own in self._cameras])
+            reach = reach_of_points(model, state, self._points[in_view], camera, limits)
+            pulls[in_view] = (1.0 - trust) * reach.limited(pulls[in_view]) + trust * pulls[in_view]
+        self._targets = origins + pulls
         lengths = np.sqrt(np.einsum("nk,nk->n", pulls, pulls))
         far = lengths > 1e-6
         along = pulls[far] / lengths[far, None]
         self._axes[far, 0] = along
         self._axes[far, 1] = along[:, ::-1] * _QUARTER_TURN
-        slack = (1.0 - trusted) * _SLACK * min(1.0, _FEW / len(lengths)) * lengths
+        slack = (1.0 - trust) * _SLACK * min(1.0, _FEW / len(lengths)) * lengths
         self.weights[1::2] /= 1.0 + (slack / SIGMA_PX) ** 2
 
     def residual(self, state: PoseState) -> Array:

@@ -1,4 +1,4 @@
-"""All kinds of constraints, by the name that the session file gives them."""
+"""Registry of all kinds of constraints, by their names in session files."""
 
 from collections.abc import Sequence
 from typing import Any, ClassVar, Protocol, Self
@@ -24,7 +24,7 @@ from faceposer.solve.term import Array, Indices, Term
 
 
 class Constraint(Protocol):
-    """What every kind of constraint offers; see ``PointConstraint``."""
+    """Interface of all kinds of constraints; see ``PointConstraint`` for an example."""
 
     kind: ClassVar[str]
     noun: ClassVar[str]
@@ -33,7 +33,7 @@ class Constraint(Protocol):
 
     @property
     def camera(self) -> Camera | None:
-        """The camera under which the constraint was drawn, or None where it speaks of places in space."""
+        """The camera under which the constraint was drawn, or None if it is defined in space."""
         ...
 
     @property
@@ -43,17 +43,17 @@ class Constraint(Protocol):
 
     @property
     def enabled(self) -> bool:
-        """Whether the constraint counts."""
+        """True if the constraint is active."""
         ...
 
     @property
     def locked(self) -> bool:
-        """Whether the constraint is safe from being moved or removed by hand."""
+        """True if the constraint cannot be moved or removed by hand."""
         ...
 
     @property
     def points(self) -> SurfacePoints:
-        """The points of the surface that the constraint speaks of."""
+        """The constrained points of the surface."""
         ...
 
     @property
@@ -63,15 +63,15 @@ class Constraint(Protocol):
 
     @property
     def places(self) -> SurfacePoints | None:
-        """The points of the surface that a file stores for the constraint, or None where it stores none."""
+        """The points of the surface that a file stores for the constraint, or None if it stores none."""
         ...
 
     def with_rest(self, model: FaceModel) -> Self:
-        """Return the constraint as a file keeps it, with the rest positions of its ``places``."""
+        """Return the constraint as stored in a file, with the rest positions of its ``places``."""
         ...
 
     def without_rest(self) -> Self:
-        """Return the constraint as it is edited, without rest positions."""
+        """Return the constraint for editing, without rest positions."""
         ...
 
     def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> Self:
@@ -79,44 +79,44 @@ class Constraint(Protocol):
         ...
 
     def resolved(self, model: FaceModel, p: ArrayLike) -> Self:
-        """Return the constraint with all that a file may leave out looked up on the face ``p``, shape (r,).
+        """Return the constraint with everything that a file may omit determined on the face ``p``, shape (r,).
 
         Raises:
-            ValueError: If it names places that the face does not have.
+            ValueError: If it refers to points that the face does not have.
         """
         ...
 
     def moved_start(self, model: FaceModel, start: Array) -> Array:
-        """Return the pose that the face has before any energy pulls at it, given ``start``, each (r,)."""
+        """Return the ``start`` pose, (r,), with the offset that the constraint adds to it before the solve."""
         ...
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
-        """Return how far the constraint is from being met by the face ``p``, shape (r,), in pixels."""
+        """Return the residual of the constraint on the face ``p``, shape (r,), in pixels."""
         ...
 
     def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
-        """Return ``residual_px``, given where the points of the constraint appear, shape (n, 2)."""
+        """Return ``residual_px``, given the projected ``pixels`` of the constraint's points, shape (n, 2)."""
         ...
 
     @staticmethod
     def terms(constraints: Sequence[Any], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
-        """Return the terms of all ``constraints`` of this kind, whose points have the indices ``slots``."""
+        """Return the terms of ``constraints`` of this kind; ``slots`` are the indices of their points in the state."""
         ...
 
     def mirrored(self, mirror: SurfaceMirror, model: FaceModel, p: ArrayLike) -> Self | None:
-        """Return what does the same on the other side of the face ``p``, or None where there is no such thing."""
+        """Return the mirrored constraint for the face ``p``, or None if it has no mirror image."""
         ...
 
     def nudged(self, offset: tuple[float, float]) -> Self | None:
-        """Return the constraint with its target moved by ``offset`` pixels of its camera, or None if it has none."""
+        """Return the constraint with its target moved by ``offset`` pixels of its camera, or None without a target."""
         ...
 
     def place(self, names: PlaceNames) -> str:
-        """Return the name of the place that the constraint speaks of."""
+        """Return the name of the constrained place."""
         ...
 
     def to_json(self) -> dict[str, Any]:
-        """Return the constraint as the session file has it."""
+        """Return the JSON form of the constraint."""
         ...
 
     @classmethod
@@ -139,13 +139,13 @@ CONSTRAINTS: dict[str, type[Constraint]] = {
 
 
 def register(kind: type[Constraint]) -> None:
-    """Make ``kind`` known to sessions, the solver and the window.
+    """Register ``kind`` with sessions, the solver and the window.
 
     Raises:
-        ValueError: If there is a kind of that name.
+        ValueError: If a kind of that name is already registered.
     """
     if kind.kind in CONSTRAINTS:
-        raise ValueError(f"there is a kind of constraint '{kind.kind}'")
+        raise ValueError(f"the kind of constraint '{kind.kind}' is already registered")
     CONSTRAINTS[kind.kind] = kind
 
 
@@ -153,7 +153,7 @@ def constraint_from_json(data: Any, where: str) -> Constraint:
     """Return the constraint that ``data`` describes; ``where`` is its place in the file.
 
     Raises:
-        FacePoserError: If the kind is unknown or its data is wrong.
+        FacePoserError: If the kind is unknown or its data are invalid.
     """
     if not isinstance(data, dict) or "type" not in data:
         raise FacePoserError(f"{where} must be an object with a 'type'.")

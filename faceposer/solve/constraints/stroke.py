@@ -1,4 +1,4 @@
-"""A group of points that should collectively project to where a stroke was drawn (Lau et al. 2009, section 4.3)."""
+"""Constraint that projects a group of points onto a drawn stroke (Lau et al. 2009, section 4.3)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ Pixels = tuple[tuple[float, float], ...]
 StrokeEnergy = Literal["distance", "image"]
 STROKE_ENERGIES: tuple[StrokeEnergy, ...] = get_args(StrokeEnergy)
 WIDEST = 200.0
-# So many points of a stroke say as much as all of them.
+# Largest number of points of a stroke that are evaluated.
 _SAMPLES = 200
 
 
@@ -44,17 +44,17 @@ class _StrokeJson(ConstraintJson, kw_only=True):
 
 @dataclass(frozen=True)
 class StrokeConstraint(ConstraintBase):
-    """The points ``source`` of the face cover together the pixels of the stroke ``target``.
+    """Moves the points ``source`` of the face so that together they cover the pixels of the stroke ``target``.
 
     Attributes:
-        source: What a brush painted on the face; in a file it may also be the pixels along the brush's way, which are
-            then looked up on the face that editing starts from.
-        target: Pixels along the way of the brush that drew where the source should be.
+        source: Points painted on the face; in a file also the pixels along the path of the brush, which are then picked
+            on the face that editing starts from.
+        target: Pixels along the path of the brush that drew the target.
         width: Diameter of the brush in pixels.
         camera: The camera under which both were drawn.
-        shape: Whether the target's way is a line, closes itself, or encloses a filled region.
-        energy: "distance" measures from each point to the nearest of the other stroke, both ways; "image" is the
-            paper's difference of two binary images with a pull between their centres.
+        shape: Shape of the target: an open line, a closed line, or a filled region.
+        energy: "distance" for nearest-point distances in both directions; "image" for the paper's difference of two
+            binary images with an attraction between their centroids.
     """
 
     kind: ClassVar[str] = "stroke"
@@ -73,15 +73,15 @@ class StrokeConstraint(ConstraintBase):
         """All points of the source.
 
         Raises:
-            RuntimeError: If they have not been looked up yet; see ``resolved``.
+            RuntimeError: If the source is unresolved; see ``resolved``.
         """
         if not isinstance(self.source, SurfacePoints):
-            raise RuntimeError("the source of the stroke has not been looked up on the face yet")
+            raise RuntimeError("the source of the stroke is not resolved to points of the face yet")
         return self.source
 
     @cached_property
     def points(self) -> SurfacePoints:
-        """The points that the energy looks at."""
+        """The points at which the energy is evaluated."""
         return self.placed if self.energy == "image" else self.placed.subset(_spread(len(self.placed)))
 
     @cached_property
@@ -91,7 +91,7 @@ class StrokeConstraint(ConstraintBase):
 
     @property
     def places(self) -> SurfacePoints | None:
-        """All points of the source, or None if they are still to be looked up."""
+        """All points of the source, or None if the source is unresolved."""
         return self.source if isinstance(self.source, SurfacePoints) else None
 
     def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> "StrokeConstraint":
@@ -101,7 +101,7 @@ class StrokeConstraint(ConstraintBase):
         )
 
     def resolved(self, model: FaceModel, p: ArrayLike) -> "StrokeConstraint":
-        """Return the constraint with its source on the face: if it was pixels, looked up on the face ``p``.
+        """Return the constraint with points as its source, picked on the face ``p`` if it consists of pixels.
 
         Raises:
             ValueError: If the source does not lie on the face.
@@ -115,16 +115,16 @@ class StrokeConstraint(ConstraintBase):
         return replace(self, source=points)
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
-        """Return how far the two strokes lie apart: the mean distance to the nearest of the other, in pixels."""
+        """Return the mean nearest-point distance between the two strokes on the face ``p``, in pixels."""
         return self.residual_of(self.camera.project(model.positions_at(self.points, p)))
 
     def residual_at(self, pixels: Array, model: FaceModel, p: ArrayLike) -> float:
-        """Return ``residual_px``, given where the points of the constraint appear, shape (n, 2)."""
+        """Return ``residual_px``, given the projected ``pixels`` of the constraint's points, shape (n, 2)."""
         return self.residual_of(pixels)
 
     def residual_of(self, pixels: Array) -> float:
-        """Return how far the strokes lie apart where ``points`` appear at ``pixels``, shape (n, 2)."""
-        # The window's start does not wait for search trees.
+        """Return the mean nearest-point distance between the ``pixels`` of ``points``, shape (n, 2), and the target."""
+        # Imported late: the window starts without it.
         from scipy.spatial import cKDTree
 
         target = self.target_pixels[_spread(len(self.target_pixels))]
@@ -134,7 +134,7 @@ class StrokeConstraint(ConstraintBase):
 
     @staticmethod
     def terms(constraints: Sequence["StrokeConstraint"], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
-        """Return a term for each of ``constraints``, whose points have the indices ``slots`` in the state."""
+        """Return a term for each of ``constraints``; ``slots`` are the indices of their points in the state."""
         return [
             StrokeImageTerm(constraint.target_pixels, points, constraint.weight)
             if constraint.energy == "image"
@@ -149,18 +149,18 @@ class StrokeConstraint(ConstraintBase):
         return replace(self, target=as_pixels(np.add(self.target, offset)))
 
     def mirrored(self, mirror: SurfaceMirror, model: FaceModel, p: ArrayLike) -> "StrokeConstraint | None":
-        """Return the constraint that does across what this one does to the face ``p``, or None where it cannot be."""
-        across = mirror.points(self.placed)
-        if across is None:
+        """Return the mirrored constraint for the face ``p``, or None if its points have no mirror image."""
+        opposite = mirror.points(self.placed)
+        if opposite is None:
             return None
         camera = mirrored_camera(self.camera)
-        here = mirrored_pixels(self.camera.project(model.positions_at(self.placed, p)), self.camera)
-        there = camera.project(model.positions_at(across, p))
-        target = mirrored_pixels(self.target, self.camera) + there.mean(axis=0) - here.mean(axis=0)
-        return replace(self, source=across, target=as_pixels(target), camera=camera, locked=False)
+        pixels = mirrored_pixels(self.camera.project(model.positions_at(self.placed, p)), self.camera)
+        opposite_pixels = camera.project(model.positions_at(opposite, p))
+        target = mirrored_pixels(self.target, self.camera) + opposite_pixels.mean(axis=0) - pixels.mean(axis=0)
+        return replace(self, source=opposite, target=as_pixels(target), camera=camera, locked=False)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the constraint as the session file has it."""
+        """Return the JSON form of the constraint."""
         source: Any
         if isinstance(self.source, SurfacePoints):
             source = {"anchors": codec.points_to_json(self.source)}
@@ -182,7 +182,7 @@ class StrokeConstraint(ConstraintBase):
         """Return the constraint that ``data`` describes.
 
         Raises:
-            FacePoserError: If a key is unknown, missing or of the wrong kind; ``where`` names the place.
+            FacePoserError: If a key is unknown, missing or of the wrong type; ``where`` names the place.
         """
         form = convert(data, _StrokeJson, where)
         source = codec.points_of(form.source.anchors) if isinstance(form.source, _PaintedJson) else form.source
@@ -191,10 +191,10 @@ class StrokeConstraint(ConstraintBase):
 
 
 def as_pixels(points: ArrayLike) -> Pixels:
-    """Return ``points``, shape (n, 2), as the constraints keep pixels."""
+    """Return ``points``, shape (n, 2), as a tuple of pixels."""
     return tuple((u, v) for u, v in np.asarray(points, dtype=np.float64).reshape(-1, 2).tolist())
 
 
 def _spread(count: int) -> Indices:
-    """Return at most ``_SAMPLES`` indices spread evenly over ``count``."""
+    """Return at most ``_SAMPLES`` evenly spaced indices below ``count``."""
     return np.unique(np.linspace(0, count - 1, min(count, _SAMPLES)).round().astype(np.intp))

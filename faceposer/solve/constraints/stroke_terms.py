@@ -1,4 +1,4 @@
-"""The energies of a stroke: distances both ways (the default), and the paper's difference of images."""
+"""Energies of strokes: two-sided distances (the default), and the paper's difference of images."""
 
 from dataclasses import dataclass
 
@@ -7,21 +7,28 @@ import numpy as np
 from faceposer.solve.constraints.point import SIGMA_PX
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm
 
-# A stroke is drawn with one sway of the hand: its pixels say as much as this many points.
+# Number of points as which a stroke counts: its pixels are drawn in one movement and are not independent.
 AS_MANY_POINTS = 6.0
-# What it counts that a pixel of the target is not covered, against a point of the source beside the target.
+# Weight of the distances from the target to the source, relative to those from the source to the target.
 REVERSE = 0.5
-# What it counts that the centres are apart: it tells the way where the strokes are far from each other.
+# Weight of the distance of the centroids, which gives the direction when the strokes are far apart.
 CENTRE = 0.5
-# sigma of the paper's eq. (12): a stroke of 150 pixels that is off by one pixel then counts like its points would.
+# sigma of the paper's eq. (12), so that a stroke of 150 pixels shifted by one pixel counts like its points.
 _SIGMA_IMAGE = 10.0
-# Pixels beyond the target within which the image of a source is kept: a line search may try faces that lie anywhere.
+# Margin in pixels around the target to which the image of a source is clipped, since a line search may try any face.
 _IMAGE_MARGIN = 600
 
 
 @dataclass(frozen=True)
 class _Match:
-    """For one state: the source's pixels (n, 2), the nearest target of each, and the nearest source of each target."""
+    """Correspondences at one state.
+
+    Attributes:
+        state: The state.
+        pixels: Pixels of the source, shape (n, 2).
+        nearest_target: Index of the nearest target pixel of each source point, shape (n,).
+        nearest_source: Index of the nearest source point of each target pixel, shape (m,).
+    """
 
     state: PoseState
     pixels: Array
@@ -32,17 +39,17 @@ class _Match:
 class StrokeDistanceTerm(ResidualTerm):
     """w S / sigma^2 (mean_i |y_i - z_n(i)|^2 + a mean_j |y_m(j) - z_j|^2 + b |mean_i y_i - mean_j z_j|^2).
 
-    z_n(i) is the pixel of the target nearest to the source's y_i, which is its distance field exactly; y_m(j) is the
-    point of the source nearest to the target's z_j, without which a source shrinks into a part of its target. The last
-    summand is the paper's eq. (13). Neighbours change from pose to pose; where they do not, residuals are
-    differentiable, and at the places where they do, the energy is still continuous.
+    z_n(i) is the target pixel nearest to the source point y_i, which gives the exact distance field of the target;
+    y_m(j) is the source point nearest to the target pixel z_j, without which the source would shrink into a part of the
+    target. The last summand is the paper's eq. (13). The energy is continuous, and differentiable wherever the nearest
+    points do not change.
     """
 
     def __init__(self, target: Array, points: Indices, weight: float) -> None:
-        """Prepare the term for the pixels ``target``, (m, 2), and the ``points`` of the source, (n,) in the state."""
+        """Prepare the term for the pixels ``target``, (m, 2), and the indices of the source's ``points``, (n,)."""
         self._target, self._points = target, points
         self._centre = target.mean(axis=0)
-        # Of |y - z|^2, measured from the target's centre: what depends on z, as factors of (y, 1), and -2 z.
+        # The part of |y - z|^2 that depends on z, relative to the target's centroid: coefficients of (y, 1), and -2 z.
         centred = target - self._centre
         self._to_target = np.concatenate([-2.0 * centred.T, (centred * centred).sum(axis=1)[None]])
         self._from_target = -2.0 * centred
@@ -52,10 +59,10 @@ class StrokeDistanceTerm(ResidualTerm):
         super().__init__(scale * counts)
         self._match: _Match | None = None
 
-    def _matched(self, state: PoseState) -> _Match:
+    def _match_at(self, state: PoseState) -> _Match:
         if self._match is None or self._match.state is not state:
             pixels = state.pixels[self._points]
-            # All pairs twice, each way by rows: for a few hundred points that takes half as long as a search tree.
+            # Brute force in both directions takes half as long as a search tree for a few hundred points.
             y = pixels - self._centre
             to_target = np.column_stack([y, np.ones(len(y))]) @ self._to_target
             to_source = self._from_target @ y.T + (y * y).sum(axis=1)
@@ -63,24 +70,24 @@ class StrokeDistanceTerm(ResidualTerm):
         return self._match
 
     def residual(self, state: PoseState) -> Array:
-        """Return the offsets to the target, those of the target to the source, and the centres', (2 n + 2 m + 2,)."""
-        match = self._matched(state)
+        """Return the offsets source to target, target to source, and of the centroids, shape (2 n + 2 m + 2,)."""
+        match = self._match_at(state)
         forward = match.pixels - self._target[match.nearest_target]
         reverse = match.pixels[match.nearest_source] - self._target
         centre = match.pixels.mean(axis=0) - self._centre
         return np.concatenate([forward.ravel(), reverse.ravel(), centre])
 
     def jacobian(self, state: PoseState) -> Array:
-        """Return the derivatives of the residuals with the neighbours held, shape (2 n + 2 m + 2, r)."""
+        """Return the derivatives of the residuals for fixed correspondences, shape (2 n + 2 m + 2, r)."""
         jacobian = state.pixel_jacobian(self._points)
-        reverse = jacobian[self._matched(state).nearest_source]
+        reverse = jacobian[self._match_at(state).nearest_source]
         return np.concatenate([jacobian, reverse, jacobian.mean(axis=0)[None]]).reshape(-1, jacobian.shape[-1])
 
     def pull_back(self, state: PoseState, by_residual: Array) -> Array:
         """Return jacobian^T ``by_residual``, shape (r,)."""
         n, m = len(self._points), len(self._target)
         by_pixel = by_residual[: 2 * n].reshape(n, 2) + by_residual[-2:] / n
-        nearest, reverse = self._matched(state).nearest_source, by_residual[2 * n : 2 * (n + m)].reshape(m, 2)
+        nearest, reverse = self._match_at(state).nearest_source, by_residual[2 * n : 2 * (n + m)].reshape(m, 2)
         for axis in range(2):
             by_pixel[:, axis] += np.bincount(nearest, reverse[:, axis], minlength=n)
         return state.pull_back(self._points, by_pixel)
@@ -88,11 +95,11 @@ class StrokeDistanceTerm(ResidualTerm):
     def curvature(self, state: PoseState) -> Array:
         """Return the Gauss-Newton estimate of the second derivative, shape (r, r).
 
-        A target pixel adds to the weight of the source point that it is nearest to.
+        Each target pixel adds to the weight of its nearest source point.
         """
         n, m = len(self._points), len(self._target)
         jacobian = state.pixel_jacobian(self._points)
-        covered = np.bincount(self._matched(state).nearest_source, minlength=n)
+        covered = np.bincount(self._match_at(state).nearest_source, minlength=n)
         weights = self.weights[0] + self.weights[2 * n] * covered if m else np.full(n, self.weights[0])
         flat = (jacobian * np.sqrt(2.0 * weights)[:, None, None]).reshape(2 * n, -1)
         centre = jacobian.mean(axis=0)
@@ -101,16 +108,16 @@ class StrokeDistanceTerm(ResidualTerm):
 
 
 class StrokeImageTerm:
-    """The paper's energy: sum over pixels of (I_y - I_z)^2 / sigma^2, and the pull of centres (eqs. (12) and (13)).
+    """The paper's energy: sum over pixels of (I_y - I_z)^2 / sigma^2, and the distance of centroids (eqs. (12), (13)).
 
-    I_y is the binary image of the projected source, I_z that of the target. The derivative of I_y is taken by the Sobel
-    operator at the source's pixels (eqs. (27) and (29)); the printed (27) lacks the minus sign that a moving image has:
-    where the source moves by a pixel, its image at a fixed place changes by minus its gradient. The energy itself is
-    piecewise constant, so that this is an estimate and no derivative.
+    I_y is the binary image of the projected source, I_z that of the target. The derivative of I_y is estimated by the
+    Sobel operator at the source's pixels (eqs. (27) and (29)). Equation (27) as printed lacks a minus sign: when the
+    source moves by a pixel, its image at a fixed position changes by minus its gradient. The energy itself is piecewise
+    constant, so that the gradient is an estimate only.
     """
 
     def __init__(self, target: Array, points: Indices, weight: float) -> None:
-        """Prepare the term for the pixels ``target``, (m, 2), and the ``points`` of the source, (n,) in the state."""
+        """Prepare the term for the pixels ``target``, (m, 2), and the indices of the source's ``points``, (n,)."""
         self._target = np.floor(target).astype(np.intp)
         self._centre = target.mean(axis=0)
         self._points = points
@@ -118,8 +125,8 @@ class StrokeImageTerm:
         self._extra = weight / SIGMA_PX**2
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
-        """Return the energy and the estimate of its gradient by the coefficients, shape (r,)."""
-        # The window's start does not wait for image filters.
+        """Return the energy and an estimate of its gradient with respect to the coefficients, shape (r,)."""
+        # Imported late: the window starts without it.
         from scipy.ndimage import sobel
 
         pixels = state.pixels[self._points]
@@ -135,14 +142,14 @@ class StrokeImageTerm:
         difference = source_image - target_image
         centre = pixels.mean(axis=0) - self._centre
         value = self._image * float((difference * difference).sum()) + self._extra * float(centre @ centre)
-        # The operator's weights sum to 8 per unit of slope.
+        # The Sobel weights sum to 8 per unit of slope.
         slopes = np.stack([sobel(source_image, axis)[rows, columns] / 8.0 for axis in (1, 0)], axis=1)
         by_pixel = -2.0 * self._image * difference[rows, columns][:, None] * slopes
         by_pixel += 2.0 * self._extra * centre / len(pixels)
         return value, state.pull_back(self._points, by_pixel)
 
     def curvature(self, state: PoseState) -> Array:
-        """Return the curvature that the same points would have under the energy of distances, shape (r, r)."""
+        """Return the curvature of the distance energy of the same points, shape (r, r)."""
         jacobian = state.pixel_jacobian(self._points)
         flat = jacobian.reshape(-1, jacobian.shape[-1])
         centre = jacobian.mean(axis=0)

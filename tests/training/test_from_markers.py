@@ -9,7 +9,7 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.model.face_model import build_face_model
 from faceposer.training.examples import ExampleOptions
-from faceposer.training.marked import character_from_markers
+from faceposer.training.from_markers import character_from_markers
 from tests.training.faces import BASE, base, poses
 
 OPTIONS = ExampleOptions("me", "Me")

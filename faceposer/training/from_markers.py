@@ -1,4 +1,4 @@
-"""Motion of markers on a performer's face, carried over to a scan, becomes a character (Lau et al. 2009, section 3.1)."""
+"""Characters from the motion of markers on a performer's face (Lau et al. 2009, section 3.1)."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -21,17 +21,17 @@ from faceposer.training.known_face import character_from_frames, mesh_of
 def character_from_markers(
     motion: Path, marker_map: Path, scan: str, options: ExampleOptions, progress: Progress | None = None
 ) -> Character:
-    """Return the character whose examples are the frames of a motion of markers, carried over to a scan.
+    """Train a character from the frames of marker motion, transferred to a scan.
 
     Args:
         motion: C3D or CSV file.
-        marker_map: JSON file that says where on the scan each marker is.
-        scan: A mesh file, or the name or path of a character, whose feature points the map may name.
-        options: What to make of the examples.
-        progress: Told how far it is.
+        marker_map: JSON file with the place of each marker on the scan.
+        scan: A mesh file, or the name or path of a character, to whose feature points the map may refer.
+        options: Options for training from the resulting examples.
+        progress: Progress to update.
 
     Raises:
-        FacePoserError: If a file cannot be used, naming it, the place and the remedy.
+        FacePoserError: If a file cannot be used.
     """
     progress = progress or Progress()
     progress.at("Reading the markers")
@@ -46,7 +46,7 @@ def character_from_markers(
         read_markers(motion), read_marker_map(marker_map), mesh.vertices, mesh.triangles(), points
     )
     character = character_from_frames(
-        _counted(moved, progress), len(moved), mesh, known, motion.name, options, progress
+        _with_progress(moved, progress), len(moved), mesh, known, motion.name, options, progress
     )
     report = moved.report
     summary = {
@@ -66,7 +66,7 @@ def character_from_markers(
     return replace(character, summary=summary)
 
 
-def _counted(moved: MarkerMeshes, progress: Progress) -> Iterator[NDArray[np.float64]]:
+def _with_progress(moved: MarkerMeshes, progress: Progress) -> Iterator[NDArray[np.float64]]:
     for i, vertices in enumerate(moved):
-        progress.at("Moving the scan by the markers", (i + 1) / len(moved))
+        progress.at("Deforming the scan by the markers", (i + 1) / len(moved))
         yield vertices

@@ -1,7 +1,7 @@
-"""Where a character's face looks: from the axes and the unit of its file to upright centimetres.
+"""Canonical frame of a face: the similarity from the axes and unit of its file to upright centimetres.
 
-The program wants a face that looks along +z with its left at +x, in centimetres. Files come in metres or inches, with z
-up, turned or shifted. What moves tells the rest: brows lie above the mouth, the left smile on the left.
+In the canonical frame a face looks along +z with its left at +x, in centimetres. Files use metres or inches, with z up,
+rotated or shifted. The motion determines the rest: brows are above the mouth, and the left smile is on the left.
 """
 
 from collections.abc import Mapping
@@ -17,38 +17,38 @@ from faceposer.model.character_file import load_character
 
 Array = NDArray[np.float64]
 
-#: Root mean square distance of what moves from its middle, in centimetres, that a face without known shapes is given.
+#: Root mean square distance of the moving part from its centroid, in centimetres, for a face without known shapes.
 _FACE_RADIUS = 4.0
-#: A mesh whose halves differ by more than this share of the face's radius has no plane of symmetry to find.
+#: Largest difference between both halves, as a share of the face's radius, of a mesh with a plane of symmetry.
 _SYMMETRIC = 0.12
 _SAMPLES = 3000
 _ROUNDS = 60
 _FEW = 500
-#: Where the middle of what moves is on the program's own man, in centimetres.
+#: Centroid of the moving part of the built-in man, in centimetres.
 _FACE_MIDDLE = np.array([0.0, -5.3, 7.4])
 # Left and right count as exchanged where that fits better by this factor.
 _CLEARLY = 0.6
-# What moves by less than this share of how far most of the moving vertices do is not taken for the face.
+# Least motion of vertices of the face, as a share of the motion of most moving vertices.
 _MOVING = 0.15
-# How much worse, as a share, a place must be whose way up is square to the file's.
+# Penalty, as a share of the distance, for an upward direction perpendicular to the y and z axes of the file.
 _UNUSUAL = 0.2
-# Mean distance, in centimetres, of faces that are like the man's, and the cosine of how far from up an axis may be.
-_LIKE_A_MAN = 0.36
+# Largest mean distance in centimetres of a face that resembles the man's, and the least cosine of an axis with up.
+_RESEMBLES_MAN = 0.36
 _NEARLY_UP = 0.7
-# Nods from which the search for the best place starts, in degrees, and the share of the points that counts in it.
-_BENDS = (-40.0, -30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0, 40.0)
+# Initial pitch angles of the search in degrees, and the share of the points that it uses.
+_PITCHES = (-40.0, -30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0, 40.0)
 _TRIMMED = 0.8
 _MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
-def upright_by_shapes(vertices: Array, shapes: Mapping[str, NDArray[np.float32]]) -> tuple[Similarity, bool] | None:
-    """Return what brings a face with ARKit's shapes upright, and if its sides are exchanged; None if none can tell.
+def frame_from_shapes(vertices: Array, shapes: Mapping[str, NDArray[np.float32]]) -> tuple[Similarity, bool] | None:
+    """Return the canonical frame of a face with ARKit's shapes, and True if its sides are exchanged.
 
-    The middles of what each shape moves are laid on those of the program's own man; then the plane of symmetry is made
-    exact.
+    The centroids of each shape's motion are aligned with those of the built-in man; then the plane of symmetry is
+    refined. Returns None if the shapes do not determine a frame.
 
     Args:
-        vertices: In the file's unit and axes, shape (N, 3).
+        vertices: Vertices in the file's unit and axes, shape (N, 3).
         shapes: Offsets, (N, 3), by ARKit's names.
     """
     reference = _reference_middles()
@@ -59,34 +59,34 @@ def upright_by_shapes(vertices: Array, shapes: Mapping[str, NDArray[np.float32]]
     targets = np.array([reference[name] for name in names])
     if not determines_rotation(middles):
         return None
-    crossed = np.array([reference[other_side(name)] for name in names])
+    crossed = np.array([reference[opposite_name(name)] for name in names])
     fits = [rigid_alignment(middles, places, scale=True) for places in (targets, crossed)]
     misses = [
         float(np.linalg.norm(fit.apply(middles) - places, axis=1).mean())
         for fit, places in zip(fits, (targets, crossed), strict=True)
     ]
     exchanged = misses[1] < _CLEARLY * misses[0]
-    return _made_symmetric(vertices, fits[int(exchanged)]), exchanged
+    return _make_symmetric(vertices, fits[int(exchanged)]), exchanged
 
 
-def other_side(name: str) -> str:
-    """Return the name of the same shape on the other side."""
+def opposite_name(name: str) -> str:
+    """Return the name of a shape's counterpart on the other side."""
     for side, other in (("Left", "Right"), ("Right", "Left")):
         if name.endswith(side):
             return name.removesuffix(side) + other
     return name
 
 
-def upright_by_motion(vertices: Array, triangles: NDArray[np.integer], motion: Array) -> tuple[Similarity, bool]:
-    """Return what brings a face upright of which only is known how much each vertex moves, and if it is like a man's.
+def frame_from_motion(vertices: Array, triangles: NDArray[np.integer], motion: Array) -> tuple[Similarity, bool]:
+    """Return the canonical frame of a face from its motion alone, and True if it resembles the built-in man.
 
-    What moves faces forward; the plane of symmetry gives the sides; which way is up and how far the head is bent shows
-    where its face lies best on that of the program's own man, by iterated closest points.
+    The moving part faces forward, and the plane of symmetry gives the sides. The upward direction and the pitch of the
+    head are those of the best alignment with the built-in man by iterated closest points.
 
     Args:
-        vertices: In the file's unit and axes, shape (N, 3).
+        vertices: Vertices in the file's unit and axes, shape (N, 3).
         triangles: Vertex ids, shape (T, 3).
-        motion: Mean squared distance that each vertex moves, shape (N,).
+        motion: Mean squared displacement of each vertex, shape (N,).
     """
     extent = _capped_extent(motion)
     weights = extent / max(float(extent.sum()), np.finfo(float).tiny)
@@ -106,67 +106,67 @@ def upright_by_motion(vertices: Array, triangles: NDArray[np.integer], motion: A
     angles = np.deg2rad(np.arange(0, 180, 5))
     errors = [_mirror_distance(rolled(angle).apply_to_directions(centred)) for angle in angles]
     roll = float(angles[int(np.argmin(errors))])
-    upright = [_centred_on(rolled(angle), middle) for angle in (roll, roll + np.pi)]
-    upright = [_made_symmetric(vertices, start) for start in upright]
+    upright = [_centre(rolled(angle), middle) for angle in (roll, roll + np.pi)]
+    upright = [_make_symmetric(vertices, start) for start in upright]
     moving = _sample(vertices[extent > _MOVING * extent.max()])
     everything = _sample(vertices)
     tree = KDTree(everything)
     few = moving[:: max(1, len(moving) // _FEW)]
-    starts = [_bent(start, np.deg2rad(angle)) for start in upright for angle in _BENDS]
-    fits = [_laid_on_the_man(few, everything, tree, start, 12) for start in starts]
-    # Faces of other beings lie on a man's nearly as well upside down; files mostly have y or z upwards.
+    starts = [_pitch(start, np.deg2rad(angle)) for start in upright for angle in _PITCHES]
+    fits = [_align_to_man(few, everything, tree, start, 12) for start in starts]
+    # Non-human faces align nearly as well upside down; most files have y or z up.
     best, _ = min(fits, key=lambda fit: fit[1] * (1.0 + _UNUSUAL * (1.0 - float(fit[0].rotation[1, 1:].max()))))
-    found, distance = _laid_on_the_man(moving, everything, tree, best, _ROUNDS)
-    if distance < _LIKE_A_MAN:
+    found, distance = _align_to_man(moving, everything, tree, best, _ROUNDS)
+    if distance < _RESEMBLES_MAN:
         return found, True
-    # How far the head is bent cannot be told from a face so unlike a man's: the file's own way up is taken.
-    level = _levelled(found)
-    return _laid_on_the_man(moving, everything, tree, level, _ROUNDS, turning=False)[0], False
+    # The pitch cannot be determined from a face so unlike the man's: use the file's upward axis.
+    level = _level(found)
+    return _align_to_man(moving, everything, tree, level, _ROUNDS, turning=False)[0], False
 
 
-def _levelled(found: Similarity) -> Similarity:
-    """Return ``found`` with a nod after it that puts the file's y or z straight up, if one of them nearly is."""
+def _level(found: Similarity) -> Similarity:
+    """Return ``found`` followed by a pitch that turns the file's y or z axis exactly up, if one of them nearly is."""
     _, up, forward = found.rotation
     axis = max((np.eye(3)[1], np.eye(3)[2]), key=lambda axis: float(axis @ up))
     if axis @ up < _NEARLY_UP:
         return found
-    return _bent(found, float(np.arctan2(-(axis @ forward), axis @ up)))
+    return _pitch(found, float(np.arctan2(-(axis @ forward), axis @ up)))
 
 
 def _capped_extent(motion: Array) -> Array:
-    """Return how far vertices move, (N,), at most as far as most of the moving ones do: ears may move most of all."""
+    """Return the displacement of the vertices, (N,), capped at its third quartile, since ears may dominate."""
     extent = np.sqrt(motion)
     moving = extent[extent > 0.05 * extent.max(initial=0.0)]
     return np.minimum(extent, np.quantile(moving, 0.75)) if len(moving) else extent
 
 
-def _centred_on(turn: Similarity, middle: Array) -> Similarity:
-    """Return ``turn`` with the ``middle`` of what moves put where it is on the program's own man."""
+def _centre(turn: Similarity, middle: Array) -> Similarity:
+    """Return ``turn`` with a translation of the ``middle`` of the moving part to its position on the built-in man."""
     return Similarity(turn.rotation, _FACE_MIDDLE - turn.apply_to_directions(middle[None])[0], turn.scale)
 
 
-def _bent(start: Similarity, angle: float) -> Similarity:
-    """Return ``start`` followed by a nod by ``angle`` about the middle of the face."""
+def _pitch(start: Similarity, angle: float) -> Similarity:
+    """Return ``start`` followed by a pitch by ``angle`` about the centre of the face."""
     nod = _rotation(np.array([1.0, 0.0, 0.0]), angle)
     return Similarity(nod @ start.rotation, nod @ (start.translation - _FACE_MIDDLE) + _FACE_MIDDLE, start.scale)
 
 
-def _laid_on_the_man(
+def _align_to_man(
     moving: Array, everything: Array, tree: KDTree, start: Similarity, rounds: int, turning: bool = True
 ) -> tuple[Similarity, float]:
-    """Return ``start`` after iterated closest points with the man's face, and how far apart the faces are.
+    """Refine ``start`` by iterated closest points with the man's face, and return it with the distance of the faces.
 
-    What moves looks for the man's face and the man's face for the head, so that neither shrinks into the other. Points
-    and their mirror images are fitted together, so that the plane of symmetry stays where it is.
+    Closest points are found from the moving part to the man's face and from the man's face to the head, so that neither
+    shrinks into the other. Points are fitted together with their mirror images, to keep the plane of symmetry.
     """
     surface, surface_tree = _face_of_man()
     similarity, distance = start, np.inf
     for _ in range(rounds):
-        there, onto = surface_tree.query(similarity.apply(moving))
-        back, of = tree.query(similarity.inverse().apply(surface))
-        near, close = there <= np.quantile(there, _TRIMMED), back <= np.quantile(back, _TRIMMED)
-        source = similarity.apply(np.vstack([moving[near], everything[of[close]]]))
-        target = np.vstack([surface[onto[near]], surface[close]])
+        to_man, man_ids = surface_tree.query(similarity.apply(moving))
+        to_head, head_ids = tree.query(similarity.inverse().apply(surface))
+        near, close = to_man <= np.quantile(to_man, _TRIMMED), to_head <= np.quantile(to_head, _TRIMMED)
+        source = similarity.apply(np.vstack([moving[near], everything[head_ids[close]]]))
+        target = np.vstack([surface[man_ids[near]], surface[close]])
         weights = np.repeat([1.0 / near.sum(), 1.0 / close.sum()], [near.sum(), close.sum()])
         distance = 0.5 * float(weights @ np.linalg.norm(source - target, axis=1))
         if not determines_rotation(target):
@@ -186,7 +186,7 @@ def _laid_on_the_man(
 
 @lru_cache(maxsize=1)
 def _face_of_man() -> tuple[Array, KDTree]:
-    """Return the points of the man's face that expressions move, and a tree of them."""
+    """Return the points of the man's face that expressions move, and their search tree."""
     man = load_character("man")
     skin = slice(*man.part("skin").vertices)
     extent = _capped_extent(np.einsum("snd,snd->n", man.shapes[:, skin], man.shapes[:, skin]))
@@ -194,8 +194,8 @@ def _face_of_man() -> tuple[Array, KDTree]:
     return surface, KDTree(surface)
 
 
-def _made_symmetric(vertices: Array, start: Similarity) -> Similarity:
-    """Return ``start`` turned and shifted so that x = 0 is the face's plane of symmetry, if it has one."""
+def _make_symmetric(vertices: Array, start: Similarity) -> Similarity:
+    """Return ``start`` rotated and shifted to make x = 0 the plane of symmetry of the face, if it has one."""
     similarity = start
     points = _sample(vertices)
     for _ in range(_ROUNDS):
@@ -218,7 +218,7 @@ def _made_symmetric(vertices: Array, start: Similarity) -> Similarity:
 
 
 def _mirror_distance(placed: Array) -> float:
-    """Return how far the mirror image of points, (n, 3), is from them; few one-sided points do not spoil it."""
+    """Return the trimmed mean distance between points, (n, 3), and their mirror image, robust to one-sided points."""
     distances, _ = KDTree(placed).query(placed * _MIRROR)
     return float(np.sort(distances)[: int(0.7 * len(distances))].mean())
 
@@ -247,7 +247,7 @@ def _unit(vector: Array) -> Array:
 
 
 def _rotation(axis: Array, angle: float) -> Array:
-    """Return the turn by ``angle`` about ``axis`` (Rodrigues' formula)."""
+    """Return the matrix of a rotation by ``angle`` about ``axis`` (Rodrigues' formula)."""
     x, y, z = _unit(axis)
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * (skew @ skew)
