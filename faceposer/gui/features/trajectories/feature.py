@@ -15,7 +15,8 @@ from faceposer.geometry.picking import SurfacePoints
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
-from faceposer.gui.features.timeline.feature import TimelineFeature, counted
+from faceposer.gui.features.timeline.editor import counted
+from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.trajectories.overlay import TrajectoryPainter
 from faceposer.gui.features.trajectories.panel import draw_trajectory_options
 from faceposer.gui.widgets.modal import draw_job, modal
