@@ -62,8 +62,8 @@ class AnimationFilesFeature(Feature):
                 _MENU,
                 partial(self._ask, "Open trajectories", "Trajectories", _TRAJECTORIES, self.open_trajectories),
                 enabled=idle,
-                help="Animate the face to follow recorded points (CSV, JSON, C3D). Points in an image need its camera; "
-                "without one the current view is used",
+                help="Animate the face to follow recorded points (CSV, JSON, C3D). Points of an image without a camera "
+                "are those of the current view",
             ),
         ]
 
@@ -141,4 +141,4 @@ class AnimationFilesFeature(Feature):
             context.dialogs.report("The trajectories cannot be opened", str(error))
             return
         context.settings.folder = str(path.parent.resolve())
-        context.feature(TrajectoriesFeature).begin(trajectories, f"Follow {path.name}", None)
+        context.feature(TrajectoriesFeature).solve(trajectories, f"Follow {path.name}", None)

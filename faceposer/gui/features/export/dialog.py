@@ -33,7 +33,7 @@ def draw_form(context: EditorContext, feature: "ExportFeature") -> None:
     if pressed == "accept":
         feature.choose_file()
     elif pressed == "cancel":
-        feature.end()
+        feature.close_dialog()
 
 
 def _draw_form(context: EditorContext, feature: "ExportFeature") -> str:

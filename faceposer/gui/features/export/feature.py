@@ -124,7 +124,7 @@ class ExportFeature(Feature):
         self.open = True
         self.context.redraw()
 
-    def end(self) -> None:
+    def close_dialog(self) -> None:
         """Close the dialog, or cancel the export; nothing is written."""
         self.open = False
         self._cancel_job()

@@ -260,7 +260,7 @@ class PhotoFeature(Feature):
             context.session.replace(replace(document, photos=(*document.photos, photo)))
         context.dismiss_guide()
         self.choose(len(self.photos) - 1)
-        self.pin()
+        self.start_pinning()
 
     def choose(self, index: int) -> None:
         """Activate photo ``index`` and look through it."""
@@ -271,7 +271,7 @@ class PhotoFeature(Feature):
         if self.context.toolbox.chosen is self.tool:
             self.tool.place = self.tool.next_place(self.context.viewport)
 
-    def look(self) -> None:
+    def look_through(self) -> None:
         """Look through the camera of the active photo."""
         if self.photo is not None:
             self._look_through(self.photo)
@@ -290,9 +290,9 @@ class PhotoFeature(Feature):
         viewport.view = replace(view, locked=locked)
         self.context.redraw()
 
-    def pin(self) -> None:
+    def start_pinning(self) -> None:
         """Choose the tool that sets pins, at the first place without a pin."""
-        self.look()
+        self.look_through()
         self.context.toolbox.choose(self.tool.name)
         self.tool.place = self.tool.next_place(self.context.viewport)
 
@@ -300,9 +300,9 @@ class PhotoFeature(Feature):
         """Skip to the next place."""
         self.tool.skip(self.context.viewport)
 
-    def place(self, place: Place) -> None:
+    def pin_place(self, place: Place) -> None:
         """Set a pin for ``place`` with the next press on the photo."""
-        self.look()
+        self.look_through()
         self.context.toolbox.choose(self.tool.name)
         self.tool.place = place
 
@@ -338,7 +338,7 @@ class PhotoFeature(Feature):
         if self.photos:
             self.choose(min(self.active or 0, len(self.photos) - 1))
 
-    def pose(self) -> None:
+    def pose_from_pins(self) -> None:
         """Pose the face from the pins as one step of the history; constraints made from them before are replaced."""
         photo, session = self.photo, self.context.session
         if photo is None or not self.has_enough_pins:

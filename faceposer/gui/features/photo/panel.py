@@ -220,7 +220,7 @@ def _draw_pin(photos: "PhotoFeature", photo: Photo, place: Place, residual: floa
         tooltip(title)
     if pressed and not context.busy:
         if index is None:
-            photos.place(place)
+            photos.pin_place(place)
         else:
             tool.selected = index
     if index is not None:
@@ -231,7 +231,7 @@ def _draw_pin(photos: "PhotoFeature", photo: Photo, place: Place, residual: floa
         imgui.push_style_color(imgui.Col_.button, ImVec4(0.0, 0.0, 0.0, 0.0))
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0.0, 0.0))
         if imgui.button(Icon.CLOSE, ImVec2(em(1.3), row)) and not context.busy:
-            photos.look()
+            photos.look_through()
             tool.remove(index, context.viewport)
         imgui.pop_style_var()
         imgui.pop_style_color()

@@ -117,7 +117,7 @@ class RangeMarksFeature(Feature):
         return points[0] if len(points) == 1 else None
 
     @property
-    def looks_at_something(self) -> bool:
+    def has_range(self) -> bool:
         """True if a point is under the pointer or dragged."""
         return self._range is not None
 
