@@ -135,8 +135,7 @@ class ExportFeature(Feature):
         context, suffix = self.context, self.form.suffix
         self.open = False
         session = context.session
-        last = Path(context.settings.export_path)
-        folder = last.parent if context.settings.export_path and last.parent.is_dir() else last_folder(context.settings)
+        folder = self._last_folder()
         stem = session.path.stem if session.path else Path(session.document.character).stem
         name = FORMATS[suffix].name
         if self.writes_folder:
@@ -155,6 +154,12 @@ class ExportFeature(Feature):
                 self._material_files,
             )
         context.ask_for_file(request)
+
+    def _last_folder(self) -> Path:
+        """Return the folder of the last export, or else that of the last session."""
+        settings = self.context.settings
+        last = Path(settings.export_path)
+        return last.parent if settings.export_path and last.parent.is_dir() else last_folder(settings)
 
     @property
     def writes_folder(self) -> bool:
@@ -254,9 +259,7 @@ class ExportFeature(Feature):
     def open_pose_dialog(self) -> None:
         """Ask for a mesh or a file of weights and read the pose from it."""
         context = self.context
-        last = Path(context.settings.export_path)
-        folder = last.parent if context.settings.export_path and last.parent.is_dir() else last_folder(context.settings)
-        context.ask_for_file(FileRequest("open", "Open pose", "Poses", POSES, folder, self.open_pose))
+        context.ask_for_file(FileRequest("open", "Open pose", "Poses", POSES, self._last_folder(), self.open_pose))
 
     def open_pose(self, path: Path) -> None:
         """Start from the pose in ``path``, without constraints, as one step of the history."""

@@ -83,7 +83,7 @@ class ImportDialog:
 
     def _draw_form(self, importing: "ImportCharacterFeature", has_keys: bool) -> None:
         form, rects = importing.form, importing.context.widget_rects
-        modal_title(importing.context.fonts, "Import a character")
+        modal_title(importing.context.fonts, "Import character")
         error_height = 0.0
         if importing.error:
             # The warning icon in front of the text needs room.
@@ -139,7 +139,7 @@ class ImportDialog:
             form.scan = _path_row(importing, "scan", "Scan", form.scan, tip, ("Scans", (*MESH_SUFFIXES, ".npz")))
         if form.accepts_neutral:
             tip = "Mesh of the neutral face; needed if no file is named neutral, rest or base"
-            form.neutral = _path_row(importing, "neutral", "Neutral", form.neutral, tip, _MESHES, "detected by name")
+            form.neutral = _path_row(importing, "neutral", "Neutral", form.neutral, tip, _MESHES, "Detected by name")
         if form.kind != "rig":
             self._draw_regions(rects, form)
         imgui.dummy((0.0, max(top + reserved - imgui.get_cursor_pos_y(), 0.0) + em(0.1)))
@@ -156,7 +156,7 @@ class ImportDialog:
             importing.form.source,
             tip,
             ("Rigs, arrays and motions", every),
-            "file or folder",
+            "File or folder",
             folder=True,
             done=importing.set_source,
         )
@@ -225,10 +225,10 @@ class ImportDialog:
             setattr(form, key, min(max(value, 0), most))
             if not value:
                 imgui.same_line()
-                imgui.text_disabled("chosen from the data")
+                imgui.text_disabled("Chosen from the data")
         _label("Credits", em(_LABEL) - imgui.get_style().indent_spacing)
         imgui.set_next_item_width(-1.0)
-        _, form.credits = imgui.input_text_with_hint("##credits", "origin and licence", form.credits)
+        _, form.credits = imgui.input_text_with_hint("##credits", "Origin and licence", form.credits)
         rects.record("import:credits")
 
     # Progress

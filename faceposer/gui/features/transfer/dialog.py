@@ -72,7 +72,7 @@ class TransferDialog:
     def _draw_form(self) -> None:
         state = self._state
         context, marks = state.context, state.context.widget_rects
-        _label("To")
+        _label("Target")
         imgui.set_next_item_width(-em(2.8))
         titles = dict(state.characters)
         opened = imgui.begin_combo("##to", titles.get(state.to, Path(state.to).stem))
@@ -136,9 +136,9 @@ class TransferDialog:
         )
         if imgui.begin_table("##pairs", 4, flags, (-1.0, em(_LIST))):
             imgui.table_setup_scroll_freeze(0, 1)
-            imgui.table_setup_column("distance", imgui.TableColumnFlags_.width_stretch.value)
-            imgui.table_setup_column("source", imgui.TableColumnFlags_.width_fixed.value, em(_NUMBER))
-            imgui.table_setup_column("target", imgui.TableColumnFlags_.width_fixed.value, em(_NUMBER))
+            imgui.table_setup_column("Distance", imgui.TableColumnFlags_.width_stretch.value)
+            imgui.table_setup_column("Source", imgui.TableColumnFlags_.width_fixed.value, em(_NUMBER))
+            imgui.table_setup_column("Target", imgui.TableColumnFlags_.width_fixed.value, em(_NUMBER))
             imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed.value, em(1.6))
             imgui.table_headers_row()
             for index in range(len(state.pairs)):
