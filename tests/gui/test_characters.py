@@ -211,4 +211,4 @@ def test_the_count_of_shapes_agrees_with_what_is_missing(changed: dict[str, obje
     assert ("sliders" in text) == (summary["shapes"] not in (count, count + len(summary["empty"])))  # type: ignore[arg-type]
     about = {"path": "/x/head.npz", "file_vertices": 4, "polygons": 2, "parts": [{"name": "head"}], "summary": summary}
     assert dict(facts_of(about))["Shapes"] == text
-    assert sentence_of(about) == "It can make 98.7 % of the motion of the rig's shapes."
+    assert sentence_of(about) == "The character reproduces 98.7 % of the motion of the rig's shapes."

@@ -1,11 +1,11 @@
-"""The features of the window, one folder each; a new one is its folder and its line here."""
+"""The features of the window, one folder each. A new feature needs a folder and a line in ``build_features``."""
 
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature, Features
 
 
 def build_features(context: EditorContext) -> Features:
-    """Return the features of the editor, in the order of their tabs and of their turns at dropped files."""
+    """Return the features of the editor, in the order of their tabs; dropped files are offered in the same order."""
     from faceposer.gui.features.animation_files.feature import AnimationFilesFeature
     from faceposer.gui.features.export.feature import ExportFeature
     from faceposer.gui.features.guide.feature import GuideFeature

@@ -15,24 +15,24 @@ import glfw
 from faceposer.gui.app import App
 from faceposer.gui.cursors import shape_of
 from faceposer.gui.features.guide.feature import GuideFeature
-from faceposer.gui.features.guide.steps import STEPS, Guide, Seen
+from faceposer.gui.features.guide.steps import STEPS, Guide, Observation
 from faceposer.gui.settings import Settings, load_settings, save_settings
 from faceposer.gui.testing.scripted_user import Robot
 
 pytestmark = pytest.mark.gl
 
 SESSION = object()
-REST = Seen(SESSION, {"8.3": -0.23, "8.4": -0.23, "4.3": 0.19}, frozenset(), (0.0, 0.0), False, 0)
+REST = Observation(SESSION, {"8.3": -0.23, "8.4": -0.23, "4.3": 0.19}, frozenset(), (0.0, 0.0), False, 0)
 
 
-def risen(seen: Seen, place: str, by: float, held: bool = True) -> Seen:
+def risen(seen: Observation, place: str, by: float, held: bool = True) -> Observation:
     heights = {**seen.heights, place: seen.heights[place] + by}
     return replace(seen, heights=heights, held=seen.held | {place} if held else seen.held)
 
 
 def begun() -> Guide:
     guide = Guide()
-    assert not guide.follow(REST)
+    assert not guide.update(REST)
     return guide
 
 
@@ -48,28 +48,28 @@ def test_steps_are_done_in_order() -> None:
     ):
         assert guide.current is not None
         assert guide.current.name == name
-        assert not guide.follow(seen)
+        assert not guide.update(seen)
         seen = change(seen)
-        assert guide.follow(seen)
+        assert guide.update(seen)
         assert name in guide.done
     assert guide.current is None
 
 
 def test_a_step_out_of_order_counts() -> None:
     guide = begun()
-    guide.follow(replace(REST, meshes_saved=1))
+    guide.update(replace(REST, meshes_saved=1))
     assert guide.done == {"save"}
     assert guide.current is STEPS[0]
 
 
 def test_what_is_no_pull_does_not_count() -> None:
     guide = begun()
-    guide.follow(risen(REST, "8.3", 0.02, held=False))
-    guide.follow(replace(REST, held=frozenset({"8.3", "4.3"})))
-    guide.follow(risen(REST, "8.3", -0.03))
+    guide.update(risen(REST, "8.3", 0.02, held=False))
+    guide.update(replace(REST, held=frozenset({"8.3", "4.3"})))
+    guide.update(risen(REST, "8.3", -0.03))
     assert not guide.done
     # From lower down the way back up is a pull upwards.
-    guide.follow(risen(REST, "8.3", -0.01))
+    guide.update(risen(REST, "8.3", -0.01))
     assert guide.done == {"smile"}
 
 
@@ -77,17 +77,17 @@ def test_keys_that_turn_the_view_are_no_orbit() -> None:
     guide = begun()
     side = (math.radians(90.0), 0.0)
     for direction in (side, (0.0, 0.0), (math.radians(35.0), math.radians(4.0)), side):
-        assert not guide.follow(replace(REST, direction=direction))
-    assert not guide.follow(replace(REST, direction=(side[0] + math.radians(3.0), 0.0)))
-    assert guide.follow(replace(REST, direction=(side[0] + math.radians(8.0), 0.0)))
+        assert not guide.update(replace(REST, direction=direction))
+    assert not guide.update(replace(REST, direction=(side[0] + math.radians(3.0), 0.0)))
+    assert guide.update(replace(REST, direction=(side[0] + math.radians(8.0), 0.0)))
 
 
 def test_what_another_session_brings_along_does_not_count() -> None:
     guide = begun()
     other = replace(risen(REST, "8.3", 0.05), session=object(), direction=(0.5, 0.2), can_redo=True, meshes_saved=0)
-    assert not guide.follow(other)
-    assert not guide.follow(other)
-    assert guide.follow(risen(other, "8.3", 0.02))
+    assert not guide.update(other)
+    assert not guide.update(other)
+    assert guide.update(risen(other, "8.3", 0.02))
     assert guide.done == {"smile"}
 
 

@@ -247,7 +247,7 @@ def test_progress_is_shown_and_the_window_stays_alive(
     assert importer(app).running
     app.window.play_event(CloseRequest())
     robot.frames(4)
-    assert app.dialogs.waiting[0].title == "Stop learning and quit?"
+    assert app.dialogs.waiting[0].title == "Cancel the import and quit?"
     robot.click_widget("choice:1")
     assert not app.closing
     slow.go_on.set()
@@ -290,7 +290,7 @@ def test_errors_are_one_sentence_and_can_be_mended(robot: Robot, glb: Path, tmp_
     broken.write_bytes(b"glTF but not really")
     open_by_menu(robot)
     press(robot, "start")
-    assert importer(app).error == "Choose what to learn the character from."
+    assert importer(app).error == "Choose a source for the character."
     enter(robot, "source", str(broken))
     press(robot, "start")
     finish(robot)

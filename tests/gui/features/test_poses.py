@@ -65,9 +65,9 @@ def test_a_click_applies_a_pose_and_undo_takes_it_back(robot: Robot) -> None:
     assert session.undo_label == "Apply Happiness"
     robot.key("Ctrl+Z")
     np.testing.assert_array_equal(session.coefficients, session.model.neutral())
-    assert feature(robot).application is None
+    assert feature(robot).applied_pose is None
     robot.key("Ctrl+Shift+Z")
-    assert feature(robot).application is not None, "the slider goes on where it was"
+    assert feature(robot).applied_pose is not None, "the slider goes on where it was"
 
 
 def test_strength_is_live_and_one_step_with_the_click(robot: Robot) -> None:
@@ -75,12 +75,12 @@ def test_strength_is_live_and_one_step_with_the_click(robot: Robot) -> None:
     robot.click_widget("pose:Surprise")
     full = session.coefficients
     slide(robot, 40.0)
-    application = feature(robot).application
-    assert application is not None
-    assert 0.3 < application.strength < 0.5
-    np.testing.assert_allclose(session.coefficients, application.strength * full, atol=1e-9)
+    applied = feature(robot).applied_pose
+    assert applied is not None
+    assert 0.3 < applied.strength < 0.5
+    np.testing.assert_allclose(session.coefficients, applied.strength * full, atol=1e-9)
     slide(robot, -100.0)
-    assert feature(robot).application.strength == pytest.approx(-1.0, abs=0.05)  # type: ignore[union-attr]
+    assert feature(robot).applied_pose.strength == pytest.approx(-1.0, abs=0.05)  # type: ignore[union-attr]
     robot.click_widget("poses:strength-reset")
     np.testing.assert_allclose(session.coefficients, full, atol=1e-9)
     robot.key("Ctrl+Z")
@@ -289,7 +289,7 @@ def test_another_face_has_its_own_poses(robot: Robot) -> None:
     robot.key("Ctrl+Z")
     robot.app.files.open("creature")
     robot.frames(3)
-    assert feature(robot).application is None
+    assert feature(robot).applied_pose is None
     robot.click_widget("pose:Happiness")
     vertex = robot.app.session.model.character.feature_points[LEFT_CORNER]
     risen = robot.app.scene.vertices[vertex, 1] - robot.app.session.model.character.vertices[vertex, 1]

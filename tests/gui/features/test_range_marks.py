@@ -106,7 +106,7 @@ def test_a_pin_shows_its_range_until_undo_takes_it_away(robot: Robot) -> None:
     x, y = robot.at(CORNER)
     robot.click((x - 2.0, y))
     robot.frames(2)
-    assert marks(robot).looks_at_something
+    assert marks(robot).has_range
     robot.key("Ctrl+Z")
     robot.frames(2)
     assert not robot.app.dialogs.open

@@ -320,7 +320,7 @@ def test_what_cannot_be_recovered_is_told_and_kept(start: Start, state: Path) ->
     robot = start()
     assert asked(robot) == "Recover the unsaved pose of 'hero'?"
     answer(robot, 0)
-    assert asked(robot) == "This cannot be recovered"
+    assert asked(robot) == "The work cannot be recovered"
     assert "hero.npz" in robot.app.dialogs.waiting[0].text
     answer(robot, 0)
     assert journals(state) == [journal]
@@ -339,7 +339,7 @@ def test_a_disk_that_takes_nothing_is_told_once(start: Start, state: Path) -> No
     state.write_text("in the way")
     smile(robot)
     robot.frames(20)
-    assert asked(robot) == "Unsaved work would not survive a crash"
+    assert asked(robot) == "Unsaved work cannot be recovered after a crash"
     answer(robot, 0)
     robot._frames += 1000
     robot.frames(2)
@@ -373,7 +373,7 @@ def test_without_a_journal_nothing_is_written_or_offered(start: Start, state: Pa
         smile(robot)
         robot.frames(20)
         assert journals(state) == before
-        assert app.recovery.rescue() == "what was not saved is lost."
+        assert app.recovery.rescue() == "unsaved changes are lost."
     finally:
         app.close()
     assert journals(state) == before

@@ -10,6 +10,7 @@ import pytest
 
 from faceposer.animation.keyframes import Keyframes
 from faceposer.gui.features.animation_files.feature import AnimationFilesFeature
+from faceposer.gui.features.timeline.editor import TimelineEditor
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 from faceposer.gui.testing.scripted_user import Position, Robot
@@ -30,8 +31,8 @@ def robot(open_window: OpenWindow) -> Robot:
     return open_window("man", (1000, 560), pictures=False)
 
 
-def timeline(robot: Robot) -> TimelineFeature:
-    return robot.app.features[TimelineFeature]
+def timeline(robot: Robot) -> TimelineEditor:
+    return robot.app.features[TimelineFeature].editor
 
 
 def frames(robot: Robot) -> tuple[int, ...]:
@@ -43,11 +44,11 @@ def here(robot: Robot) -> int:
 
 
 def scrub(robot: Robot, frame: int) -> None:
-    robot.click(timeline(robot).track.ruler_place(frame))
+    robot.click(robot.app.features[TimelineFeature].track.ruler_place(frame))
 
 
 def place(robot: Robot, frame: int) -> Position:
-    return timeline(robot).track.place(frame)
+    return robot.app.features[TimelineFeature].track.place(frame)
 
 
 def pull(robot: Robot, feature: str, dx: float, dy: float) -> None:
@@ -105,7 +106,7 @@ def test_scrubbing_poses_the_face_and_is_no_edit(robot: Robot, tmp_path: Path) -
     animate(robot)
     app.session.save(tmp_path / "a.json")
     label = app.session.undo_label
-    track = timeline(robot).track
+    track = robot.app.features[TimelineFeature].track
     smile = app.scene.vertices.copy()
     robot.move(track.ruler_place(0))
     robot.press()
@@ -235,7 +236,7 @@ def test_length_and_rate_are_set_in_the_strip(robot: Robot) -> None:
 
 def test_the_wheel_zooms_and_the_middle_button_moves_along(robot: Robot) -> None:
     animate(robot)
-    track = timeline(robot).track
+    track = robot.app.features[TimelineFeature].track
     robot.move(track.place(29))
     robot.wheel(5)
     assert track.x_of(30) - track.x_of(29) > 15.0

@@ -1,1 +1,1 @@
-"""Animations and trajectories read from files, and key reduction."""
+"""Import of animations and trajectories, and key reduction."""

@@ -1,4 +1,4 @@
-"""Animations and trajectories from files, and fewer keys of what came from there."""
+"""Import of animations and trajectories from files, and key reduction."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -8,7 +8,7 @@ from faceposer.animation.keyframes import TOLERANCE, Keyframes
 from faceposer.errors import FacePoserError
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.feature import Feature
-from faceposer.gui.features.timeline.feature import TimelineFeature, counted
+from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.dialogs import Choice, Question
@@ -17,16 +17,16 @@ from faceposer.gui.widgets.file_dialogs import FileRequest
 _MENU = "Animate"
 _TRAJECTORIES = (".csv", ".json", ".c3d")
 _WEIGHTS = (".csv", ".txt", ".json")
-# Of fewer keys, how far any rig weight may be off.
+# Tolerances of any rig weight, for key reduction.
 _TOLERANCES = ((0.01, "Hardly any difference"), (0.02, "Small differences"), (0.05, "Visible differences"))
 
 
 class AnimationFilesFeature(Feature):
-    """What the menu "Animate" reads."""
+    """Entries of the menu "Animate" that read files and reduce keys."""
 
     @property
     def timeline(self) -> TimelineFeature:
-        """Where the keys go."""
+        """The timeline that receives the keys."""
         return self.context.feature(TimelineFeature)
 
     def actions(self) -> Sequence[Action | Submenu]:
@@ -51,10 +51,10 @@ class AnimationFilesFeature(Feature):
                 "open-animation",
                 "Open animation...",
                 _MENU,
-                partial(self._ask, "Open an animation", "Animations", _WEIGHTS, self.open_animation),
+                partial(self._ask, "Open animation", "Animations", _WEIGHTS, self.open_animation),
                 enabled=free,
                 separated=True,
-                help="Take the keys from weights over time, as Live Link Face writes them (CSV, JSON)",
+                help="Read keys from recorded weights, such as those of Live Link Face (CSV, JSON)",
             ),
             Action(
                 "open-trajectories",
@@ -62,8 +62,8 @@ class AnimationFilesFeature(Feature):
                 _MENU,
                 partial(self._ask, "Open trajectories", "Trajectories", _TRAJECTORIES, self.open_trajectories),
                 enabled=idle,
-                help="Let the face follow trajectories of points (CSV, JSON, C3D); those in a picture take its camera, "
-                "or the present view",
+                help="Animate the face to follow recorded points (CSV, JSON, C3D). Points of an image without a camera "
+                "are those of the current view",
             ),
         ]
 
@@ -79,17 +79,17 @@ class AnimationFilesFeature(Feature):
         self.context.ask_for_file(FileRequest("open", title, kind, suffixes, start, done))
 
     def reduce(self, tolerance: float) -> None:
-        """Leave out the keys that the others tell of, but for ``tolerance`` in any rig weight."""
+        """Remove keys that interpolation reproduces within ``tolerance`` of every rig weight."""
         before = self.timeline.keyframes
         after = before.reduced(self.context.session.model, tolerance)
         if len(after.keys) == len(before.keys):
-            self.context.notify("Every key is needed for that")
+            self.context.notify("No key can be removed within this tolerance")
             return
         self.timeline.change(after, "Reduce keys")
-        self.context.notify(f"{counted(after.keys)} of {len(before.keys)} are left")
+        self.context.notify(f"Reduced {len(before.keys)} keys to {len(after.keys)}")
 
     def open_animation(self, path: Path) -> None:
-        """Make the weights in ``path`` the animation, with as many keys as the user wants."""
+        """Load the weights in ``path`` as the animation, after asking for the number of keys."""
         from faceposer.interchange.reading import read_performance
 
         context = self.context
@@ -97,7 +97,7 @@ class AnimationFilesFeature(Feature):
             read = read_performance(path, context.session.model)
             dense = Keyframes.of_performance(read.performance)
         except FacePoserError as error:
-            context.dialogs.report("The animation is not opened", str(error))
+            context.dialogs.report("The animation cannot be opened", str(error))
             return
         context.settings.folder = str(path.parent.resolve())
         few = dense.reduced(context.session.model, TOLERANCE)
@@ -112,8 +112,8 @@ class AnimationFilesFeature(Feature):
         context.dialogs.ask(
             Question(
                 f"How many keys for {path.name}?",
-                f"It has {len(dense.keys)} frames. With {len(few.keys)} keys it can be edited by hand, and no shape is "
-                f"off by more than {TOLERANCE:g} in between. A key at every frame keeps it as it is.",
+                f"The animation has {len(dense.keys)} frames. {len(few.keys)} keys are enough to reproduce every shape "
+                f"within {TOLERANCE:g}, and are easier to edit. A key at every frame keeps the animation unchanged.",
                 (
                     Choice(f"{len(few.keys)} keys", lambda: load(few)),
                     Choice("Every frame", lambda: load(dense)),
@@ -123,14 +123,14 @@ class AnimationFilesFeature(Feature):
         )
 
     def load(self, keyframes: Keyframes, label: str) -> None:
-        """Make ``keyframes`` the animation, as the step ``label``."""
+        """Replace the animation by ``keyframes``, as the step ``label`` of the history."""
         self.timeline.stop()
         self.context.toolbox.cancel()
         self.context.session.animation.load(keyframes, label)
         self.timeline.present()
 
     def open_trajectories(self, path: Path) -> None:
-        """Let the face follow the trajectories in ``path``; what comes of it is the animation."""
+        """Solve for an animation that follows the trajectories in ``path``."""
         from faceposer.animation.trajectory_io import read_trajectories
 
         context = self.context
@@ -138,7 +138,7 @@ class AnimationFilesFeature(Feature):
         try:
             trajectories = read_trajectories(path, context.session.model.character, camera=camera)
         except FacePoserError as error:
-            context.dialogs.report("The trajectories are not opened", str(error))
+            context.dialogs.report("The trajectories cannot be opened", str(error))
             return
         context.settings.folder = str(path.parent.resolve())
-        context.feature(TrajectoriesFeature).begin(trajectories, f"Follow {path.name}", None)
+        context.feature(TrajectoriesFeature).solve(trajectories, f"Follow {path.name}", None)

@@ -1,1 +1,1 @@
-"""Export to, and import of poses from, files of other programs."""
+"""Exporters, and import of poses from files of other programs."""

@@ -1,4 +1,4 @@
-"""The dialog that exports: which format, how pictures are to be, and how far a film is."""
+"""Export dialog: format, options of images and videos, and progress."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,49 +18,49 @@ if TYPE_CHECKING:
 _WIDTH, _LABEL = 36.0, 7.0
 _SMALLEST, _LARGEST = 16, 4096
 _FASTEST, _LONGEST = 50, 60.0
-# Rows of options that the format with the most has.
+# Largest number of option rows of any format.
 _MOST_OPTIONS = 4
 
 
-def draw_form(context: EditorContext, exchange: "ExportFeature") -> None:
-    """Draw what can be exported and how."""
+def draw_form(context: EditorContext, feature: "ExportFeature") -> None:
+    """Draw the formats and their options."""
     pressed = ""
     with modal("##export", _WIDTH) as shown:
         if shown:
-            pressed = _draw_form(context, exchange)
+            pressed = _draw_form(context, feature)
             if pressed:
                 imgui.close_current_popup()
     if pressed == "accept":
-        exchange.choose_file()
+        feature.choose_file()
     elif pressed == "cancel":
-        exchange.end()
+        feature.close_dialog()
 
 
-def _draw_form(context: EditorContext, exchange: "ExportFeature") -> str:
-    """Draw the form and return the button that was pressed, by pointer or key, or ""."""
+def _draw_form(context: EditorContext, feature: "ExportFeature") -> str:
+    """Draw the form and return the name of the button that was pressed, by pointer or key, or ""."""
     fresh = imgui.is_window_appearing()
-    form, rects = exchange.form, context.widget_rects
+    form, rects = feature.form, context.widget_rects
     modal_title(context.fonts, "Export as")
-    for suffix, offered in FORMATS.items():
-        missing = offered.missing()
+    for suffix, format_ in FORMATS.items():
+        missing = format_.missing()
         left = imgui.get_cursor_pos_x()
         imgui.begin_disabled(bool(missing))
-        if imgui.radio_button(f"{offered.name}##format", form.suffix == suffix):
+        if imgui.radio_button(f"{format_.name}##format", form.suffix == suffix):
             form.suffix = suffix
         imgui.end_disabled()
         rects.record(f"export:{suffix[1:]}")
         imgui.same_line(left + em(_LABEL))
         imgui.align_text_to_frame_padding()
-        caption(missing or offered.purpose)
+        caption(missing or format_.purpose)
     imgui.dummy((0.0, em(0.1)))
     imgui.separator()
     imgui.dummy((0.0, em(0.1)))
-    # As high with every format, so that nothing jumps when another one is chosen.
-    top, most = imgui.get_cursor_pos_y(), _MOST_OPTIONS * imgui.get_frame_height_with_spacing()
-    _draw_options(context, exchange)
-    left_over = top + most - imgui.get_cursor_pos_y() - imgui.get_style().item_spacing.y
-    if left_over > 0.0:
-        imgui.dummy((0.0, left_over))
+    # The height is the same for all formats, so that nothing jumps when another one is chosen.
+    top, reserved = imgui.get_cursor_pos_y(), _MOST_OPTIONS * imgui.get_frame_height_with_spacing()
+    _draw_options(context, feature)
+    unused = top + reserved - imgui.get_cursor_pos_y() - imgui.get_style().item_spacing.y
+    if unused > 0.0:
+        imgui.dummy((0.0, unused))
     pressed = modal_buttons(rects, "export", (("accept", "Export..."), ("cancel", "Cancel")))
     if not fresh and not imgui.get_io().want_text_input:
         if imgui.is_key_pressed(imgui.Key.escape, False):
@@ -70,45 +70,44 @@ def _draw_form(context: EditorContext, exchange: "ExportFeature") -> str:
     return pressed
 
 
-def _draw_options(context: EditorContext, exchange: "ExportFeature") -> None:
-    rects, chosen = context.widget_rects, FORMATS[exchange.form.suffix]
-    animated = exchange.performance() is not None
-    _draw_what(rects, exchange.form, animated)
+def _draw_options(context: EditorContext, feature: "ExportFeature") -> None:
+    rects, chosen = context.widget_rects, FORMATS[feature.form.suffix]
+    animated = feature.performance() is not None
+    _draw_content_options(rects, feature.form, animated)
     if chosen.materials:
         _label("Materials")
         settings = context.settings
-        _, settings.materials = imgui.checkbox("Write the .mtl and the textures too##materials", settings.materials)
+        _, settings.materials = imgui.checkbox("Write materials and textures##materials", settings.materials)
         rects.record("export:materials")
-        tooltip("Beside the mesh and named after it: smile.mtl, smile_skin.jpg")
+        tooltip("Write them next to the mesh and name them after it: smile.mtl, smile_skin.jpg")
     if chosen.drawn:
-        _draw_picture_options(rects, exchange.form)
+        _draw_image_options(rects, feature.form)
     if chosen.holds == "film":
-        _draw_film_options(rects, exchange.form, animated and exchange.form.animated)
+        _draw_video_options(rects, feature.form, animated and feature.form.animated)
 
 
-def _draw_what(rects: WidgetRects, form: "ExportForm", animated: bool) -> None:
+def _draw_content_options(rects: WidgetRects, form: "ExportForm", animated: bool) -> None:
     chosen = FORMATS[form.suffix]
-    _label("What")
+    _label("Content")
     if not animated:
-        moving = "turns round once" if chosen.holds == "film" else "as it is now"
-        imgui.text_unformatted(f"The pose {moving}")
+        imgui.text_unformatted("Turntable of the pose" if chosen.holds == "film" else "Current pose")
         return
-    folder = ", a folder of files" if chosen.sequence is not None else ""
-    if imgui.radio_button(f"The animation{folder}", form.animated):
+    folder = " (folder of files)" if chosen.sequence is not None else ""
+    if imgui.radio_button(f"Animation{folder}##animation", form.animated):
         form.animated = True
     rects.record("export:animation")
     imgui.same_line()
-    if imgui.radio_button("The pose", not form.animated):
+    if imgui.radio_button("Current pose##pose", not form.animated):
         form.animated = False
     rects.record("export:pose")
 
 
-def _draw_picture_options(rects: WidgetRects, form: "ExportForm") -> None:
+def _draw_image_options(rects: WidgetRects, form: "ExportForm") -> None:
     _label("Size")
     imgui.set_next_item_width(em(9))
     _, (width, height) = imgui.input_int2("##size", [form.width, form.height])
     rects.record("export:size")
-    tooltip("Width and height of the picture in pixels")
+    tooltip("Width and height of the image in pixels")
     form.width, form.height = (min(max(side, _SMALLEST), _LARGEST) for side in (width, height))
     imgui.same_line()
     imgui.text_disabled("pixels")
@@ -116,40 +115,40 @@ def _draw_picture_options(rects: WidgetRects, form: "ExportForm") -> None:
         _label("Background")
         _, form.transparent = imgui.checkbox("Transparent##transparent", form.transparent)
         rects.record("export:transparent")
-        tooltip("Leave the background out: the picture has an alpha channel")
+        tooltip("Write an alpha channel in place of the background")
 
 
-def _draw_film_options(rects: WidgetRects, form: "ExportForm", plays: bool) -> None:
-    _label("Turn")
-    if plays:
+def _draw_video_options(rects: WidgetRects, form: "ExportForm", animated: bool) -> None:
+    _label("Turntable")
+    if animated:
         _, form.turning = imgui.checkbox("##turning", form.turning)
-        tooltip("Let the camera go round the head while the animation plays")
+        tooltip("Rotate the camera around the head while the animation plays")
         imgui.same_line()
-    imgui.begin_disabled(plays and not form.turning)
+    imgui.begin_disabled(animated and not form.turning)
     imgui.set_next_item_width(em(9))
     _, form.seconds = imgui.input_float("##seconds", form.seconds, 0.5, 1.0, "%.1f")
     rects.record("export:seconds")
     imgui.end_disabled()
-    tooltip("How long the camera takes to go round the head once")
+    tooltip("Duration of one turn of the camera around the head")
     form.seconds = min(max(form.seconds, 0.5), _LONGEST)
     imgui.same_line()
     imgui.text_disabled("seconds")
-    _label("Rate")
+    _label("Frame rate")
     imgui.set_next_item_width(em(9))
     _, form.rate = imgui.input_int("##rate", form.rate)
     rects.record("export:rate")
     form.rate = min(max(form.rate, 1), _FASTEST)
     imgui.same_line()
-    imgui.text_disabled("frames a second")
+    imgui.text_disabled("frames per second")
 
 
-def draw_progress(context: EditorContext, exchange: "ExportFeature", job: Job[Path]) -> None:
-    """Draw the progress of what is being written, with a button that cancels it."""
+def draw_progress(context: EditorContext, feature: "ExportFeature", job: Job[Path]) -> None:
+    """Draw the progress of the export, with a button that cancels it."""
     with modal("##export", _WIDTH) as shown:
         if not shown:
             return
-        text = "Nothing is written before it is done."
-        draw_job(context.fonts, context.widget_rects, "export", f"Writing {exchange.target.name}", job, text)
+        text = "The file is written when the export is complete."
+        draw_job(context.fonts, context.widget_rects, "export", f"Writing {feature.target.name}", job, text)
         if job.cancelled:
             imgui.close_current_popup()
 

@@ -1,4 +1,4 @@
-"""Files of other programs in the window: what is exported, films that are drawn between frames, and poses opened."""
+"""Export of meshes, weights, images and videos, and import of poses from files of other programs."""
 
 import math
 import time
@@ -25,7 +25,7 @@ from faceposer.session.jobs import StepJob
 if TYPE_CHECKING:
     from faceposer.model.performance import Performance
 
-# For which frames of a film are drawn before the window's next.
+# Time spent on an export before the window draws its next frame.
 _DRAW_SECONDS = 0.15
 _MESHES = (".obj", ".ply")
 POSES = (".obj", ".ply", ".csv", ".txt", ".json", ".glb", ".gltf")
@@ -33,17 +33,17 @@ POSES = (".obj", ".ply", ".csv", ".txt", ".json", ".glb", ".gltf")
 
 @dataclass
 class ExportForm:
-    """What is to be exported and how; kept for the next time.
+    """Choices of the export dialog, kept until the next export.
 
     Attributes:
-        suffix: Of the format.
-        animated: Whether the animation is wanted where there is one, and not the pose.
-        width: Of pictures, in pixels.
-        height: Likewise.
-        turning: Whether the camera goes round while the animation plays; for a pose alone it always does.
-        seconds: How long a turn takes.
-        rate: Frames per second of films.
-        transparent: Whether pictures have no background.
+        suffix: Suffix of the format.
+        animated: True to export the animation, if there is one, in place of the pose.
+        width: Width of images in pixels.
+        height: Height of images in pixels.
+        turning: True if the camera rotates around the head while the animation plays; for a pose it always does.
+        seconds: Duration of a turn in seconds.
+        rate: Frames per second of videos.
+        transparent: True if images have an alpha channel in place of the background.
     """
 
     suffix: str = ".glb"
@@ -57,14 +57,14 @@ class ExportForm:
 
 
 class ExportFeature(Feature):
-    """The File menu's entries for other programs' files.
+    """Export dialog, and the command that opens poses.
 
     Attributes:
-        form: What the dialog holds.
-        open: Whether the dialog is shown.
-        job: What is being written, if anything; its result is the path.
-        target: That path.
-        performance: Gives the animation of the window, if there is one.
+        form: Choices of the dialog.
+        open: True while the dialog is shown.
+        job: The export in progress, or None. Its result is the path.
+        target: Path that the export writes.
+        performance: Callable that returns the animation of the session, or None.
     """
 
     def __init__(self, context: EditorContext) -> None:
@@ -77,12 +77,12 @@ class ExportFeature(Feature):
 
     @property
     def patience(self) -> float:
-        """Seconds for which the loop may sleep: none while a film is drawn."""
+        """Seconds for which the loop may sleep: none while an export is in progress."""
         return 0.0 if self.job is not None else super().patience
 
     @property
     def is_modal(self) -> bool:
-        """Whether the dialog is shown, or a film is drawn."""
+        """True while the dialog is shown or an export is in progress."""
         return self.open or self.job is not None
 
     def actions(self) -> Sequence[Action | Submenu]:
@@ -99,7 +99,7 @@ class ExportFeature(Feature):
                 self.show,
                 (),
                 free,
-                help="Write the face as GLB, OBJ, PLY, ARKit weights, picture or film",
+                help="Export the face as a mesh (GLB, OBJ, PLY), ARKit weights, an image or a video",
             ),
             Action(
                 "open-pose",
@@ -109,11 +109,11 @@ class ExportFeature(Feature):
                 (),
                 free,
                 separated=True,
-                help="Take the pose from a mesh of this face (OBJ, PLY) or from weights (CSV, JSON, GLB)",
+                help="Read a pose from a mesh of this face (OBJ, PLY) or from weights (CSV, JSON, GLB)",
             ),
         )
 
-    # Out
+    # Export
 
     def show(self) -> None:
         """Open the dialog."""
@@ -124,26 +124,25 @@ class ExportFeature(Feature):
         self.open = True
         self.context.redraw()
 
-    def end(self) -> None:
-        """Put the dialog away, or end the film, of which nothing is kept."""
+    def close_dialog(self) -> None:
+        """Close the dialog, or cancel the export; nothing is written."""
         self.open = False
         self._cancel_job()
         self.context.redraw()
 
     def choose_file(self) -> None:
-        """Put the dialog away and ask where to write."""
+        """Close the dialog and ask for the file to write."""
         context, suffix = self.context, self.form.suffix
         self.open = False
         session = context.session
-        last = Path(context.settings.export_path)
-        folder = last.parent if context.settings.export_path and last.parent.is_dir() else last_folder(context.settings)
+        folder = self._last_folder()
         stem = session.path.stem if session.path else Path(session.document.character).stem
         name = FORMATS[suffix].name
         if self.writes_folder:
-            title = f"Export as a folder of {name} files"
+            title = f"Export as folder of {name} files"
             request = FileRequest("new folder", title, f"{name} files", (suffix,), folder / stem, self.export)
         else:
-            start, others = folder / f"{stem}{suffix}", self._others()
+            start, others = folder / f"{stem}{suffix}", self._alternative_suffixes()
             request = FileRequest(
                 "save",
                 f"Export as {name}",
@@ -152,33 +151,40 @@ class ExportFeature(Feature):
                 start,
                 self.export,
                 others,
-                self._replaced_beside,
+                self._material_files,
             )
         context.ask_for_file(request)
 
+    def _last_folder(self) -> Path:
+        """Return the folder of the last export, or else that of the last session."""
+        settings = self.context.settings
+        last = Path(settings.export_path)
+        return last.parent if settings.export_path and last.parent.is_dir() else last_folder(settings)
+
     @property
     def writes_folder(self) -> bool:
-        """Whether the form asks for a folder with a file for each frame."""
+        """True if the export is a folder with one file per frame."""
         return FORMATS[self.form.suffix].sequence is not None and not isinstance(self._motion(), np.ndarray)
 
-    def _others(self) -> tuple[str, ...]:
-        """Return the suffixes that may be typed in place of the form's: of what can hold the same, and be written."""
+    def _alternative_suffixes(self) -> tuple[str, ...]:
+        """Return the suffixes of other formats that can hold the same content; the user may type any of them."""
         still = isinstance(self._motion(), np.ndarray)
         return offered(lambda form: form.suffix != self.form.suffix and (still or form.animated))
 
-    def _replaced_beside(self, path: Path) -> tuple[Path, ...]:
+    def _material_files(self, path: Path) -> tuple[Path, ...]:
+        """Return existing material files of another program that an export to ``path`` would replace."""
         materials = FORMATS[path.suffix.lower()].materials and self.context.settings.materials
         return foreign_library(path) if materials else ()
 
     def export(self, path: Path) -> None:
-        """Write the face to the file or folder ``path``, or begin to film it, as the form says.
+        """Export the face to the file or folder ``path`` with the options of the form.
 
-        The suffix of a file decides its format.
+        The suffix of a file selects its format.
         """
         context, form = self.context, self.form
         if not self.writes_folder and path.suffix.lower() in FORMATS:
             form.suffix = path.suffix.lower()
-        written = FORMATS[form.suffix]
+        chosen = FORMATS[form.suffix]
         try:
             context.session.wait()
             motion, model = self._motion(), context.session.model
@@ -186,60 +192,60 @@ class ExportFeature(Feature):
             options = OutputOptions(
                 size=(form.width, form.height),
                 turn=form.seconds if form.turning or still else 0.0,
-                rate=float(form.rate) if written.holds == "film" else None,
+                rate=float(form.rate) if chosen.holds == "film" else None,
                 shading=context.shading,
                 orbit=context.viewport.view,
                 expression_lines=context.settings.expression_lines,
                 contact=context.session.document.contact,
-                transparent=form.transparent and written.transparent,
+                transparent=form.transparent and chosen.transparent,
                 materials=context.settings.materials,
             )
             output = Output(path, model, motion, options, context.gl)
             self.target = path
-            if written.sequence is not None and not still:
+            if chosen.sequence is not None and not still:
                 self.job = StepJob(write_sequence_steps(output, form.suffix), path)
             else:
                 self.job = StepJob(write_steps(output), path)
-                if not written.drawn:
-                    # Soon done: no progress appears.
+                if not chosen.drawn:
+                    # Fast enough to complete at once, without a progress dialog.
                     self.job.advance(math.inf)
                     self._finish()
         except FacePoserError as error:
-            context.dialogs.report("The face is not exported", str(error))
+            context.dialogs.report("The export failed", str(error))
         context.redraw()
 
     def _motion(self) -> "NDArray[np.float64] | Performance":
-        """Return the pose, or the animation where it is wanted, there is one, and the format takes it."""
+        """Return the animation if it exists, is chosen, and the format supports it; otherwise the pose."""
         performance, chosen = self.performance(), FORMATS[self.form.suffix]
         if performance is not None and self.form.animated and (chosen.animated or chosen.sequence is not None):
             return performance
         return self.context.session.coefficients
 
     def update(self) -> None:
-        """Draw the next frames of the film, as many as the progress may wait for."""
+        """Advance the export in progress for a moment."""
         if self.job is not None:
             self.context.redraw(1)
             self.job.advance(time.perf_counter() + _DRAW_SECONDS)
             self._finish()
 
     def _finish(self) -> None:
-        """Report the end of what was being written, if it has ended.
+        """Report the result of the export, if it has ended.
 
         Raises:
-            Exception: What went wrong, unless the user can mend it.
+            Exception: The error of the export, unless it is a FacePoserError, which is reported.
         """
         job = self.job
         if job is None or not job.done:
             return
         self.job = None
         if isinstance(job.error, FacePoserError):
-            self.context.dialogs.report("The face is not exported", str(job.error))
+            self.context.dialogs.report("The export failed", str(job.error))
         elif job.error is not None:
             raise job.error
         elif job.result is not None:
-            self._written(job.result)
+            self._report_written(job.result)
 
-    def _written(self, path: Path) -> None:
+    def _report_written(self, path: Path) -> None:
         self.context.settings.export_path = str(path.resolve())
         self.context.notify(f"Saved {path.name}")
 
@@ -248,24 +254,22 @@ class ExportFeature(Feature):
             self.job.cancel()
             self.job = None
 
-    # In
+    # Import
 
     def open_pose_dialog(self) -> None:
-        """Ask for a mesh or weights and take the pose from there."""
+        """Ask for a mesh or a file of weights and read the pose from it."""
         context = self.context
-        last = Path(context.settings.export_path)
-        folder = last.parent if context.settings.export_path and last.parent.is_dir() else last_folder(context.settings)
-        context.ask_for_file(FileRequest("open", "Open a pose", "Poses", POSES, folder, self.open_pose))
+        context.ask_for_file(FileRequest("open", "Open pose", "Poses", POSES, self._last_folder(), self.open_pose))
 
     def open_pose(self, path: Path) -> None:
-        """Make the pose in ``path`` the one that editing starts from, without constraints, as one step."""
+        """Start from the pose in ``path``, without constraints, as one step of the history."""
         from faceposer.interchange.reading import read_pose
 
         context = self.context
         try:
             read = read_pose(path, context.session.model)
         except FacePoserError as error:
-            context.dialogs.report("The pose is not opened", str(error))
+            context.dialogs.report("The pose cannot be opened", str(error))
             return
         context.toolbox.cancel()
         session = context.session
@@ -275,7 +279,7 @@ class ExportFeature(Feature):
         context.notify(f"Opened {path.name}. {read.note}".strip())
 
     def accept_files(self, paths: tuple[str, ...]) -> bool:
-        """Open a mesh that was dropped as a pose, unless the import dialog waits for one."""
+        """Open a dropped mesh as a pose, unless a dialog is open."""
         path = Path(paths[0])
         if self.is_modal or path.suffix.lower() not in _MESHES or path.is_dir():
             return False
@@ -286,7 +290,7 @@ class ExportFeature(Feature):
     # Drawing
 
     def draw_dialog(self) -> None:
-        """Draw the form or how far the film is, unless another dialog is above."""
+        """Draw the form or the progress, unless another dialog is open above it."""
         if self.context.dialogs.open or self.context.file_dialogs.browsing:
             return
         if self.job is not None:
@@ -295,5 +299,5 @@ class ExportFeature(Feature):
             draw_form(self.context, self)
 
     def close(self) -> None:
-        """End the film that is being written."""
+        """Cancel the export in progress."""
         self._cancel_job()

@@ -1,4 +1,4 @@
-"""The guided pose on the screen: a card in a corner of the view, and a ring on the face where to press."""
+"""The guided pose in the window: a card in a corner of the view, and a ring on the face that shows where to press."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from faceposer.gui.actions import Action, Actions, Submenu
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
-from faceposer.gui.features.guide.steps import LAST_WORDS, STEPS, Guide, Seen, Step, places_of
+from faceposer.gui.features.guide.steps import CLOSING_TEXT, STEPS, Guide, Observation, Step, feature_heights
 from faceposer.gui.viewport import Pixel, Viewport
 from faceposer.gui.widgets.basic import Rectangle, caption, tooltip
 from faceposer.gui.widgets.theme import ACCENT, EDGE, FAINT, Icon, em, u32
@@ -17,7 +17,7 @@ _WIDTH, _HEIGHT, _MARGIN = 18.0, 16.0, 0.9
 _WHITE = (1.0, 1.0, 1.0, 1.0)
 # Pixels at normal density.
 _RING, _ARROW = 13.0, 34.0
-# Every so many vertices tell where the head is.
+# Stride of the vertices that are projected to find the head in the view.
 _STRIDE = 7
 _FLAGS = (
     imgui.WindowFlags_.no_title_bar
@@ -32,7 +32,7 @@ _FLAGS = (
 
 
 class GuideFeature(Feature):
-    """The guided pose on the screen: shown at the first start, and again from the Help menu."""
+    """The guided pose, shown at the first start and from the Help menu."""
 
     def __init__(self, context: EditorContext) -> None:
         super().__init__(context)
@@ -43,12 +43,12 @@ class GuideFeature(Feature):
 
     @property
     def shown(self) -> bool:
-        """Whether it is under way."""
+        """True while the guided pose is shown."""
         return self._guide is not None
 
     @property
     def step(self) -> Step | None:
-        """What the user is to try now, if anything."""
+        """The current step, or None."""
         return self._guide.current if self._guide is not None else None
 
     def actions(self) -> Sequence[Action | Submenu]:
@@ -59,33 +59,33 @@ class GuideFeature(Feature):
                 "Guided pose",
                 "Help",
                 self.show,
-                help="A first smile in five steps, with the view showing where to press",
+                help="Make a first smile in five steps; marks in the view show where to press",
             ),
         )
 
     def show(self) -> None:
-        """Begin it anew."""
+        """Start from the first step."""
         self._guide, self._key = Guide(), None
 
     def dismiss(self) -> None:
-        """Put it away."""
+        """Close the guided pose."""
         self._guide = self._rectangle = None
 
     def contains(self, position: Pixel) -> bool:
-        """Whether a position in the window lies on the card."""
+        """Return True if a position in the window is on the card."""
         if self._rectangle is None:
             return False
         left, top, right, bottom = self._rectangle
         return left <= position[0] < right and top <= position[1] < bottom
 
     def cancel(self) -> bool:
-        """Put it away; return whether it was shown."""
+        """Close the guided pose; return True if it was shown."""
         shown = self.shown
         self.dismiss()
         return shown
 
     def late_update(self) -> None:
-        """See what the user has done."""
+        """Check which steps the user has done."""
         context = self.context
         session = context.session
         if self._guide is None or context.busy or session.solving:
@@ -94,13 +94,13 @@ class GuideFeature(Feature):
         if key == self._key:
             return
         self._key = key
-        heights, held = places_of(session)
+        heights, held = feature_heights(session)
         direction = (context.viewport.view.yaw, context.viewport.view.pitch)
-        if self._guide.follow(Seen(session, heights, held, direction, session.can_redo, context.meshes_saved)):
+        if self._guide.update(Observation(session, heights, held, direction, session.can_redo, context.meshes_saved)):
             context.redraw()
 
     def draw_window(self) -> None:
-        """Draw card and ring."""
+        """Draw the card and the ring."""
         context = self.context
         self._rectangle = None
         if self._guide is None:
@@ -133,7 +133,7 @@ class GuideFeature(Feature):
         self._rectangle = (corner.x, corner.y, corner.x + extent.x, corner.y + extent.y)
 
     def _draw_card(self, position: Pixel, width: float) -> None:
-        """Draw all steps, the present one with how it is done."""
+        """Draw all steps, the current one with its explanation."""
         context = self.context
         guide = self._guide
         assert guide is not None
@@ -148,7 +148,7 @@ class GuideFeature(Feature):
             _draw_step(context, number, step, step.name in guide.done, step is guide.current)
         if guide.current is None:
             imgui.dummy(ImVec2(0.0, em(0.1)))
-            imgui.text_wrapped(_with_keys(LAST_WORDS, context.actions))
+            imgui.text_wrapped(_with_keys(CLOSING_TEXT, context.actions))
         label = "Skip" if guide.current is not None else "Close"
         imgui.dummy(ImVec2(0.0, em(0.1)))
         across = imgui.calc_text_size(label).x + 2.0 * imgui.get_style().frame_padding.x
@@ -156,7 +156,7 @@ class GuideFeature(Feature):
         closed = imgui.button(f"{label}##guide") or closed
         context.widget_rects.record("guide:skip")
         if guide.current is not None:
-            tooltip("Put this away; Help > Guided pose brings it back  (Esc)")
+            tooltip("Close; Help > Guided pose shows it again  (Esc)")
         self._height = imgui.get_cursor_pos_y() - imgui.get_style().item_spacing.y + em(0.65)
         imgui.end()
         if closed:
@@ -164,12 +164,12 @@ class GuideFeature(Feature):
             context.redraw()
 
     def _draw_strip(self) -> None:
-        """Draw the present step as one line at the bottom of the view, where the face leaves no room for the card."""
+        """Draw the current step as one line at the bottom of the view, if the face leaves no room for the card."""
         context = self.context
         guide, viewport = self._guide, context.viewport
         assert guide is not None
         step = guide.current
-        text = _with_keys(LAST_WORDS, context.actions) if step is None else _with_keys(step.title, context.actions)
+        text = _with_keys(CLOSING_TEXT, context.actions) if step is None else _with_keys(step.title, context.actions)
         count = "" if step is None else f"{STEPS.index(step) + 1}/{len(STEPS)}"
         margin = em(0.5)
         room = viewport.size[0] - 2.0 * margin
@@ -197,7 +197,7 @@ class GuideFeature(Feature):
             context.redraw()
 
     def _close_button(self) -> bool:
-        """Draw an x at the right end of the line."""
+        """Draw a close button at the right end of the line; return True if it was pressed."""
         context = self.context
         side = em(1.3)
         imgui.set_cursor_pos(ImVec2(imgui.get_window_width() - side - em(0.45), imgui.get_cursor_pos_y() - em(0.15)))
@@ -207,11 +207,11 @@ class GuideFeature(Feature):
         imgui.pop_style_var()
         imgui.pop_style_color()
         context.widget_rects.record("guide:close")
-        tooltip("Put this away; Help > Guided pose brings it back  (Esc)")
+        tooltip("Close; Help > Guided pose shows it again  (Esc)")
         return pressed
 
     def _draw_ring(self, head: np.ndarray) -> None:
-        """Show where to press and which way to drag, on the view itself."""
+        """Draw a ring where to press, and an arrow in the direction of the drag."""
         context = self.context
         step = self.step
         aim = None if step is None else _aim(context, step, head)
@@ -226,7 +226,7 @@ class GuideFeature(Feature):
 
 
 def _is_free(head: np.ndarray, rectangle: Rectangle, margin: float) -> bool:
-    """Whether none of the pixels ``head``, shape (n, 2), lies in ``rectangle`` or within ``margin`` of it."""
+    """Return True if no pixel of ``head``, shape (n, 2), is in ``rectangle`` or within ``margin`` of it."""
     low = np.array(rectangle[:2]) - margin
     high = np.array(rectangle[2:]) + margin
     return not bool(((head > low) & (head < high)).all(axis=1).any())
@@ -250,17 +250,17 @@ def _draw_step(context: EditorContext, number: int, step: Step, done: bool, curr
 
 
 def _with_keys(text: str, actions: Actions) -> str:
-    """Return ``text`` with the keys of the actions that it names."""
+    """Return ``text`` with the names of actions in braces replaced by their keys."""
     for action in actions:
         text = text.replace(f"{{{action.name}}}", action.shortcut)
     return text
 
 
 def _aim(context: EditorContext, step: Step, head: np.ndarray) -> tuple[Pixel, Pixel | None] | None:
-    """Return where in the window to press and the direction in which to drag, unit length, if they can be seen."""
+    """Return the position in the window to press and the unit direction to drag, or None if it is not visible."""
     viewport = context.viewport
     if step.name == "orbit":
-        return _beside(viewport, head)
+        return _place_next_to_head(viewport, head)
     vertex = context.session.model.character.feature_points.get(step.place)
     if vertex is None:
         return None
@@ -277,8 +277,8 @@ def _aim(context: EditorContext, step: Step, head: np.ndarray) -> tuple[Pixel, P
     return place, (across, down) if length > 1.0 else None
 
 
-def _beside(viewport: Viewport, head: np.ndarray) -> tuple[Pixel, Pixel | None] | None:
-    """Return a place beside the head, at the height of the mouth, if there is room."""
+def _place_next_to_head(viewport: Viewport, head: np.ndarray) -> tuple[Pixel, Pixel | None] | None:
+    """Return a position next to the head at the height of the mouth and the direction to drag, or None without room."""
     scale = viewport.ui_scale
     edge = viewport.origin[0] + viewport.size[0]
     side = float(head[:, 0].max())

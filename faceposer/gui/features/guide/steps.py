@@ -1,4 +1,4 @@
-"""The guided pose: five steps to a first smile, each done when the user has really done it, by whatever way."""
+"""Steps of the guided pose: five steps to a first smile, each complete when its effect is observed."""
 
 import math
 from collections.abc import Mapping
@@ -18,10 +18,10 @@ StepName = Literal["smile", "brow", "orbit", "undo", "save"]
 MOUTH_CORNERS = ("8.3", "8.4")
 BROWS = ("4.1", "4.2", "4.3", "4.4", "4.5", "4.6")
 
-# Shares of the head's height: how near a point must lie to hold a place, and how far that place must rise.
+# Fractions of the head's height: distance within which a point holds a place, and rise of a place.
 _NEAR = 0.06
 _RISE = 0.006
-# Radians by which the view must turn.
+# Rotation of the view in radians.
 _TURN = math.radians(6.0)
 _PRESETS = tuple((math.radians(yaw), math.radians(pitch)) for yaw, pitch in VIEW_ANGLES.values())
 
@@ -30,14 +30,14 @@ Direction = tuple[float, float]
 
 @dataclass(frozen=True)
 class Step:
-    """One thing to try.
+    """One step of the guided pose.
 
     Attributes:
-        name: By which the program knows it.
-        title: What to do; ``{undo}`` stands for the key of the action "undo", and so on.
-        text: More about it, likewise.
+        name: Identifier of the step.
+        title: Instruction, in which ``{undo}`` stands for the key of the action "undo", and so on.
+        text: Explanation, with the same placeholders.
         place: Feature point to press on, or "".
-        pull: Where to drag from there: x to the character's left, y up.
+        pull: Direction to drag from there: x to the character's left, y up.
     """
 
     name: StepName
@@ -51,47 +51,47 @@ STEPS = (
     Step(
         "smile",
         "Drag a corner of the mouth up",
-        "Press on it and pull. The rest of the face follows.",
+        "Press on it and drag. The rest of the face follows.",
         "8.3",
         (0.45, 0.9),
     ),
     Step(
         "brow",
         "Raise a brow",
-        "Drag it up as well. The smile stays, for its point holds it.",
+        "Drag it up as well. The point at the mouth keeps the smile.",
         "4.3",
         (0.0, 1.0),
     ),
     Step(
         "orbit",
-        "Drag beside the face to orbit",
-        "{view-front} looks from the front again, {compare} compares with the neutral face.",
+        "Drag next to the face to orbit",
+        "{view-front} returns to the front view, {compare} shows the neutral face.",
     ),
     Step(
         "undo",
         "Undo with {undo}",
-        "It takes back one drag at a time; {redo} does it again.",
+        "It undoes one drag at a time; {redo} redoes it.",
     ),
     Step(
         "save",
         "Save the mesh with {export}",
-        "The posed face as OBJ, which any 3D program opens.",
+        "The posed face is saved as OBJ, which any 3D program can open.",
     ),
 )
-LAST_WORDS = "That is all. {keys} shows the keys, {palette} everything else."
+CLOSING_TEXT = "That is all. {keys} lists the keys, {palette} finds any command."
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What the guide goes by.
+class Observation:
+    """State of the editor from which completed steps are recognised.
 
     Attributes:
-        session: What is edited; another one begins with another pose.
-        heights: How high each of the places is, in shares of the head's height.
-        held: Those of the places that a point holds.
-        direction: Yaw and pitch of the view, radians.
-        can_redo: Whether something has been undone.
-        meshes_saved: How often a mesh has been saved.
+        session: The edited session; another session starts from another pose.
+        heights: Height of each place, in fractions of the head's height.
+        held: Places that a point constraint holds.
+        direction: Yaw and pitch of the view in radians.
+        can_redo: True if a step has been undone.
+        meshes_saved: Number of meshes saved so far.
     """
 
     session: object
@@ -104,62 +104,64 @@ class Seen:
 
 @dataclass
 class Guide:
-    """Knows which steps are done.
+    """Progress through the steps.
 
     Attributes:
-        done: Names of the steps that are.
+        done: Names of the completed steps.
     """
 
     done: set[StepName] = field(default_factory=set)
-    _last: Seen | None = None
+    _last: Observation | None = None
     _lowest: dict[str, float] = field(default_factory=dict)
-    _from: Direction = (0.0, 0.0)
+    _start_direction: Direction = (0.0, 0.0)
 
     @property
     def current(self) -> Step | None:
-        """The first step that is not done, or None at the end."""
+        """The first step that is not completed, or None at the end."""
         return next((step for step in STEPS if step.name not in self.done), None)
 
-    def follow(self, seen: Seen) -> bool:
-        """Take note of what is ``seen`` while no gesture is under way; return whether another step is done."""
-        last, self._last = self._last, seen
-        if last is None or last.session is not seen.session:
-            self._lowest, self._from = dict(seen.heights), seen.direction
+    def update(self, observed: Observation) -> bool:
+        """Update the progress while no gesture is in progress; return True if another step was completed."""
+        last, self._last = self._last, observed
+        if last is None or last.session is not observed.session:
+            self._lowest, self._start_direction = dict(observed.heights), observed.direction
             return False
         before = len(self.done)
-        if self._risen(seen, MOUTH_CORNERS):
+        if self._has_risen(observed, MOUTH_CORNERS):
             self.done.add("smile")
-        if self._risen(seen, BROWS):
+        if self._has_risen(observed, BROWS):
             self.done.add("brow")
-        if self._turned(seen.direction):
+        if self._has_turned(observed.direction):
             self.done.add("orbit")
-        if seen.can_redo and not last.can_redo:
+        if observed.can_redo and not last.can_redo:
             self.done.add("undo")
-        if seen.meshes_saved > last.meshes_saved:
+        if observed.meshes_saved > last.meshes_saved:
             self.done.add("save")
-        for name, height in seen.heights.items():
+        for name, height in observed.heights.items():
             self._lowest[name] = min(self._lowest.get(name, height), height)
         return len(self.done) > before
 
-    def _risen(self, seen: Seen, places: tuple[str, ...]) -> bool:
-        """Whether one of ``places`` is held by a point, higher than the guide has seen it."""
+    def _has_risen(self, observed: Observation, places: tuple[str, ...]) -> bool:
+        """Return True if a point holds one of ``places`` above its lowest height so far."""
         return any(
-            seen.heights[name] - self._lowest.get(name, math.inf) > _RISE for name in places if name in seen.held
+            observed.heights[name] - self._lowest.get(name, math.inf) > _RISE
+            for name in places
+            if name in observed.held
         )
 
-    def _turned(self, direction: Direction) -> bool:
-        """Whether the view was turned by hand: keys and buttons lead to the directions that have names."""
+    def _has_turned(self, direction: Direction) -> bool:
+        """Return True if the view was turned by a drag, as opposed to the preset views of keys and buttons."""
         if any(math.isclose(direction[0], yaw) and math.isclose(direction[1], pitch) for yaw, pitch in _PRESETS):
-            self._from = direction
+            self._start_direction = direction
             return False
-        turn = math.remainder(direction[0] - self._from[0], 2.0 * math.pi)
-        return math.hypot(turn, direction[1] - self._from[1]) > _TURN
+        turn = math.remainder(direction[0] - self._start_direction[0], 2.0 * math.pi)
+        return math.hypot(turn, direction[1] - self._start_direction[1]) > _TURN
 
 
-def places_of(session: Session) -> tuple[dict[str, float], frozenset[str]]:
-    """Return how high each place of the guide is in the pose of ``session``, and which of them its points hold.
+def feature_heights(session: Session) -> tuple[dict[str, float], frozenset[str]]:
+    """Return the height of each place of the guide in the pose of ``session``, and the places that its points hold.
 
-    A character without feature points has no places: there the steps that need them are left to the user to skip.
+    A character without feature points has no places; the user can skip the steps that need them.
     """
     character = session.model.character
     names = [name for name in (*MOUTH_CORNERS, *BROWS) if name in character.feature_points]

@@ -1,1 +1,1 @@
-"""Custom characters made from files."""
+"""Import of custom characters from files."""

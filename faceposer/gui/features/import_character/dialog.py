@@ -1,4 +1,4 @@
-"""The dialog that makes a character of one's own: what to learn from, how far it is, and what was learned."""
+"""Dialog that imports a custom character: the form, the progress and the summary."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -20,33 +20,34 @@ if TYPE_CHECKING:
     from faceposer.training.kinds import Kind
 
 _WIDTH, _LABEL = 44.0, 8.4
-# Rows of fields that belong to one kind, at most: map, scan, regions and their number.
+# Largest number of rows for one kind of source: map, scan, regions and their number.
 _MOST_FIELDS = 4
 _KINDS: tuple["Kind", ...] = ("rig", "examples", "markers")
 _KIND_LABELS = ("Rig", "Examples", "Markers")
 _KIND_TIPS = (
-    "A glTF file (.glb, .gltf, .vrm) or a folder with a mesh for each of ARKit's shapes",
-    "A folder or an .npz file of meshes with the same vertices and faces, one of them neutral",
-    "The motion of markers on a performer's face (.c3d, .csv), and a map that says where each is",
+    "A glTF file (.glb, .gltf, .vrm) or a folder with one mesh per ARKit shape",
+    "A folder or an .npz file of meshes with the same topology, one of them neutral",
+    "The motion of markers on a performer's face (.c3d, .csv), and a map of their places on a scan",
 )
-_KIND_WORDS = (
-    "A face with ARKit's shapes: .glb, .gltf, .vrm, or a folder with a mesh for each shape. It is imported unchanged.",
-    "Meshes of one face in different expressions: a folder, or an .npz. How they differ becomes what can be posed.",
-    "Motion of markers on a face: .c3d or .csv. It moves a scan, and the character is learned from that.",
+_KIND_DESCRIPTIONS = (
+    "A face with ARKit shapes: .glb, .gltf, .vrm, or a folder with one mesh per shape. It is imported unchanged.",
+    "Meshes of one face in different expressions: a folder or an .npz file. The modes of the character are learned "
+    "from their differences.",
+    "Motion of markers on a face: .c3d or .csv. The markers deform a scan, from which the character is learned.",
 )
 _REGIONS = ("face", "whole", "parts")
-_REGION_LABELS = ("Parts of a face", "The whole", "By motion")
+_REGION_LABELS = ("Parts of the face", "Whole face", "By motion")
 _REGION_TIPS = (
-    "Brows, eyes and mouth move by themselves.",
-    "All moves together, as in the paper of 2009.",
-    "What moves together in the examples belongs together.",
+    "Brows, eyes and mouth move independently.",
+    "The whole face is one region, as in Lau et al. (2009).",
+    "Vertices that move together in the examples form a region.",
 )
 _NUMBERS = (
-    ("dimensions", "Dimensions", 500, "Number of modes; 0: as many as the energy asks for"),
-    ("components", "Components", 500, "Number of factor analyzers of the prior; 0: chosen by data left out"),
-    ("factors", "Factors", 500, "Number of factors of each; 0: chosen by data left out"),
+    ("dimensions", "Dimensions", 500, "Number of modes; 0 chooses it from the energy of the examples"),
+    ("components", "Components", 500, "Number of factor analyzers of the prior; 0 chooses it from held-out data"),
+    ("factors", "Factors", 500, "Number of factors of each analyzer; 0 chooses it from held-out data"),
 )
-# Suffixes of what a field takes, and how such files are called.
+# Names and suffixes of the files that a field accepts.
 _MESHES = ("Meshes", MESH_SUFFIXES)
 _SOURCES = {
     "rig": ("Rigs", (".glb", ".gltf", ".vrm")),
@@ -56,35 +57,36 @@ _SOURCES = {
 
 
 class ImportDialog:
-    """Draws the pages of the dialog."""
+    """Pages of the dialog."""
 
     def __init__(self, importing: "ImportCharacterFeature") -> None:
-        """Show ``importing``."""
+        """Show the state of ``importing``."""
         self._importing = importing
 
     def draw(self, draw_above: Callable[[], None]) -> None:
-        """Draw the page that is shown; ``draw_above`` draws the dialogs that lie over it."""
+        """Draw the current page; ``draw_above`` draws the dialogs above it."""
         importing = self._importing
         with modal("##import", _WIDTH, scrolls=False) as shown:
             if not shown:
                 draw_above()
                 return
-            # Keys are those of the dialog above, if there is one.
+            # A dialog above receives the keys.
             context = importing.context
-            alone = not (context.dialogs.open or context.file_dialogs.open or imgui.is_window_appearing())
-            {"form": self._form, "running": self._running, "summary": self._summary}[importing.page](importing, alone)
+            has_keys = not (context.dialogs.open or context.file_dialogs.open or imgui.is_window_appearing())
+            draw_page = {"form": self._draw_form, "running": self._draw_progress, "summary": self._draw_summary}
+            draw_page[importing.page](importing, has_keys)
             if not importing.open:
                 imgui.close_current_popup()
             draw_above()
 
-    # What to learn from
+    # Form
 
-    def _form(self, importing: "ImportCharacterFeature", alone: bool) -> None:
+    def _draw_form(self, importing: "ImportCharacterFeature", has_keys: bool) -> None:
         form, rects = importing.form, importing.context.widget_rects
-        modal_title(importing.context.fonts, "Import a character")
+        modal_title(importing.context.fonts, "Import character")
         error_height = 0.0
         if importing.error:
-            # As much narrower than the dialog as the icon before it is wide, and a little more.
+            # The warning icon in front of the text needs room.
             wrap = imgui.get_content_region_avail().x - em(2.2)
             text_height = imgui.calc_text_size(importing.error, wrap_width=wrap).y
             error_height = text_height + em(0.1) + 2.0 * imgui.get_style().item_spacing.y
@@ -94,13 +96,13 @@ class ImportDialog:
         _label("Kind")
         form.kind = _KINDS[choice(rects, "import:kind", _KIND_LABELS, kind, _KIND_TIPS)]
         imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + em(_LABEL))
-        # Room for two lines, whatever the kind.
+        # Reserve two lines for all kinds.
         below = imgui.get_cursor_pos_y() + 2.0 * imgui.get_text_line_height() + imgui.get_style().item_spacing.y
-        caption(_KIND_WORDS[_KINDS.index(form.kind)])
+        caption(_KIND_DESCRIPTIONS[_KINDS.index(form.kind)])
         imgui.set_cursor_pos_y(max(imgui.get_cursor_pos_y(), below))
         self._draw_fields_of_kind(importing)
-        form.title = _text_row(rects, "title", "Title", form.title, "How the character is called in the window")
-        tip = "The file of the character; without another folder it goes to the characters of this program"
+        form.title = _text_row(rects, "title", "Title", form.title, "Title of the character in the window")
+        tip = "Character file to write; without a folder it is saved in the library of characters"
         form.output = _path_row(
             importing, "output", "Save as", form.output, tip, ("Characters", (".npz",)), purpose="save"
         )
@@ -111,12 +113,12 @@ class ImportDialog:
             imgui.tree_pop()
         imgui.end_child()
         if importing.error:
-            _sentence(BAD, importing.error)
+            _draw_error(importing.error)
         pressed = modal_buttons(rects, "import", (("start", "Import"), ("cancel", "Cancel")))
         typing = imgui.get_io().want_text_input
-        if alone and imgui.is_key_pressed(imgui.Key.escape, False) and not typing:
+        if has_keys and imgui.is_key_pressed(imgui.Key.escape, False) and not typing:
             pressed = "cancel"
-        if alone and (_enter() and bool(form.source.strip())):
+        if has_keys and _enter_pressed() and form.source.strip():
             pressed = "start"
         if pressed == "cancel":
             importing.close_dialog()
@@ -124,44 +126,44 @@ class ImportDialog:
             importing.start()
 
     def _draw_fields_of_kind(self, importing: "ImportCharacterFeature") -> None:
-        """Draw what only this kind of source has."""
+        """Draw the fields of the chosen kind of source."""
         form, rects = importing.form, importing.context.widget_rects
-        # As high as the most fields of any kind, so that another kind does not move the dialog.
-        top, most = imgui.get_cursor_pos_y(), _MOST_FIELDS * imgui.get_frame_height_with_spacing()
+        # The height is the same for all kinds, so that nothing jumps when another one is chosen.
+        top, reserved = imgui.get_cursor_pos_y(), _MOST_FIELDS * imgui.get_frame_height_with_spacing()
         if form.kind == "rig":
             self._draw_captures(importing)
         if form.kind == "markers":
-            tip = "JSON file that says where on the scan each marker is (docs/training.md)"
+            tip = "JSON file that maps each marker to a place on the scan (docs/training.md)"
             form.marker_map = _path_row(importing, "marker_map", "Map", form.marker_map, tip, ("Maps", (".json",)))
-            tip = "What the markers move: a mesh, the file of a character, or the name of one"
+            tip = "Face that the markers deform: a mesh, a character file or the name of a character"
             form.scan = _path_row(importing, "scan", "Scan", form.scan, tip, ("Scans", (*MESH_SUFFIXES, ".npz")))
-        if form.takes_neutral:
-            tip = "The relaxed face, if no file is called neutral, rest or base"
-            form.neutral = _path_row(importing, "neutral", "Neutral", form.neutral, tip, _MESHES, "found by its name")
+        if form.accepts_neutral:
+            tip = "Mesh of the neutral face; needed if no file is named neutral, rest or base"
+            form.neutral = _path_row(importing, "neutral", "Neutral", form.neutral, tip, _MESHES, "Detected by name")
         if form.kind != "rig":
             self._draw_regions(rects, form)
-        imgui.dummy((0.0, max(top + most - imgui.get_cursor_pos_y(), 0.0) + em(0.1)))
+        imgui.dummy((0.0, max(top + reserved - imgui.get_cursor_pos_y(), 0.0) + em(0.1)))
 
     def _draw_source(self, importing: "ImportCharacterFeature") -> None:
-        tip = "What to learn from; it can also be dropped here, or pasted as a path"
+        tip = "File or folder to learn the character from. It can also be dropped onto the window."
         every = tuple(suffix for _, suffixes in _SOURCES.values() for suffix in suffixes)
         if imgui.is_window_appearing() and not importing.form.source:
             imgui.set_keyboard_focus_here()
         source = _path_row(
             importing,
             "source",
-            "Learn from",
+            "Source",
             importing.form.source,
             tip,
             ("Rigs, arrays and motions", every),
-            "a file or a folder",
+            "File or folder",
             folder=True,
             done=importing.set_source,
         )
         importing.set_source(source)
 
     def _draw_captures(self, importing: "ImportCharacterFeature") -> None:
-        """Draw the performances, each with a button that takes it out, and one that adds another."""
+        """Draw the performances, each with a button that removes it, and a button that adds one."""
         form, rects = importing.form, importing.context.widget_rects
 
         def add(path: Path) -> None:
@@ -175,7 +177,7 @@ class ImportDialog:
             if imgui.button(f"{Icon.CLOSE}##capture{i}", (em(1.9), 0.0)):
                 form.captures.remove(path)
             rects.record(f"import:capture:{i}:remove")
-            tooltip("Do not learn from it")
+            tooltip("Remove this performance")
             imgui.same_line()
             imgui.text_unformatted(Path(path).name)
             tooltip(path)
@@ -184,14 +186,19 @@ class ImportDialog:
         if imgui.button("Add..."):
             importing.context.ask_for_file(
                 FileRequest(
-                    "open", "A performance", "Performances", (".csv", ".txt"), _start(importing, form.source), add
+                    "open",
+                    "Add performance",
+                    "Performances",
+                    (".csv", ".txt"),
+                    _start_folder(importing, form.source),
+                    add,
                 )
             )
         rects.record("import:capture:add")
-        tooltip("Recordings of ARKit's weights by Live Link Face or Face Cap, from which the prior is learned")
+        tooltip("Recordings of ARKit weights by Live Link Face or Face Cap, to learn the prior from")
         if not form.captures:
             imgui.same_line()
-            caption("none: natural expressions as the program knows them")
+            caption("None: use the built-in prior of natural expressions")
 
     def _draw_regions(self, rects: WidgetRects, form: ImportForm) -> None:
         _label("Regions")
@@ -218,33 +225,33 @@ class ImportDialog:
             setattr(form, key, min(max(value, 0), most))
             if not value:
                 imgui.same_line()
-                imgui.text_disabled("chosen by the data")
+                imgui.text_disabled("Chosen from the data")
         _label("Credits", em(_LABEL) - imgui.get_style().indent_spacing)
         imgui.set_next_item_width(-1.0)
-        _, form.credits = imgui.input_text_with_hint("##credits", "where it comes from, and its licence", form.credits)
+        _, form.credits = imgui.input_text_with_hint("##credits", "Origin and licence", form.credits)
         rects.record("import:credits")
 
-    # How far it is
+    # Progress
 
-    def _running(self, importing: "ImportCharacterFeature", _alone: bool) -> None:
+    def _draw_progress(self, importing: "ImportCharacterFeature", _has_keys: bool) -> None:
         training, context = importing.training, importing.context
         assert training is not None
         stage = "Stopping..." if training.cancelled else f"{training.stage}..."
-        text = f"{stage} With many meshes this takes minutes; nothing is written before it is done."
-        title = f"Learning {importing.output.stem}"
+        text = f"{stage} Many meshes take minutes. The file is written when the import is complete."
+        title = f"Importing {importing.output.stem}"
         draw_job(context.fonts, context.widget_rects, "import", title, training, text, escapes=False)
 
-    # What was learned
+    # Summary
 
-    def _summary(self, importing: "ImportCharacterFeature", alone: bool) -> None:
+    def _draw_summary(self, importing: "ImportCharacterFeature", has_keys: bool) -> None:
         assert importing.about is not None
         _begin_body()
         draw_summary(importing.context.fonts, importing.context.widget_rects, importing.about)
         imgui.end_child()
         pressed = modal_buttons(importing.context.widget_rects, "import", (("open", "Open"), ("close", "Close")))
-        if alone and _enter():
+        if has_keys and _enter_pressed():
             pressed = "open"
-        if alone and imgui.is_key_pressed(imgui.Key.escape, False):
+        if has_keys and imgui.is_key_pressed(imgui.Key.escape, False):
             pressed = "close"
         if pressed == "open":
             importing.open_learned()
@@ -253,13 +260,13 @@ class ImportDialog:
 
 
 def _begin_body(below: float = 0.0) -> None:
-    """Begin what scrolls where the window has no room for it, above the buttons and ``below`` more."""
+    """Begin a child window that scrolls if it does not fit above the buttons and ``below`` pixels more."""
     foot = imgui.get_frame_height() + em(0.3) + 3.0 * imgui.get_style().item_spacing.y + below
-    # Dear ImGui lets a window that fits its content grow no further.
+    # Dear ImGui does not let an auto-sized window grow beyond this height.
     room = imgui.get_main_viewport().work_size.y - 2.0 * imgui.get_style().display_safe_area_padding.y
-    most = room - imgui.get_cursor_pos_y() - foot - em(1.25)
+    height = room - imgui.get_cursor_pos_y() - foot - em(1.25)
     width = imgui.get_content_region_avail().x
-    imgui.set_next_window_size_constraints((width, em(3)), (width, max(most, em(3))))
+    imgui.set_next_window_size_constraints((width, em(3)), (width, max(height, em(3))))
     imgui.begin_child("##body", (width, 0.0), imgui.ChildFlags_.auto_resize_y.value)
 
 
@@ -291,13 +298,13 @@ def _path_row(
     folder: bool = False,
     done: Callable[[str], None] | None = None,
 ) -> str:
-    """Draw a field for a path, with buttons that choose a file or, with ``folder``, a folder; return what it holds.
+    """Draw a field for a path, with a button that chooses a file and, with ``folder``, one that chooses a folder.
 
-    What is chosen goes to ``done``, or else into the form's field of this name.
+    Return the text of the field. A chosen path is passed to ``done``, or else stored in the form's field ``key``.
     """
     form = importing.form
 
-    def take(path: Path) -> None:
+    def store(path: Path) -> None:
         if done is None:
             setattr(form, key, str(path))
         else:
@@ -313,37 +320,38 @@ def _path_row(
     imgui.same_line(0.0, gap)
     if imgui.button(f"{Icon.FILE}##{key}", (side, 0.0)):
         importing.context.ask_for_file(
-            FileRequest(purpose, label, *files, _start(importing, value or form.source, purpose), take)
+            FileRequest(purpose, label, *files, _start_folder(importing, value or form.source, purpose), store)
         )
     importing.context.widget_rects.record(f"import:{key}:file")
-    tooltip("Choose a file" if purpose == "open" else "Choose where")
+    tooltip("Choose a file" if purpose == "open" else "Choose where to save the file")
     if folder:
         imgui.same_line(0.0, gap)
         if imgui.button(f"{Icon.FOLDER}##{key}", (side, 0.0)):
-            importing.context.ask_for_file(FileRequest("folder", label, *files, _start(importing, value), take))
+            start = _start_folder(importing, value)
+            importing.context.ask_for_file(FileRequest("folder", label, *files, start, store))
         importing.context.widget_rects.record(f"import:{key}:folder")
         tooltip("Choose a folder")
     return value
 
 
-def _start(importing: "ImportCharacterFeature", near: str, purpose: Purpose = "open") -> Path:
-    """Return where a file dialog begins: at what is in the field, or where the last one was."""
+def _start_folder(importing: "ImportCharacterFeature", near: str, purpose: Purpose = "open") -> Path:
+    """Return the path at which a file dialog opens: that of the field, or the last folder."""
     path = Path(near.strip()).expanduser() if near.strip() else None
     if path is not None and path.parent.is_dir():
         return path if purpose == "save" else path.parent
     return last_folder(importing.context.settings)
 
 
-def _sentence(colour: tuple[float, float, float, float], text: str) -> None:
+def _draw_error(text: str) -> None:
     imgui.dummy((0.0, em(0.1)))
-    imgui.text_colored(colour, Icon.WARNING)
+    imgui.text_colored(BAD, Icon.WARNING)
     imgui.same_line()
     imgui.push_text_wrap_pos(0.0)
-    imgui.push_style_color(imgui.Col_.text, colour)
+    imgui.push_style_color(imgui.Col_.text, BAD)
     imgui.text_unformatted(text)
     imgui.pop_style_color()
     imgui.pop_text_wrap_pos()
 
 
-def _enter() -> bool:
+def _enter_pressed() -> bool:
     return imgui.is_key_pressed(imgui.Key.enter, False) or imgui.is_key_pressed(imgui.Key.keypad_enter, False)

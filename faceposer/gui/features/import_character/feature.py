@@ -1,4 +1,4 @@
-"""Custom characters in the window: the form, learning in the background, and the summary of what was learned."""
+"""Import of custom characters: the form, training in the background, and the summary."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -20,15 +20,16 @@ Page = Literal["form", "running", "summary"]
 
 
 class ImportCharacterFeature(Feature):
-    """The dialog that imports a character: which page is shown, and what is on it.
+    """State of the dialog that imports a character.
 
     Attributes:
-        open: Whether the dialog is shown.
-        form: What the user has entered; kept until a character came of it.
-        error: What was wrong with it, one sentence, or "".
-        training: The learning under way, which returns what was learned (``description_of``).
-        output: The file that it writes.
-        about: What was learned last.
+        open: True while the dialog is shown.
+        form: Entries of the user, kept until an import succeeds.
+        error: Reason why the last import failed, one sentence, or "".
+        training: The training in progress, or None. Its result is the description of the character
+            (``description_of``).
+        output: Character file that the training writes.
+        about: Description of the character that was imported last, with its file as "path", or None.
     """
 
     def __init__(self, context: EditorContext) -> None:
@@ -43,14 +44,14 @@ class ImportCharacterFeature(Feature):
 
     @property
     def page(self) -> Page:
-        """What the dialog shows."""
+        """Current page of the dialog."""
         if self.training is not None:
             return "running"
         return "form" if self.about is None else "summary"
 
     @property
     def running(self) -> bool:
-        """Whether something is being learned."""
+        """True while a training is in progress."""
         return self.training is not None
 
     @property
@@ -60,27 +61,26 @@ class ImportCharacterFeature(Feature):
 
     @property
     def is_modal(self) -> bool:
-        """Whether the dialog is shown."""
+        """True while the dialog is shown."""
         return self.open
 
     @property
     def blocks_files(self) -> bool:
-        """Whether dropped files are ignored, as while something is learned."""
+        """True if dropped files are ignored: while a training is in progress."""
         return self.running
 
     @property
     def quit_question(self) -> Question | None:
-        """What to ask before the window closes while something is learned."""
+        """Question before the window closes while a training is in progress."""
         if not self.running:
             return None
-        text = "A character is being learned. What has been learned of it so far would be lost."
-        return Question(
-            "Stop learning and quit?", text, (Choice("Stop and quit"), Choice("Continue learning")), default=1
-        )
+        text = "A character is being imported. Quitting now cancels the import."
+        choices = (Choice("Quit"), Choice("Continue the import"))
+        return Question("Cancel the import and quit?", text, choices, default=1)
 
     def actions(self) -> Sequence[Action | Submenu]:
         """Return the entry of the File menu."""
-        help_ = "Make a character of your own from a rig, from example meshes or from the motion of markers"
+        help_ = "Create a custom character from a rig, from example meshes or from the motion of markers"
         return (
             Action("import", "Import character...", "File", self.show, (), lambda: not self.context.busy, help=help_),
         )
@@ -91,10 +91,10 @@ class ImportCharacterFeature(Feature):
             self._dialog.draw(draw_dialogs)
         return self.open
 
-    # The form
+    # Form
 
     def show(self, source: str = "") -> None:
-        """Open the dialog, with ``source`` filled in if given."""
+        """Open the dialog, with ``source`` entered if given."""
         if self.running:
             return
         self.context.toolbox.finish()
@@ -105,19 +105,19 @@ class ImportCharacterFeature(Feature):
         self.context.redraw()
 
     def close_dialog(self) -> None:
-        """Put the dialog away; what was entered is there the next time."""
+        """Close the dialog; the entries are kept until it is opened again."""
         self.open, self.about, self.error = False, None, ""
         self.context.redraw()
 
     def set_source(self, source: str) -> None:
-        """Learn from ``source``, whose kind is guessed."""
+        """Enter ``source`` into the form and detect its kind."""
         if source == self.form.source:
             return
         self.form.source, self.error = source, ""
         self.form.follow_source(self.context.characters)
 
-    def takes(self, path: str) -> bool:
-        """Whether a file or folder that was dropped is something for this dialog."""
+    def accepts(self, path: str) -> bool:
+        """Return True if the dropped file or folder ``path`` can be the source of a character."""
         from faceposer.geometry.gltf_io import GLTF_SUFFIXES
         from faceposer.training.kinds import MARKER_SUFFIXES
 
@@ -126,8 +126,8 @@ class ImportCharacterFeature(Feature):
         return Path(path).is_dir() or suffix in (*GLTF_SUFFIXES, *MARKER_SUFFIXES) or (on_form and suffix == ".npz")
 
     def accept_files(self, paths: tuple[str, ...]) -> bool:
-        """Take what was dropped: a source, or performances for the rig that is the source already."""
-        if not self.takes(paths[0]):
+        """Use dropped files as the source, or as performances if the source is a rig already."""
+        if not self.accepts(paths[0]):
             was_open = self.open
             if was_open:
                 self.close_dialog()
@@ -141,10 +141,10 @@ class ImportCharacterFeature(Feature):
         self.context.redraw()
         return True
 
-    # Learning
+    # Training
 
     def start(self) -> None:
-        """Learn what the form asks for, after asking whether a file that is there may be replaced."""
+        """Start the import, after asking whether an existing file may be replaced."""
         self.error = ""
         try:
             if self.context.characters.holds(self.form.output.strip()):
@@ -159,7 +159,7 @@ class ImportCharacterFeature(Feature):
         self.context.dialogs.ask(
             Question(
                 f"Replace {output.name}?",
-                f"There is a file of this name in '{output.parent}'.",
+                f"A file of this name exists in '{output.parent}'.",
                 (Choice("Replace", lambda: self._train(output)), Choice("Cancel")),
                 default=1,
             )
@@ -169,24 +169,24 @@ class ImportCharacterFeature(Feature):
         self.form.output = str(output)
         self.output = output
         form = replace(self.form, captures=list(self.form.captures))
-        self.training = ThreadJob(partial(_learn, form, output), self.context.wake, "Getting ready")
+        self.training = ThreadJob(partial(_learn, form, output), self.context.wake, "Preparing")
         self.context.redraw()
 
     def stop(self) -> None:
-        """Stop learning; nothing is written."""
+        """Cancel the training; nothing is written."""
         if self.training is not None:
             self.training.cancel()
 
     def update(self) -> None:
-        """Show what there is to be known of the learning under way.
+        """Show the progress of the training, and its result when it ends.
 
         Raises:
-            Exception: What went wrong in it, unless the user can mend it or wanted it.
+            Exception: The error of the training, unless the user can resolve it; then the form shows it.
         """
         training = self.training
         if training is None:
             return
-        # One frame, not several as after an event: the bar moves many times a second.
+        # One frame only, unlike after an event: the progress bar advances many times per second.
         self.context.redraw(1)
         if not training.done:
             return
@@ -198,35 +198,35 @@ class ImportCharacterFeature(Feature):
         elif isinstance(training.error, FacePoserError):
             self.error = str(training.error)
         elif isinstance(training.error, MemoryError):
-            self.error = "There is not enough memory for this; learn from fewer or from smaller meshes."
+            self.error = "There is not enough memory; use fewer or smaller meshes."
         elif training.error is not None:
             raise training.error
 
     def open_learned(self) -> None:
-        """Pose the new character, after asking about changes that are not saved."""
+        """Open the new character, after asking about unsaved changes."""
         if self.about is not None:
             path = self.about["path"]
             self.close_dialog()
             self.context.open_file(path)
 
     def close(self) -> None:
-        """Cancel what is under way."""
+        """Cancel the training."""
         if self.training is not None:
             self.training.cancel()
 
     def join(self) -> None:
-        """Wait for the end of what was cancelled, so that it can clear away what it has begun."""
+        """Wait until the cancelled training has removed its temporary files."""
         if self.training is not None:
             self.training.join()
 
 
 def _learn(form: ImportForm, output: Path, progress: Progress) -> dict[str, Any]:
-    # Here and not above: the libraries behind take more than a second to load.
+    # Imported here, because the libraries take more than a second to load.
     from faceposer.model.character_file import save_character
     from faceposer.training.request import train
     from faceposer.training.summary import description_of
 
-    progress.at("Getting ready")
+    progress.at("Preparing")
     character = train(form.request(output), progress)
     progress.at("Saving")
     save_character(output, character)

@@ -1,4 +1,4 @@
-"""What the user enters to make a custom character."""
+"""Entries of the form that imports a custom character."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,22 +17,24 @@ Regions = Literal["face", "whole", "parts"]
 
 @dataclass
 class ImportForm:
-    """What the user has entered; paths as they were typed, "" where nothing was.
+    """Entries of the user; paths as they were typed, "" if empty.
 
     Attributes:
-        source: What to learn from.
-        kind: Of the source.
-        captures: Performances, for a rig.
-        neutral: The neutral mesh.
-        marker_map: Where the markers are.
-        scan: What the markers move: a character or a mesh.
-        regions: Which regions of examples get modes of their own; "parts" are ``n_parts`` found by their motion.
-        n_parts: From 2 to 12.
-        dimensions: Number of modes, 0 to choose it by the data; likewise ``components`` and ``factors`` of the prior.
-        title: Name to show.
-        credits: Where the character comes from, and its licence.
-        output: The character file to write.
-        proposed: Title and output that follow from the source; what differs from them, the user has entered.
+        source: File or folder to learn the character from.
+        kind: Kind of the source.
+        captures: Recorded performances to learn the prior of a rig from.
+        neutral: Neutral mesh.
+        marker_map: File that maps each marker to a place on the scan.
+        scan: Character or mesh that the markers deform.
+        regions: Regions of the examples that have separate modes; "parts" are ``n_parts`` regions found from motion.
+        n_parts: Number of regions found from motion, 2 to 12.
+        dimensions: Number of modes, or 0 to choose it from the data.
+        components: Number of factor analyzers of the prior, or 0 to choose it from the data.
+        factors: Number of factors of each analyzer, or 0 to choose it from the data.
+        title: Title of the character.
+        credits: Origin and licence of the character.
+        output: Character file to write.
+        proposed: Title and output proposed for the source; entries that differ were made by the user.
     """
 
     source: str = ""
@@ -52,15 +54,15 @@ class ImportForm:
     proposed: tuple[str, str] = ("", "")
 
     @property
-    def takes_neutral(self) -> bool:
-        """Whether a neutral mesh can be told: a glTF file has its own, markers their first frame."""
+    def accepts_neutral(self) -> bool:
+        """True if a neutral mesh can be given; a glTF file contains one, and markers use their first frame."""
         return self.kind == "examples" or (self.kind == "rig" and bool(self.source) and _path(self.source).is_dir())
 
     def follow_source(self, library: CharacterLibrary) -> None:
-        """Guess the kind of the source, and propose title and output unless they are the user's own.
+        """Detect the kind of the source, and propose title and output unless the user has entered them.
 
         Args:
-            library: Where the output goes: never beside the source.
+            library: Library that proposes the output file, which is never next to the source.
         """
         from faceposer.training.kinds import kind_of, plain_name
 
@@ -70,7 +72,7 @@ class ImportForm:
         try:
             self.kind = kind_of(path)
         except FacePoserError:
-            # Whatever it is, learning says what is wrong with it.
+            # The import itself reports the error.
             return
         name = plain_name(path)
         output = library.new_path(name)
@@ -81,29 +83,29 @@ class ImportForm:
             self.output = self.proposed[1]
 
     def checked_output(self) -> Path:
-        """Return the file to write.
+        """Return the character file to write.
 
         Raises:
-            FacePoserError: If something is missing, or it could not be written.
+            FacePoserError: If an entry is missing, or the file cannot be written.
         """
         if not self.source.strip():
-            raise FacePoserError("Choose what to learn the character from.")
+            raise FacePoserError("Choose a source for the character.")
         if self.kind == "markers" and not self.marker_map.strip():
-            raise FacePoserError("Choose the map that says where on the scan each marker is.")
+            raise FacePoserError("Choose the file that maps the markers to the scan.")
         if not self.output.strip():
-            raise FacePoserError("Say where to save the character.")
+            raise FacePoserError("Enter a file name for the character.")
         path = _path(self.output)
         if path.is_dir():
-            raise FacePoserError(f"'{path}' is a folder; give the name of a file.")
+            raise FacePoserError(f"'{path}' is a folder; enter a file name.")
         path = save_path(path, ".npz")
         if not path.parent.is_dir():
-            raise FacePoserError(f"There is no folder '{path.parent}'; make it first.")
+            raise FacePoserError(f"The folder '{path.parent}' does not exist; create it first.")
         if path.exists() and path.samefile(_path(self.source)):
-            raise FacePoserError(f"'{path.name}' is what is learned from; save the character under another name.")
+            raise FacePoserError(f"'{path.name}' is the source; save the character under another name.")
         return path
 
     def request(self, output: Path) -> "TrainingRequest":
-        """Return the form as the request that learning understands."""
+        """Return the training request for the entries."""
         from faceposer.training.kinds import plain_name
         from faceposer.training.request import TrainingRequest
 
@@ -114,7 +116,7 @@ class ImportForm:
             name=name,
             title=self.title.strip() or name.replace("-", " ").capitalize(),
             captures=tuple(_path(text) for text in self.captures) if self.kind == "rig" else (),
-            neutral=_path(self.neutral) if self.neutral.strip() and self.takes_neutral else None,
+            neutral=_path(self.neutral) if self.neutral.strip() and self.accepts_neutral else None,
             marker_map=_path(self.marker_map) if self.kind == "markers" else None,
             scan=self.scan.strip() or "man",
             segments=self.n_parts if self.regions == "parts" else self.regions,
@@ -126,7 +128,7 @@ class ImportForm:
 
 
 def _path(text: str) -> Path:
-    """Return the path that was typed or pasted; some systems copy paths in quotation marks."""
+    """Return the path in ``text``, without the quotation marks that some systems add when a path is copied."""
     text = text.strip()
     if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'":
         text = text[1:-1]

@@ -1,4 +1,4 @@
-"""What was learned of a new character, and how well: a table of facts and three curves."""
+"""Summary of an imported character: a table of facts and three curves that measure its quality."""
 
 from typing import Any
 
@@ -11,29 +11,29 @@ from faceposer.gui.widgets.theme import ACCENT, FAINT, TARGET, WARNING, Fonts, I
 from faceposer.training.summary import arkit_shapes_of
 
 _LABEL = 8.4
-# Facts that are folded away at first.
-_DETAILS = ("Parts", "Dimensions", "Kept", "Prior", "Left-out faces", "Neutral")
+# Facts that are collapsed at first.
+_DETAILS = ("Parts", "Dimensions", "Retained", "Prior", "Held-out faces", "Neutral")
 _PLOTS = (
-    ("compactness", "Compactness", 1.0, "Share of the energy that so many components have"),
+    ("compactness", "Compactness", 1.0, "Share of the energy that a number of components retains"),
     (
         "generalization_cm",
         "Generalization, mm",
         10.0,
-        "Distance of expressions that were left out from what so many components can make",
+        "Error of held-out expressions for a number of components",
     ),
     (
         "specificity_cm",
         "Specificity, mm",
         10.0,
-        "Distance of faces drawn at random from the nearest example",
+        "Distance of random samples from the nearest example",
     ),
 )
-# Names that are listed before the others are only counted.
+# Largest number of names in a list; the others are counted.
 _MANY = 8
 
 
 def draw_summary(fonts: Fonts, rects: WidgetRects, about: dict[str, Any]) -> None:
-    """Draw the page for ``about``, the description of a character (``description_of``) with the "path" of its file."""
+    """Draw the summary of ``about``, the description of a character (``description_of``) with its file as "path"."""
     imgui.text_colored(TARGET, Icon.CHECK)
     imgui.same_line()
     imgui.push_font(fonts.bold, 0.0)
@@ -64,18 +64,18 @@ def draw_summary(fonts: Fonts, rects: WidgetRects, about: dict[str, Any]) -> Non
 
 
 def sentence_of(about: dict[str, Any]) -> str:
-    """Return in one plain sentence how good the character is."""
+    """Return a sentence about the quality of the character."""
     summary = about["summary"]
     source = "the rig's shapes" if summary["kind"] == "rig" else "the examples"
-    text = f"It can make {_percent(summary['kept_energy'])} of the motion of {source}"
+    text = f"The character reproduces {_percent(summary['kept_energy'])} of the motion of {source}"
     curves = summary.get("curves", {})
     if curves.get("generalization_cm"):
-        text += f", and meets expressions that it has not seen to {10.0 * curves['generalization_cm'][-1]:.2f} mm"
+        text += f", and held-out expressions with an error of {10.0 * curves['generalization_cm'][-1]:.2f} mm"
     return f"{text}."
 
 
 def facts_of(about: dict[str, Any]) -> list[tuple[str, str]]:
-    """Return the rows of the table: what is spoken of, and what there is to say."""
+    """Return the rows of the table as pairs of label and text."""
     summary = about["summary"]
     rows = [
         ("Saved as", shown_path(about["path"])),
@@ -84,29 +84,29 @@ def facts_of(about: dict[str, Any]) -> list[tuple[str, str]]:
     ]
     if summary["kind"] == "rig":
         rows.append(("Shapes", arkit_shapes_of(summary)))
-        for key, label in (("missing", "Missing"), ("empty", "Empty"), ("not_arkit", "Left out")):
+        for key, label in (("missing", "Missing"), ("empty", "Empty"), ("not_arkit", "Ignored")):
             if summary[key]:
                 rows.append((label, _listed(summary[key])))
         if summary["eyes_turned"]:
-            rows.append(("Eyes", f"{_listed(summary['eyes_turned'])}: no shape turned them, now they follow the gaze"))
-        worst = f"; least of {summary['worst']['shape']}, {_percent(1.0 - summary['worst']['unreached'])}"
-        rows.append(("Kept", f"{_percent(summary['kept_energy'])} of the motion"))
+            rows.append(("Eyes", f"{_listed(summary['eyes_turned'])}: no shape rotated them, now they follow the gaze"))
+        retained = f"{_percent(summary['kept_energy'])} of the motion"
         if summary["worst"]["shape"]:
-            rows[-1] = ("Kept", rows[-1][1] + worst)
+            retained += f"; least for {summary['worst']['shape']}, {_percent(1.0 - summary['worst']['unreached'])}"
+        rows.append(("Retained", retained))
     else:
         rows.append(("Examples", f"{summary['examples']}"))
         if "markers" in summary:
             marked = summary["markers"]
             text = (
-                f"{marked['frames']} frames, {marked['frames_left_out']} left out, {marked['gaps_filled']} gaps filled"
+                f"{marked['frames']} frames, {marked['frames_left_out']} ignored, {marked['gaps_filled']} gaps filled"
             )
             rows.append(("Markers", text))
         rows.append(("Neutral", shown_path(summary["neutral"])))
         worst_region = summary["worst"]
         rows.append(
             (
-                "Kept",
-                f"{_percent(summary['kept_energy'])} of the motion; least of {worst_region['region']}, "
+                "Retained",
+                f"{_percent(summary['kept_energy'])} of the motion; least for {worst_region['region']}, "
                 f"{_percent(worst_region['kept_energy'])}",
             )
         )
@@ -114,8 +114,8 @@ def facts_of(about: dict[str, Any]) -> list[tuple[str, str]]:
     rows.append(("Prior", _prior(summary["prior"])))
     curves = summary.get("curves", {})
     if curves.get("generalization_cm"):
-        met, all_of_it = 10.0 * curves["generalization_cm"][-1], 10.0 * curves["neutral_cm"]
-        rows.append(("Left-out faces", f"met to {met:.2f} mm, where the neutral face is {all_of_it:.2f} mm away"))
+        error, baseline = 10.0 * curves["generalization_cm"][-1], 10.0 * curves["neutral_cm"]
+        rows.append(("Held-out faces", f"error {error:.2f} mm; {baseline:.2f} mm for the neutral face"))
     return rows
 
 
@@ -124,7 +124,7 @@ def _prior(prior: dict[str, Any]) -> str:
         return f"{prior['from']}"
     count, factors = prior["components"], prior["factors"]
     text = f"{count} factor analyzer{'s' if count != 1 else ''} of {factors} factor{'s' if factors != 1 else ''}"
-    text += ", as wished" if prior.get("fixed_by_user") else ", chosen by data left out"
+    text += ", set by the user" if prior.get("fixed_by_user") else ", chosen from held-out data"
     if prior.get("takes"):
         text += "; from " + _listed([f"{take['file']} ({take['frames']} frames)" for take in prior["takes"]])
     return text
@@ -144,13 +144,13 @@ def _row(label: str, text: str, colour: tuple[float, float, float, float] | None
     imgui.text_colored(colour or FAINT, label)
     imgui.same_line(left + em(_LABEL))
     imgui.push_text_wrap_pos(0.0)
-    # What a file is called may have signs that formats would mean something by.
+    # A file name may contain format specifiers.
     imgui.text_unformatted(text)
     imgui.pop_text_wrap_pos()
 
 
 def _draw_curves(curves: dict[str, Any]) -> None:
-    """Draw the curves side by side, by the number of components."""
+    """Draw the curves side by side, against the number of components."""
     imgui.dummy((0.0, em(0.3)))
     shown = [plot for plot in _PLOTS if len(curves.get(plot[0], ())) > 1]
     if not shown:

@@ -1,1 +1,1 @@
-"""Posing after photos."""
+"""Posing from photos."""

@@ -1,4 +1,4 @@
-"""What menus and keys do with photos."""
+"""Actions of photos in menus and on keys."""
 
 from typing import TYPE_CHECKING
 
@@ -9,26 +9,26 @@ if TYPE_CHECKING:
 
 
 def photo_actions(photos: "PhotoFeature") -> tuple[Action, ...]:
-    """Return the menu entries of ``photos``."""
+    """Return the actions of ``photos``."""
 
     def free() -> bool:
         return not photos.context.busy
 
-    def shown() -> bool:
+    def has_photo() -> bool:
         return free() and photos.photo is not None
 
     return (
-        Action("photo-open", "Open photo...", "File", photos.ask, (), free, help="Pose the face after a photo"),
+        Action("photo-open", "Open photo...", "File", photos.ask, (), free, help="Pose the face from a photo"),
         Action(
             "photo-pin",
             "Pin the photo",
             "Tools",
-            photos.pin,
+            photos.start_pinning,
             ("O",),
-            shown,
+            has_photo,
             lambda: photos.context.toolbox.chosen is photos.tool,
             separated=True,
-            help="Show where the photo has the features of the face, so that its camera is found",
+            help="Mark features of the face on the photo to find its camera",
         ),
         Action(
             "photo-skip",
@@ -36,27 +36,27 @@ def photo_actions(photos: "PhotoFeature") -> tuple[Action, ...]:
             "Tools",
             photos.skip,
             ("Tab",),
-            lambda: shown() and photos.context.toolbox.chosen is photos.tool,
-            help="Go on to the next place: not all can be seen in every photo",
+            lambda: has_photo() and photos.context.toolbox.chosen is photos.tool,
+            help="Skip a feature that is hidden in the photo",
         ),
         Action(
             "photo-pose",
             "Pose from the pins",
             "Tools",
-            photos.pose,
+            photos.pose_from_pins,
             (),
-            lambda: shown() and photos.enough,
-            help="Let the face take the expression that the pins tell, by points and distances",
+            lambda: has_photo() and photos.has_enough_pins,
+            help="Pose the face with points and distances made from the pins",
         ),
         Action(
             "photo-look",
             "Look through the photo",
             "View",
-            photos.look,
+            photos.look_through,
             (),
-            lambda: shown() and not photos.aligned,
+            lambda: has_photo() and not photos.aligned,
             separated=True,
-            help="Return to the camera that took the photo",
+            help="Return the view to the camera of the photo",
         ),
         Action(
             "photo-shown",
@@ -64,8 +64,8 @@ def photo_actions(photos: "PhotoFeature") -> tuple[Action, ...]:
             "View",
             photos.toggle,
             ("Shift+O",),
-            shown,
+            has_photo,
             lambda: photos.photo is not None and photos.photo.visible,
-            help="Show the photo or only the face",
+            help="Show or hide the photo",
         ),
     )

@@ -1,4 +1,4 @@
-"""Photos that the face is posed after: which is looked through, its picture, and what the user does to it."""
+"""Photos to pose the face from: the active photo, its texture, and the commands of the tab."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -28,43 +28,45 @@ from faceposer.session.photos import with_expression, with_photo
 from faceposer.solve.camera_fit import LEAST_POINTS
 from faceposer.tools.photo_tool import PhotoTool
 
-# The longer side of a picture on the GPU: what an ordinary card takes, and more than a display shows.
+# Longer side of a texture: supported by ordinary GPUs, and larger than most displays.
 _LARGEST = 4096
-# Radians of a turn away from the photo over which it fades.
+# Rotation of the view in radians over which the photo fades.
 _FADE = 0.25
 # Share of the view's height below which a head is small.
 _SMALL = 0.5
-# Pictures on the GPU: to go from one photo to the next takes no time.
-_MOST_PICTURES = 4
+# Textures kept, so that switching between photos takes no time.
+_MOST_TEXTURES = 4
 # Least opacity of the photo over the face while pins are set.
-_PINNING = 0.7
+_LEAST_PINNING_OPACITY = 0.7
 
 
-def _trouble(photo: Photo) -> str:
-    """Return why ``photo`` cannot be shown as it was pinned, or ""."""
+def _photo_problem(photo: Photo) -> str:
+    """Return the reason why ``photo`` cannot be shown as it was pinned, or ""."""
     try:
         size = inspect_photo(Path(photo.path)).size
     except FacePoserError as error:
-        return f"{error} Put it there, or take it out in the tab Photo."
+        return f"{error} Restore the file, or remove the photo in the tab Photo."
     if size == photo.size:
         return ""
-    found, known = ("x".join(map(str, sides)) for sides in (size, photo.size))
-    return f"the photo '{photo.path}' has {found} pixels, and was pinned at {known}; put the old one back."
+    found, pinned = ("x".join(map(str, sides)) for sides in (size, photo.size))
+    return f"The photo '{photo.path}' has {found} pixels, but was pinned at {pinned}. Restore the original file."
 
 
 class PhotoFeature(Feature):
     """The tab "Photo", and the photo in the view."""
 
-    tab = ("Photo", "Pose the face after a photo: pins let the camera find where the photo was taken from")
+    tab = ("Photo", "Pose the face from a photo, aligned by pins")
 
     def __init__(self, context: EditorContext) -> None:
-        """Serve ``context``; photos are read when they are looked through."""
+        """Serve ``context``; photos are read when they are first shown."""
         super().__init__(context)
-        self._pictures: dict[str, moderngl.Texture | None] = {}
-        self._pins = ("", 0)
-        self._fresh = False
+        self._textures: dict[str, moderngl.Texture | None] = {}
+        # Path of the photo and its number of pins in the last frame.
+        self._last_pin_count = ("", 0)
+        # True if the photo has to be framed as soon as the view has a size.
+        self._framing_pending = False
 
-    # What there is
+    # State
 
     @property
     def photos(self) -> tuple[Photo, ...]:
@@ -73,28 +75,23 @@ class PhotoFeature(Feature):
 
     @property
     def tool(self) -> PhotoTool:
-        """What sets pins."""
+        """The tool that sets pins."""
         return self.context.toolbox.photo_tool
 
     @property
     def active(self) -> int | None:
-        """Index of the photo that the tab is about, or None."""
+        """Index of the active photo, which the tab shows, or None."""
         index = self.tool.active
         return index if index is not None and index < len(self.photos) else None
 
     @property
     def photo(self) -> Photo | None:
-        """The photo that the tab is about, or None."""
+        """The active photo, or None."""
         return None if self.active is None else self.photos[self.active]
 
     @property
-    def looking(self) -> bool:
-        """Whether the view looks through the photo, or is turned away from it."""
-        return self.photo is not None and isinstance(self.context.viewport.view, PictureView)
-
-    @property
     def aligned(self) -> bool:
-        """Whether the view shows the photo and the face as its camera saw them."""
+        """True if the view shows the photo and the face from the photo's camera."""
         view = self.context.viewport.view
         return self.photo is not None and isinstance(view, PictureView) and view.aligned
 
@@ -103,32 +100,32 @@ class PhotoFeature(Feature):
         return photo_actions(self)
 
     @property
-    def enough(self) -> bool:
-        """Whether the photo has the pins that its camera takes."""
+    def has_enough_pins(self) -> bool:
+        """True if the photo has enough pins to determine its camera."""
         return self.photo is not None and len(self.photo.pins) >= LEAST_POINTS
 
     @property
     def _pinning(self) -> bool:
         return self.context.toolbox.chosen is self.tool and (self.tool.place is not None or self.context.toolbox.active)
 
-    # Turns of the loop
+    # The loop
 
     def session_changed(self) -> None:
-        """Look through the photo that the session was last seen through, and say which files are missing."""
-        # A file may have changed since.
+        """Look through the photo that the session was saved with, and report missing files."""
+        # Files may have changed on disk.
         self.context.scene.photo = None
         self._release()
         camera = self.context.viewport.camera
-        found = [i for i, photo in enumerate(self.photos) if photo.camera and photo.camera.same_viewpoint(camera)]
-        self.tool.active = found[0] if found else 0 if self.photos else None
-        self._fresh = bool(found)
-        troubles = [trouble for trouble in map(_trouble, self.photos) if trouble]
-        if troubles:
-            more = f" So it is with {len(troubles) - 1} more." if len(troubles) > 1 else ""
-            self.context.dialogs.report("A photo cannot be shown", f"The session is open, but: {troubles[0]}{more}")
+        matching = [i for i, photo in enumerate(self.photos) if photo.camera and photo.camera.same_viewpoint(camera)]
+        self.tool.active = matching[0] if matching else 0 if self.photos else None
+        self._framing_pending = bool(matching)
+        problems = [problem for problem in map(_photo_problem, self.photos) if problem]
+        if problems:
+            more = f" {len(problems) - 1} more cannot be shown either." if len(problems) > 1 else ""
+            self.context.dialogs.report("A photo cannot be shown", f"{problems[0]}{more}")
 
     def update(self) -> None:
-        """Keep the view at the photo's camera, as after an undo, and give the scene what lies behind the face."""
+        """Keep the view at the photo's camera, such as after undo, and update the photo layer of the scene."""
         viewport, scene = self.context.viewport, self.context.scene
         if self.tool.active is not None and self.active is None:
             self.tool.active = len(self.photos) - 1 if self.photos else None
@@ -136,83 +133,83 @@ class PhotoFeature(Feature):
                 viewport.view = viewport.framed()
                 if self.context.toolbox.chosen is self.tool:
                     self.context.toolbox.choose("point")
-        if self._fresh and self.photo is not None and viewport.size != (1, 1):
-            # As soon as it is known how large the view is.
-            self._fresh = False
-            self._look(self.photo, afresh=True)
-        self._recognise()
+        if self._framing_pending and self.photo is not None and viewport.size != (1, 1):
+            self._framing_pending = False
+            self._look_through(self.photo, reset=True)
+        self._adopt_view_camera()
         photo, view = self.photo, viewport.view
         layer = None
         if photo is not None and isinstance(view, PictureView) and view.photo.size == photo.size:
             camera = photo.camera or first_camera(photo, self.context.session.model)
             if view.photo != camera:
                 view = viewport.view = view.through(camera)
-            self._suggest_coming_near(photo)
+            self._suggest_framing(photo)
             texture = self._texture(photo) if photo.visible else None
             if texture is not None:
                 near = max(1.0 - max(abs(view.yaw), abs(view.pitch)) / _FADE, 0.0)
                 opacity = photo.opacity
                 if self._pinning:
-                    # Who sets pins has to see the photo.
-                    opacity = max(opacity, _PINNING) if photo.front else min(opacity, 1.0 - _PINNING)
+                    # The photo must be visible while pins are set.
+                    least = _LEAST_PINNING_OPACITY
+                    opacity = max(opacity, least) if photo.front else min(opacity, 1.0 - least)
                 behind, before = (0.0, opacity) if photo.front else (1.0, 1.0 - opacity)
                 before = before if view.aligned else 0.0
                 layer = PhotoLayer(texture, photo.size, camera.focal, near * behind, near * before)
         if layer != scene.photo:
             scene.photo = layer
             self.context.redraw()
-        if len(self._pictures) > _MOST_PICTURES:
-            # Here and not where one is taken up: what is drawn in this frame must stay.
+        if len(self._textures) > _MOST_TEXTURES:
+            # Released here rather than when a texture is added, because this frame may still draw it.
             self._release(kept="" if photo is None else photo.path)
 
-    def _recognise(self) -> None:
-        """Look through the photo whose camera the view has taken up, as from a constraint that was drawn through it."""
+    def _adopt_view_camera(self) -> None:
+        """Activate the photo that has the camera of the view, such as after going to a constraint's view."""
         view = self.context.viewport.view
         if not isinstance(view, PictureView) or (self.photo is not None and view.photo.size == self.photo.size):
             return
         for i, photo in enumerate(self.photos):
             if photo.camera is not None and photo.camera.same_viewpoint(view.photo):
                 self.tool.active = i
-                self._look(photo)
+                self._look_through(photo)
 
-    def _suggest_coming_near(self, photo: Photo) -> None:
-        """Say once how to bring a small head near, when it is known where it is: pins are set more exactly there."""
-        context, before = self.context, self._pins
-        self._pins = (photo.path, len(photo.pins))
+    def _suggest_framing(self, photo: Photo) -> None:
+        """Suggest once to frame a head that is small in the photo, as soon as it is aligned."""
+        context, before = self.context, self._last_pin_count
+        self._last_pin_count = (photo.path, len(photo.pins))
         if context.toolbox.active:
-            self._pins = before
+            self._last_pin_count = before
         elif before == (photo.path, LEAST_POINTS - 1) and len(photo.pins) == LEAST_POINTS:
             head = context.viewport.camera.project(context.scene.vertices)
             if float(np.ptp(head[:, 1])) < _SMALL * context.viewport.size[1]:
-                context.notify(f"{context.actions['frame'].shortcut} brings the head nearer")
+                context.notify(f"Press {context.actions['frame'].shortcut} to zoom in on the head")
 
     def _texture(self, photo: Photo) -> moderngl.Texture | None:
-        """Return the picture of ``photo`` on the GPU, or None where its file cannot be read."""
-        if photo.path not in self._pictures:
-            # One that cannot be read is not tried again in every frame.
-            self._pictures[photo.path] = None
+        """Return the texture of ``photo``, or None if its file cannot be read."""
+        if photo.path not in self._textures:
+            # A file that cannot be read is not read again in every frame.
+            self._textures[photo.path] = None
             with suppress(FacePoserError):
                 pixels = read_photo(Path(photo.path), _LARGEST)
-                self._pictures[photo.path] = photo_texture(self.context.gl, pixels)
-        return self._pictures[photo.path]
+                self._textures[photo.path] = photo_texture(self.context.gl, pixels)
+        return self._textures[photo.path]
 
     @property
     def readable(self) -> bool:
-        """Whether the file of the photo could be read."""
+        """True if the file of the active photo could be read."""
         return self.photo is not None and self._texture(self.photo) is not None
 
     def _release(self, kept: str = "") -> None:
-        for path in [path for path in self._pictures if path != kept]:
-            texture = self._pictures.pop(path)
+        for path in [path for path in self._textures if path != kept]:
+            texture = self._textures.pop(path)
             if texture is not None:
                 texture.release()
 
     def close(self) -> None:
-        """Free the picture."""
+        """Release the textures."""
         self.context.scene.photo = None
         self._release()
 
-    # What is drawn
+    # Drawing
 
     def draw_tab(self) -> None:
         """Draw the tab."""
@@ -222,16 +219,16 @@ class PhotoFeature(Feature):
         """Draw the pins of the photo."""
         draw_photo_overlay(self.context, draw)
 
-    # What the user does
+    # Commands
 
     def ask(self) -> None:
-        """Ask for a photo and open it."""
+        """Ask for a photo file and open it."""
         folder = Path(self.photos[-1].path).parent if self.photos else last_folder(self.context.settings)
         start = folder if folder.is_dir() else last_folder(self.context.settings)
-        self.context.ask_for_file(FileRequest("open", "Open a photo", "Photos", PHOTO_SUFFIXES, start, self.open))
+        self.context.ask_for_file(FileRequest("open", "Open photo", "Photos", PHOTO_SUFFIXES, start, self.open))
 
     def accept_files(self, paths: tuple[str, ...]) -> bool:
-        """Open what was dropped if all of it is pictures."""
+        """Open dropped files if all of them are images."""
         suffixes = (*PHOTO_SUFFIXES, *FOREIGN_SUFFIXES)
         if (
             self.context.is_modal
@@ -244,7 +241,7 @@ class PhotoFeature(Feature):
         return True
 
     def open(self, path: Path) -> None:
-        """Add the photo ``path`` to the session as one step, look through it and lead to the first pin."""
+        """Add the photo ``path`` to the session as one step of the history, look through it and start pinning."""
         context = self.context
         path = path.expanduser().absolute()
         try:
@@ -263,59 +260,59 @@ class PhotoFeature(Feature):
             context.session.replace(replace(document, photos=(*document.photos, photo)))
         context.dismiss_guide()
         self.choose(len(self.photos) - 1)
-        self.pin()
+        self.start_pinning()
 
     def choose(self, index: int) -> None:
-        """Make photo ``index`` the one that the tab is about, and look through it."""
+        """Activate photo ``index`` and look through it."""
         if self.context.toolbox.active:
             return
         self.tool.active, self.tool.selected = index, None
-        self._look(self.photos[index])
+        self._look_through(self.photos[index])
         if self.context.toolbox.chosen is self.tool:
             self.tool.place = self.tool.next_place(self.context.viewport)
 
-    def look(self) -> None:
-        """Look through the photo again."""
+    def look_through(self) -> None:
+        """Look through the camera of the active photo."""
         if self.photo is not None:
-            self._look(self.photo)
+            self._look_through(self.photo)
 
-    def _look(self, photo: Photo, afresh: bool = False) -> None:
-        """Show all of ``photo`` through its camera, or keep the zoom where the view looks through it already."""
+    def _look_through(self, photo: Photo, reset: bool = False) -> None:
+        """Look through the camera of ``photo``; show all of it, unless the view is at that camera and not ``reset``."""
         viewport, session = self.context.viewport, self.context.session
-        if not afresh and isinstance(viewport.view, PictureView) and viewport.view.photo == photo.camera:
+        if not reset and isinstance(viewport.view, PictureView) and viewport.view.photo == photo.camera:
             viewport.view = viewport.view.back()
             return
         x, y, z = session.model.character.vertices.mean(axis=0).tolist()
-        before = viewport.view
-        ours = isinstance(before, PictureView) and any(before.photo.size == known.size for known in self.photos)
-        locked = before.locked if ours and not afresh and isinstance(before, PictureView) else True
+        before, locked = viewport.view, True
+        if not reset and isinstance(before, PictureView):
+            locked = before.locked or all(before.photo.size != other.size for other in self.photos)
         view = PictureView.whole(photo.camera or first_camera(photo, session.model), (x, y, z))
         viewport.view = replace(view, locked=locked)
         self.context.redraw()
 
-    def pin(self) -> None:
-        """Take up the tool that sets pins, at the first place that has none."""
-        self.look()
+    def start_pinning(self) -> None:
+        """Choose the tool that sets pins, at the first place without a pin."""
+        self.look_through()
         self.context.toolbox.choose(self.tool.name)
         self.tool.place = self.tool.next_place(self.context.viewport)
 
     def skip(self) -> None:
-        """Go on to the next place."""
+        """Skip to the next place."""
         self.tool.skip(self.context.viewport)
 
-    def place(self, place: Place) -> None:
-        """Let the next press on the photo pin ``place``."""
-        self.look()
+    def pin_place(self, place: Place) -> None:
+        """Set a pin for ``place`` with the next press on the photo."""
+        self.look_through()
         self.context.toolbox.choose(self.tool.name)
         self.tool.place = place
 
     def toggle(self) -> None:
-        """Show the photo, or only the face."""
+        """Show or hide the photo."""
         if self.photo is not None:
             self.change(replace(self.photo, visible=not self.photo.visible), "Show or hide the photo")
 
     def change(self, photo: Photo, label: str, merges: bool = False) -> None:
-        """Exchange the photo for ``photo`` as one step, or within the edit of a slider."""
+        """Replace the active photo by ``photo``, as one step of the history or within the edit of a slider."""
         session, index = self.context.session, self.active
         assert index is not None
         document = with_photo(session.document, index, photo)
@@ -326,14 +323,14 @@ class PhotoFeature(Feature):
             session.replace(document)
 
     def realign(self, focal: float | None) -> None:
-        """Seek the camera anew with the focal length ``focal`` in pixels, or with the likely one if None."""
+        """Fit the camera again with the focal length ``focal`` in pixels, or estimate it if None."""
         photo, session = self.photo, self.context.session
         if photo is not None:
             changed = aligned(replace(photo, focal=focal), session.model, session.coefficients)
             self.change(changed, "Align the photo")
 
     def remove(self, index: int) -> None:
-        """Take photo ``index`` out of the session as one step; its file stays."""
+        """Remove photo ``index`` from the session as one step of the history; its file is kept."""
         session = self.context.session
         document = session.document
         with session.edit("Remove a photo"):
@@ -341,10 +338,10 @@ class PhotoFeature(Feature):
         if self.photos:
             self.choose(min(self.active or 0, len(self.photos) - 1))
 
-    def pose(self) -> None:
-        """Let the face take the expression that the pins tell, as one step; what they told before goes."""
+    def pose_from_pins(self) -> None:
+        """Pose the face from the pins as one step of the history; constraints made from them before are replaced."""
         photo, session = self.photo, self.context.session
-        if photo is None or not self.enough:
+        if photo is None or not self.has_enough_pins:
             return
         self.context.toolbox.finish()
         with session.edit("Pose from the photo"):

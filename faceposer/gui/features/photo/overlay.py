@@ -1,4 +1,4 @@
-"""Draws the pins of a photo over the view, and which place of the face is to be pinned next."""
+"""Overlay of a photo's pins, and of the place of the face to pin next."""
 
 from imgui_bundle import imgui
 
@@ -10,12 +10,12 @@ from faceposer.photo.photo import Place
 from faceposer.photo.places import anchor_of
 
 _WHITE = (1.0, 1.0, 1.0, 1.0)
-# Pixels at normal density from which the eye sees that a pin and its place on the face are apart.
-_APART = 2.0
+# Pixels at normal density between a pin and its place on the face from which a line connects them.
+_LEAST_DISTANCE = 2.0
 
 
 def place_title(context: EditorContext, place: Place) -> str:
-    """Return what people call ``place`` of the face."""
+    """Return the title of ``place``."""
     character = context.session.model.character
     if isinstance(place, str):
         return character.feature_titles.get(place, place)
@@ -23,14 +23,13 @@ def place_title(context: EditorContext, place: Place) -> str:
 
 
 def face_pixel(context: EditorContext, place: Place) -> tuple[float, float] | None:
-    """Return where in the view the face has ``place``, or None where it lacks it."""
+    """Return the pixel of ``place`` in the view, or None if the face has no such place."""
     anchor = anchor_of(place, context.session.model.character)
     if anchor is None or isinstance(anchor, str):
         return None
     points = SurfacePoints.of([anchor])
-    u, v = context.viewport.camera.project(points.positions(context.scene.vertices, context.scene.triangles))[
-        0
-    ].tolist()
+    positions = points.positions(context.scene.vertices, context.scene.triangles)
+    u, v = context.viewport.camera.project(positions)[0].tolist()
     return (u, v)
 
 
@@ -50,7 +49,7 @@ def draw_photo_overlay(context: EditorContext, draw: imgui.ImDrawList) -> None:
 
     for pin, pixel in zip(photo.pins, pixels, strict=True):
         face = face_pixel(context, pin.place)
-        if face is not None and max(abs(face[0] - pixel[0]), abs(face[1] - pixel[1])) > _APART * scale:
+        if face is not None and max(abs(face[0] - pixel[0]), abs(face[1] - pixel[1])) > _LEAST_DISTANCE * scale:
             draw.add_line(at(face), at(pixel), u32(EDGE, 0.6), 3.4 * scale)
             draw.add_line(at(face), at(pixel), u32(WARNING, 0.95), 1.6 * scale)
     for i, pixel in enumerate(pixels):
@@ -59,9 +58,9 @@ def draw_photo_overlay(context: EditorContext, draw: imgui.ImDrawList) -> None:
             draw.add_circle_filled(at(pixel), 10.0 * scale, u32(_WHITE, 0.22))
         draw.add_circle_filled(at(pixel), 6.0 * scale, u32(EDGE, 0.85))
         draw.add_circle_filled(at(pixel), 4.6 * scale, u32(_WHITE if lit else TARGET, 1.0))
-        # What it marks must be seen: the middle is open.
+        # The centre is open to show the marked feature.
         draw.add_circle_filled(at(pixel), 1.8 * scale, u32(EDGE, 0.9))
-    # A pin that was just set needs no name: the next one may lie under it.
+    # The label of a pin that was just set could cover the next place.
     if hovered is not None and not (hovered == tool.selected and tool.place is not None):
         draw_label(draw, viewport, pixels[hovered], place_title(context, photo.pins[hovered].place))
     if tool.place is not None and not context.toolbox.active:
@@ -69,7 +68,7 @@ def draw_photo_overlay(context: EditorContext, draw: imgui.ImDrawList) -> None:
 
 
 def _draw_next(context: EditorContext, draw: imgui.ImDrawList, place: Place) -> None:
-    """Show on the face which place is meant, and say what to do."""
+    """Mark ``place`` on the face, and show what to do."""
     viewport = context.viewport
     face = face_pixel(context, place)
     if face is not None:
@@ -79,4 +78,4 @@ def _draw_next(context: EditorContext, draw: imgui.ImDrawList, place: Place) -> 
         draw.add_circle_filled(center, 2.2 * viewport.ui_scale, u32(WARNING))
     title = place_title(context, place)
     sided = " (the person's left)" if "left" in title else " (the person's right)" if "right" in title else ""
-    draw_badge(draw, viewport, f"Press where the photo shows: {title}{sided}", 0.0, warm=True)
+    draw_badge(draw, viewport, f"Press on the photo: {title}{sided}", 0.0, warm=True)

@@ -1,4 +1,4 @@
-"""The tab of photos: which there are, how they lie with the face, their camera and their pins."""
+"""Tab of the photos: the list, the layers, the camera and the pins."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -30,21 +30,21 @@ def draw_photo_tab(photos: "PhotoFeature") -> None:
     action_button(context.widget_rects, context.actions["photo-open"], -1.0, strong=not photos.photos)
     if not photos.photos:
         imgui.spacing()
-        caption("Open a photo, or drop one onto the window. From a few pins on it, its camera is found.")
-        caption("Then every tool works over the photo, and the pins can pose the face.")
+        caption("Open a photo, or drop one onto the window. A few pins on it determine its camera.")
+        caption("All tools then work over the photo, and the pins can pose the face.")
         return
     for i in range(len(photos.photos)):
         imgui.push_id(i)
-        gone = _draw_row(photos, i)
+        removed = _draw_row(photos, i)
         imgui.pop_id()
-        if gone:
+        if removed:
             return
     photo = photos.photo
     if photo is None:
         return
     if not photos.readable:
         imgui.push_style_color(imgui.Col_.text, ImVec4(*WARNING))
-        imgui.text_wrapped(f"{Icon.WARNING} Its file cannot be read: {photo.path}")
+        imgui.text_wrapped(f"{Icon.WARNING} The file cannot be read: {photo.path}")
         imgui.pop_style_color()
     _draw_layers(photos, photo)
     _draw_camera(photos, photo)
@@ -52,7 +52,7 @@ def draw_photo_tab(photos: "PhotoFeature") -> None:
 
 
 def _draw_row(photos: "PhotoFeature", index: int) -> bool:
-    """Draw a photo of the list; return whether it was removed."""
+    """Draw a photo of the list; return True if it was removed."""
     context, photo = photos.context, photos.photos[index]
     row = imgui.get_frame_height()
     begin, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
@@ -72,7 +72,7 @@ def _draw_row(photos: "PhotoFeature", index: int) -> bool:
     removed = imgui.button(Icon.CLOSE, ImVec2(row, row)) and not context.busy
     imgui.pop_style_color()
     context.widget_rects.record(f"photo:{index}:delete")
-    tooltip("Take it out of the session; the file stays")
+    tooltip("Remove the photo from the session; the file is kept")
     if removed:
         photos.remove(index)
     return removed
@@ -81,13 +81,13 @@ def _draw_row(photos: "PhotoFeature", index: int) -> bool:
 def _draw_layers(photos: "PhotoFeature", photo: Photo) -> None:
     context = photos.context
     heading(context.fonts, "In the view")
-    tips = ("The photo lies behind the face", "The photo lies in front of the face")
+    tips = ("Draw the photo behind the face", "Draw the photo in front of the face")
     front = choice(context.widget_rects, "photo-layer", ("Photo behind", "Photo in front"), int(photo.front), tips) == 1
     if front != photo.front and not context.busy:
         photos.change(replace(photo, front=front), "Order of photo and face")
         photo = photos.photo or photo
     imgui.set_next_item_width(em(9.0))
-    label = "Photo's opacity" if photo.front else "Face's opacity"
+    label = "Photo opacity" if photo.front else "Face opacity"
     changed, opacity = imgui.slider_float(f"{label}##photo-opacity", photo.opacity, 0.0, 1.0, "%.2f")
     context.widget_rects.record("photo-opacity")
 
@@ -106,7 +106,7 @@ def _draw_layers(photos: "PhotoFeature", photo: Photo) -> None:
         imgui.same_line()
         pressed, locked = imgui.checkbox("Lock the view", view.locked)
         context.widget_rects.record("photo-lock")
-        tooltip("Keep the view at the photo's camera: a drag beside the face does not turn it")
+        tooltip("Keep the view at the photo's camera: dragging next to the face does not orbit")
         if pressed:
             context.viewport.view = replace(view if not locked else view.back(), locked=locked)
     if not photos.aligned:
@@ -116,22 +116,22 @@ def _draw_layers(photos: "PhotoFeature", photo: Photo) -> None:
 def _draw_camera(photos: "PhotoFeature", photo: Photo) -> None:
     context = photos.context
     heading(context.fonts, "Camera")
-    off = residuals_px(photo, context.session.model, context.session.coefficients)
-    count = len(off)
+    residuals = residuals_px(photo, context.session.model, context.session.coefficients)
+    count = len(residuals)
     if count < LEAST_POINTS:
         more = LEAST_POINTS - count
-        caption(f"{more} more pin{'s' if more > 1 else ''} until the head turns as in the photo; it is moved already.")
+        caption(f"Set {more} more pin{'s' if more > 1 else ''} to align the rotation of the head.")
     else:
-        face = _shown_height(context, photo)
-        mean = float(np.mean(list(off.values())))
-        caption(f"{count} pins, {mean:.1f} px off on average, where the head is {face:.0f} px high.")
-    known = photo.focal is not None
+        height = _projected_height(context, photo)
+        mean = float(np.mean(list(residuals.values())))
+        caption(f"{count} pins, mean error {mean:.1f} px. The head is {height:.0f} px high.")
+    fixed = photo.focal is not None
     focal = photo.focal or (photo.camera.focal if photo.camera is not None else 1.0)
-    pressed, known = imgui.checkbox("Focal length", known)
+    pressed, fixed = imgui.checkbox("Focal length", fixed)
     context.widget_rects.record("photo-focal-known")
-    tooltip("On: it is what you say, or what the photo's file says. Off: it is found with the camera, from 6 pins on.")
+    tooltip("Use this focal length, initially that of the photo's file. If off, it is estimated from 6 pins or more.")
     if pressed and not context.busy:
-        photos.realign(focal if known else None)
+        photos.realign(focal if fixed else None)
     imgui.same_line()
     imgui.set_next_item_width(-1.0)
     imgui.begin_disabled(photo.focal is None)
@@ -140,7 +140,7 @@ def _draw_camera(photos: "PhotoFeature", photo: Photo) -> None:
     changed, value = imgui.slider_float("##photo-focal", millimetres, *_FOCALS_MM, "%.0f mm", flags)
     imgui.end_disabled()
     context.widget_rects.record("photo-focal")
-    tooltip("As on 35 mm film: portraits are taken at 50 to 135 mm, by phones at about 26 mm")
+    tooltip("35 mm equivalent. Portraits are taken at 50 to 135 mm, phones have about 26 mm.")
 
     def apply() -> None:
         photos.realign(focal_in_pixels(value, photo.size))
@@ -148,7 +148,8 @@ def _draw_camera(photos: "PhotoFeature", photo: Photo) -> None:
     context.slider_edit.follow(context.session, "photo-focal", "Focal length of the photo", changed, apply)
 
 
-def _shown_height(context: EditorContext, photo: Photo) -> float:
+def _projected_height(context: EditorContext, photo: Photo) -> float:
+    """Return the height of the head in pixels of the photo."""
     character = context.session.model.character
     if photo.camera is None:
         return 0.0
@@ -164,39 +165,39 @@ def _draw_pins(photos: "PhotoFeature", photo: Photo) -> None:
     action_button(context.widget_rects, context.actions["photo-pin"], width, "Set pins")
     imgui.same_line()
     action_button(context.widget_rects, context.actions["photo-skip"], width, "Skip")
-    ready = photos.enough and tool.next_place(context.viewport) is None and not _posed(context, photo)
+    ready = photos.has_enough_pins and tool.next_place(context.viewport) is None and not _posed(context, photo)
     action_button(context.widget_rects, context.actions["photo-pose"], -1.0, strong=ready)
     imgui.spacing()
-    off = residuals_px(photo, context.session.model, context.session.coefficients)
+    residuals = residuals_px(photo, context.session.model, context.session.coefficients)
     order = guided(context.session.model.character)
     others = [pin.place for pin in photo.pins if pin.place not in order]
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, 0.0))
     for title, places in (
-        ("To find the camera", [place for place in order if place in ALIGNING]),
+        ("For the camera", [place for place in order if place in ALIGNING]),
         ("For the expression", [place for place in order if place not in ALIGNING]),
-        ("More", others),
+        ("Other", others),
     ):
         if not places:
             continue
         caption(title)
         for place in places:
             index = photo.pin_of(place)
-            _draw_pin(photos, photo, place, None if index is None else off.get(index))
+            _draw_pin(photos, photo, place, None if index is None else residuals.get(index))
         imgui.dummy((0.0, em(0.3)))
     imgui.pop_style_var()
-    caption("Any other place: with Set pins on, press on the face with Shift, then on the photo.")
+    caption("To pin another place, choose Set pins, Shift+press on the face, then press on the photo.")
 
 
 def _posed(context: EditorContext, photo: Photo) -> bool:
-    """Whether anything was drawn through the photo's camera already."""
-    drawn = (constraint.camera for constraint in context.session.document.constraints)
+    """Return True if a constraint was drawn from the photo's camera."""
+    cameras = (constraint.camera for constraint in context.session.document.constraints)
     return any(
-        photo.camera is not None and camera is not None and camera.same_viewpoint(photo.camera) for camera in drawn
+        photo.camera is not None and camera is not None and camera.same_viewpoint(photo.camera) for camera in cameras
     )
 
 
-def _draw_pin(photos: "PhotoFeature", photo: Photo, place: Place, off: float | None) -> None:
-    """Draw a place of the face in the list: pinned, next, or not pinned."""
+def _draw_pin(photos: "PhotoFeature", photo: Photo, place: Place, residual: float | None) -> None:
+    """Draw a place of the face in the list: pinned, next, or without a pin."""
     context, tool = photos.context, photos.tool
     index = photo.pin_of(place)
     row = round(imgui.get_font_size() + em(0.4))
@@ -219,18 +220,18 @@ def _draw_pin(photos: "PhotoFeature", photo: Photo, place: Place, off: float | N
         tooltip(title)
     if pressed and not context.busy:
         if index is None:
-            photos.place(place)
+            photos.pin_place(place)
         else:
             tool.selected = index
     if index is not None:
-        text = "" if off is None else f"{off:.1f} px"
+        text = "" if residual is None else f"{residual:.1f} px"
         at = corner.x + width - em(1.6) - imgui.calc_text_size(text).x
         draw.add_text((at, baseline), u32(FAINT), text)
         imgui.set_cursor_pos(ImVec2(begin.x + width - em(1.3), begin.y))
         imgui.push_style_color(imgui.Col_.button, ImVec4(0.0, 0.0, 0.0, 0.0))
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0.0, 0.0))
         if imgui.button(Icon.CLOSE, ImVec2(em(1.3), row)) and not context.busy:
-            photos.look()
+            photos.look_through()
             tool.remove(index, context.viewport)
         imgui.pop_style_var()
         imgui.pop_style_color()

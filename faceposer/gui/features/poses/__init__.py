@@ -1,1 +1,1 @@
-"""The library of poses."""
+"""The pose library."""

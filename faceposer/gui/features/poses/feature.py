@@ -1,4 +1,4 @@
-"""Poses in the window: the library, and the pose that is being applied."""
+"""The pose library in the window, and the commands that apply, mirror and save poses."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -39,33 +39,34 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class AppliedPose:
-    """A pose that has been put on the face and can still be changed.
+    """The pose that was applied last and can still be adjusted.
 
     Attributes:
-        session: The session of the face.
-        pose: What was applied.
-        before: The pose that the face started from before, shape (r,).
-        after: The one that it starts from now, shape (r,): where that is another, something else came between.
-        reach: What of the face it reaches, and how.
-        strength: How far.
+        session: Session that it was applied to.
+        pose: The applied pose.
+        before: Starting pose of the session before, shape (r,).
+        after: Starting pose of the session after, shape (r,). If the session starts from another pose, it has been
+            edited since.
+        mask: Part of the face that the pose affects, and how.
+        strength: Strength of the pose; 1 applies it fully.
     """
 
     session: Session
     pose: Pose
     before: Array
     after: Array
-    reach: "PoseMask"
+    mask: "PoseMask"
     strength: float
 
 
 @dataclass(frozen=True)
 class PoseMask:
-    """What of the face a pose reaches.
+    """Part of the face that a pose affects, and how.
 
     Attributes:
-        regions: Which regions.
-        side: Which side.
-        blend: Whether it takes the place of what is there, or comes on top.
+        regions: Affected regions.
+        side: Affected side.
+        blend: "replace" to replace the pose of the face, "add" to add to it.
     """
 
     regions: frozenset[Region] = frozenset(REGIONS)
@@ -73,8 +74,8 @@ class PoseMask:
     blend: Blend = "replace"
 
     @property
-    def words(self) -> str:
-        """What it reaches, where that is less than the whole face, else ""."""
+    def description(self) -> str:
+        """The affected part in words, or "" for the whole face."""
         regions = [region for region in REGIONS if region in self.regions]
         return ", ".join((*regions * (len(regions) < len(REGIONS)), *[self.side] * (self.side != "both")))
 
@@ -83,26 +84,26 @@ class PosesFeature(Feature):
     """The tab "Poses".
 
     Attributes:
-        reach: What of the face the next pose reaches.
-        category: Which poses are shown.
-        filter: What their names or notes must contain.
-        portraits: Their pictures.
+        mask: Part of the face that the next pose affects.
+        category: Category of the poses that are shown.
+        filter: Text that their names, notes or tags contain.
+        portraits: Thumbnails of the poses.
     """
 
-    tab = ("Poses", "Expressions, visemes and poses of your own")
+    tab = ("Poses", "Expressions, visemes and your own poses")
 
     def __init__(self, context: EditorContext) -> None:
         super().__init__(context)
-        self.reach = PoseMask()
+        self.mask = PoseMask()
         self.category: Category = "all"
         self.filter = ""
         self.portraits = Portraits(context)
         self._panel, self._name_dialog = PosesPanel(self), NameDialog(context)
-        self._application: AppliedPose | None = None
+        self._applied: AppliedPose | None = None
         self._starters: list[Entry] | None = None
         self._own: tuple[Path, int, list[Entry]] | None = None
 
-    # What the window asks for
+    # Called by the window
 
     @property
     def patience(self) -> float:
@@ -111,17 +112,19 @@ class PosesFeature(Feature):
 
     @property
     def is_modal(self) -> bool:
-        """Whether the question for a name is open."""
+        """True while the dialog for a name is open."""
         return self._name_dialog.open
 
     def actions(self) -> Sequence[Action | Submenu]:
-        """Return the menu "Pose"."""
+        """Return the entries of the menu "Pose"."""
 
         def free() -> bool:
             return not self.context.busy
 
         return (
-            Action("pose-save", "Save pose...", "Pose", self.ask_to_save, (), free, help="Keep this face as a pose"),
+            Action(
+                "pose-save", "Save pose...", "Pose", self.ask_to_save, (), free, help="Save this pose to the library"
+            ),
             Action(
                 "pose-mirror",
                 "Mirror left to right",
@@ -130,7 +133,7 @@ class PosesFeature(Feature):
                 (),
                 free,
                 separated=True,
-                help="Make the right side of the face the image of the left; clears the constraints, as Accept does",
+                help="Mirror the left side of the face to the right. Clears the constraints, as Accept does",
             ),
             Action(
                 "pose-mirror-right",
@@ -139,7 +142,7 @@ class PosesFeature(Feature):
                 lambda: self.mirror("right"),
                 (),
                 free,
-                help="Make the left side of the face the image of the right; clears the constraints, as Accept does",
+                help="Mirror the right side of the face to the left. Clears the constraints, as Accept does",
             ),
             Action(
                 "pose-flip",
@@ -148,7 +151,7 @@ class PosesFeature(Feature):
                 self.flip,
                 (),
                 free,
-                help="Exchange left and right of the face; clears the constraints, as Accept does",
+                help="Swap the left and right side of the face. Clears the constraints, as Accept does",
             ),
             Action(
                 "pose-folder",
@@ -158,42 +161,42 @@ class PosesFeature(Feature):
                 (),
                 free,
                 separated=True,
-                help="Keep your poses in another folder",
+                help="Choose the folder of your pose library",
             ),
         )
 
     def session_changed(self) -> None:
-        """Draw the pictures anew, of the face that is shown now."""
-        self._application = None
+        """Discard the thumbnails, which show another face."""
+        self._applied = None
         self.portraits.forget()
 
     def update(self) -> None:
-        """Draw a picture that is wanted, unless the user is dragging."""
+        """Draw the next thumbnail, unless the user is dragging."""
         if not self.context.toolbox.active:
-            self.portraits.follow()
+            self.portraits.draw_next()
 
     def draw_tab(self) -> None:
         """Draw the tab."""
         self._panel.draw()
 
     def draw_dialog(self) -> None:
-        """Draw the question for a name."""
+        """Draw the dialog for a name."""
         self._name_dialog.draw()
 
     def close(self) -> None:
-        """Free the pictures."""
+        """Release the thumbnails."""
         self.portraits.release()
 
-    # The library
+    # Library
 
     @property
     def library(self) -> PoseLibrary:
-        """The user's poses."""
+        """The user's pose library."""
         folder = self.context.settings.poses_folder
         return PoseLibrary(Path(folder) if folder else own_folder())
 
     def entries(self) -> list[Entry]:
-        """Return what there is for this face: what comes with the program and fits it, then all of the user's."""
+        """Return the built-in poses that fit this face, followed by all poses of the user."""
         if self._starters is None:
             self._starters = starter_poses()
         library = self.library
@@ -203,104 +206,113 @@ class PosesFeature(Feature):
             try:
                 own = library.entries()
             except FacePoserError as error:
-                self.context.dialogs.report("The poses cannot be listed", str(error))
+                self.context.dialogs.report("The pose library cannot be read", str(error))
             self._own = (library.folder, stamp, own)
         return [entry for entry in self._starters if self.weights(entry) is not None] + self._own[2]
 
     def weights(self, entry: Entry) -> Array | None:
-        """Return the weights of a pose on this face, shape (S,), or None where it does not fit."""
+        """Return the weights of a pose on this face, shape (S,), or None if it does not fit."""
         return None if entry.pose is None else weights_on(entry.pose, self.context.session.model.character)
 
     def shown(self) -> list[Entry]:
-        """Return the entries of the chosen category that the filter lets through."""
-        wanted = self.filter.strip().casefold()
-        return [entry for entry in self.entries() if self._in_category(entry) and wanted in _searched(entry)]
+        """Return the entries of the chosen category that match the filter."""
+        text = self.filter.strip().casefold()
+        return [entry for entry in self.entries() if self._in_category(entry) and text in _searchable_text(entry)]
 
     def _in_category(self, entry: Entry) -> bool:
         if self.category == "mine":
             return not entry.shipped
         return self.category == "all" or (entry.pose is not None and self.category in entry.pose.tags)
 
-    # Applying
+    # Applying poses
 
     @property
-    def application(self) -> AppliedPose | None:
-        """The pose that was applied last, while the face still starts from it."""
-        last = self._application
+    def applied_pose(self) -> AppliedPose | None:
+        """The pose that was applied last, while the session still starts from it."""
+        last = self._applied
         if last is None or last.session is not self.context.session or not np.array_equal(self._start(), last.after):
             return None
         return last
 
     def apply(self, pose: Pose) -> None:
-        """Put ``pose`` on the face at full strength; where it is there already, anew with what it is to reach now."""
+        """Apply ``pose`` at full strength with the current mask. If it was applied last, apply it again."""
         context = self.context
         if context.busy:
             return
         context.comparing = False
-        last = self.application
+        last = self.applied_pose
         again = last is not None and last.pose == pose
         before = last.before if last is not None and again else self._start()
-        # Changes of one and the same application are one step of the history.
+        # Adjustments of the same pose are one step of the history.
         with context.session.edit(f"Apply {pose.name}", merges=again):
-            self._put(pose, before, self.reach, 1.0)
+            self._set_applied(pose, before, self.mask, 1.0)
         context.redraw()
 
     def apply_flipped(self, pose: Pose) -> None:
-        """Put ``pose`` on the face with left and right exchanged."""
-        self._safely(lambda: self.apply(flipped_pose(self.context.session.model, pose)))
+        """Apply ``pose`` with left and right swapped."""
+        self._run(lambda: self.apply(flipped_pose(self.context.session.model, pose)), "The pose cannot be flipped")
 
     def set_strength(self, strength: float) -> None:
-        """Change how far the applied pose goes, inside the edit that is open."""
-        last = self.application
+        """Change the strength of the applied pose within the open edit."""
+        last = self.applied_pose
         if last is not None:
-            self._put(last.pose, last.before, last.reach, strength)
+            self._set_applied(last.pose, last.before, last.mask, strength)
 
     def reset_strength(self) -> None:
-        """Let the applied pose go all the way, no further."""
-        last = self.application
+        """Reset the strength of the applied pose to 100 %."""
+        last = self.applied_pose
         if last is not None and not self.context.busy:
             with self.context.session.edit(f"Apply {last.pose.name}", merges=True):
                 self.set_strength(1.0)
 
-    def _put(self, pose: Pose, before: Array, reach: PoseMask, strength: float) -> None:
+    def _set_applied(self, pose: Pose, before: Array, mask: PoseMask, strength: float) -> None:
+        """Start the session from ``pose`` applied to ``before``."""
         session = self.context.session
-        regions = None if len(reach.regions) == len(REGIONS) else reach.regions
-        after = applied(session.model, before, pose, strength, regions, reach.side, reach.blend)
+        regions = None if len(mask.regions) == len(REGIONS) else mask.regions
+        after = applied(session.model, before, pose, strength, regions, mask.side, mask.blend)
         session.set_start(after)
-        self._application = AppliedPose(session, pose, before, after, reach, strength)
+        self._applied = AppliedPose(session, pose, before, after, mask, strength)
 
     def _start(self) -> Array:
         start = self.context.session.document.start
         return self.context.session.model.neutral() if start is None else start
 
     def mirror(self, source: Literal["left", "right"]) -> None:
-        """Make the other side the image of the side ``source``."""
-        self._settle(
-            lambda: mirrored(self.context.session.model, self.context.session.coefficients, source), "Mirror the face"
+        """Mirror the side ``source`` of the face to the other side."""
+        self._rebase(
+            lambda: mirrored(self.context.session.model, self.context.session.coefficients, source),
+            "Mirror the face",
+            "The face cannot be mirrored",
         )
 
     def flip(self) -> None:
-        """Exchange left and right."""
-        self._settle(lambda: flipped(self.context.session.model, self.context.session.coefficients), "Flip the face")
+        """Swap the left and right side of the face."""
+        self._rebase(
+            lambda: flipped(self.context.session.model, self.context.session.coefficients),
+            "Flip the face",
+            "The face cannot be flipped",
+        )
 
-    def _settle(self, pose: Callable[[], Array], label: str) -> None:
-        def settle() -> None:
+    def _rebase(self, pose: Callable[[], Array], label: str, failure: str) -> None:
+        """Start from ``pose``, without constraints; report an error under the title ``failure``."""
+
+        def rebase() -> None:
             self.context.toolbox.cancel()
             self.context.comparing = False
             self.context.session.wait()
             self.context.session.rebase_pose(pose(), label)
 
-        self._safely(settle)
+        self._run(rebase, failure)
 
-    # Keeping
+    # Saving poses
 
     def ask_to_save(self) -> None:
-        """Ask for a name and keep this face under it."""
+        """Ask for a name and save the current pose under it."""
         self.context.toolbox.finish()
         self._name_dialog.ask("Save pose", "Save", self._free_name(), self._save)
 
     def ask_to_rename(self, entry: Entry) -> None:
-        """Ask for another name of a pose."""
+        """Ask for a new name of a pose."""
 
         def rename(name: str, overwrite: bool) -> None:
             self.library.rename(entry.path, name, overwrite)
@@ -309,41 +321,44 @@ class PosesFeature(Feature):
         self._name_dialog.ask("Rename pose", "Rename", entry.title, rename)
 
     def ask_to_update(self, entry: Entry) -> None:
-        """Ask whether this face is to take the place of the one that a pose has."""
+        """Ask whether to replace a saved pose by the current one."""
 
         def update() -> None:
             session = self.context.session
             session.wait()
             tags = () if entry.pose is None else entry.pose.tags
             self.library.update(entry.path, pose_of(session.model, session.coefficients, entry.title, tags))
-            self._picture(entry.path)
+            self._write_image(entry.path)
 
         self.context.dialogs.ask(
             Question(
                 f"Replace '{entry.title}'?",
-                "It becomes the face as it is now. What it has been is lost.",
-                (Choice("Replace", lambda: self._safely(update)), Choice("Cancel")),
+                "The saved pose is replaced by the current one. This cannot be undone.",
+                (
+                    Choice("Replace", lambda: self._run(update, "The pose cannot be replaced")),
+                    Choice("Cancel"),
+                ),
                 default=1,
             )
         )
 
     def ask_to_delete(self, entry: Entry) -> None:
-        """Ask whether a pose is to go."""
+        """Ask whether to delete a saved pose."""
 
         def delete() -> None:
-            self._safely(lambda: self.library.delete(entry.path))
+            self._run(lambda: self.library.delete(entry.path), "The pose cannot be deleted")
 
         self.context.dialogs.ask(
             Question(
                 f"Delete '{entry.title}'?",
-                f"The file {entry.path.name} and its picture are removed. This cannot be undone.",
+                f"The file {entry.path.name} and its image are deleted. This cannot be undone.",
                 (Choice("Delete", delete), Choice("Cancel")),
                 default=1,
             )
         )
 
     def ask_for_folder(self) -> None:
-        """Ask where the user's poses are."""
+        """Ask for the folder of the user's poses."""
         library = self.library
 
         def choose(folder: Path) -> None:
@@ -351,41 +366,42 @@ class PosesFeature(Feature):
             self.category = "mine"
 
         start = library.folder if library.folder.is_dir() else Path.home()
-        self.context.ask_for_file(FileRequest("folder", "Folder of your poses", "Folders", (), start, choose))
+        self.context.ask_for_file(FileRequest("folder", "Choose folder of poses", "Folders", (), start, choose))
 
     def _save(self, name: str, overwrite: bool) -> None:
-        """Keep this face as the pose ``name``, with its picture.
+        """Save the current pose as ``name``, with its image.
 
         Raises:
-            PoseExistsError: If there is one of that name that is not to be replaced.
-            FacePoserError: If it cannot be written.
+            PoseExistsError: If a pose of that name exists and ``overwrite`` is False.
+            FacePoserError: If the file cannot be written.
         """
         session = self.context.session
         session.wait()
         path = self.library.save(pose_of(session.model, session.coefficients, checked_name(name)), overwrite)
-        self._picture(path)
+        self._write_image(path)
         self.filter = ""
         if self.category != "all":
             self.category = "mine"
         self.context.notify(f"Saved the pose {name}")
 
-    def _picture(self, path: Path) -> None:
-        """Write the picture of the face beside the file ``path`` of its pose."""
+    def _write_image(self, path: Path) -> None:
+        """Write the image of the current pose next to its file ``path``."""
         write_png(path.with_suffix(".png"), self.portraits.draw(self.context.session.coefficients, FILE_SIZE))
         self._own = None
 
     def _free_name(self) -> str:
-        """Return a name that no pose has yet."""
+        """Return a name that is not in use."""
         taken = {entry.title.casefold() for entry in self.entries()}
         return next(name for i in range(1, len(taken) + 2) if (name := f"Pose {i}").casefold() not in taken)
 
-    def _safely(self, do: Callable[[], object]) -> None:
+    def _run(self, command: Callable[[], object], failure: str) -> None:
+        """Run ``command``, and report its FacePoserError under the title ``failure``."""
         try:
-            do()
+            command()
         except FacePoserError as error:
-            self.context.dialogs.report("That did not work", str(error))
+            self.context.dialogs.report(failure, str(error))
 
 
-def _searched(entry: Entry) -> str:
+def _searchable_text(entry: Entry) -> str:
     pose = entry.pose
     return entry.title.casefold() if pose is None else " ".join((pose.name, pose.note, *pose.tags)).casefold()

@@ -1,4 +1,4 @@
-"""The question for the name of a pose."""
+"""Dialog that asks for the name of a pose."""
 
 from collections.abc import Callable
 
@@ -14,7 +14,7 @@ from faceposer.poses.pose_file import LONGEST_NAME
 
 
 class NameDialog:
-    """Asks for the name of a pose; a name that is taken is not taken away without asking."""
+    """Dialog that asks for the name of a pose, and for confirmation if the name is in use."""
 
     def __init__(self, context: EditorContext) -> None:
         """Ask in the window of ``context``."""
@@ -25,13 +25,19 @@ class NameDialog:
 
     @property
     def open(self) -> bool:
-        """Whether it is shown."""
+        """True while the dialog is shown."""
         return self._done is not None
 
     def ask(self, title: str, verb: str, name: str, done: Callable[[str, bool], None]) -> None:
-        """Ask, proposing ``name``, and call ``done`` with what was chosen and whether it may replace another pose.
+        """Ask for a name.
 
-        ``done`` raises PoseExistsError where it may not but would, and FacePoserError where the name cannot be.
+        Args:
+            title: Title of the dialog.
+            verb: Label of the button that accepts.
+            name: Proposed name.
+            done: Called with the name, and with True if it may replace an existing pose. It raises PoseExistsError
+                if it would replace one without permission, and FacePoserError if the name is not possible; the dialog
+                then stays open.
         """
         self._title, self._verb, self._name, self._done = title, verb, name, done
         self._problem, self._exists = "", False
@@ -89,7 +95,7 @@ class NameDialog:
         try:
             self._done(self._name.strip(), self._exists)
         except PoseExistsError:
-            self._problem, self._exists = f"There is a pose '{self._name.strip()}' already.", True
+            self._problem, self._exists = f"A pose named '{self._name.strip()}' exists already.", True
         except FacePoserError as error:
             self._problem, self._exists = str(error), False
         else:

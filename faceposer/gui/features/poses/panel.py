@@ -1,4 +1,4 @@
-"""The tab of the poses: pictures to click on, and below them how the pose reaches the face."""
+"""Tab of the poses: thumbnails, and options for applying a pose."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -24,38 +24,30 @@ _CATEGORIES: tuple[tuple[Category, str, str], ...] = (
     ("all", "All", "All poses"),
     ("expression", "Expressions", "Poses with the tag expression, such as the six basic expressions"),
     ("viseme", "Visemes", "Poses with the tag viseme: mouth shapes of speech"),
-    ("mine", "Mine", "The poses that you have saved"),
+    ("mine", "Mine", "Poses that you have saved"),
 )
 _REGION_TIPS = {
     "brows": "the brows",
-    "eyes": "eyes and lids",
-    "cheeks": "cheeks and nose",
-    "mouth": "mouth, jaw and tongue",
+    "eyes": "the eyes and lids",
+    "cheeks": "the cheeks and nose",
+    "mouth": "the mouth, jaw and tongue",
 }
 _SIDES: tuple[tuple[Side, str, str], ...] = (
-    ("both", "Both sides", "The next pose reaches both sides of the face."),
-    (
-        "left",
-        "Left",
-        "The next pose reaches the character's left side alone; what has no side, such as the jaw, stays.",
-    ),
-    (
-        "right",
-        "Right",
-        "The next pose reaches the character's right side alone; what has no side, such as the jaw, stays.",
-    ),
+    ("both", "Both sides", "Apply poses to both sides of the face."),
+    ("left", "Left", "Apply poses to the character's left side only, without shapes of both sides such as the jaw."),
+    ("right", "Right", "Apply poses to the character's right side only, without shapes of both sides such as the jaw."),
 )
 _BLENDS: tuple[tuple[Blend, str, str], ...] = (
-    ("replace", "Replace", "The pose takes the place of what the face has there."),
-    ("add", "Add", "The pose comes on top of what the face has, as a viseme on a smile."),
+    ("replace", "Replace", "Replace the pose of the face."),
+    ("add", "Add", "Add the pose to that of the face, such as a viseme to a smile."),
 )
 
 
 class PosesPanel:
-    """The content of the tab."""
+    """Content of the tab."""
 
     def __init__(self, poses: "PosesFeature") -> None:
-        """Show ``poses``."""
+        """Show the state of ``poses``."""
         self._poses = poses
 
     def draw(self) -> None:
@@ -74,11 +66,11 @@ class PosesPanel:
         imgui.separator()
         imgui.begin_disabled(context.toolbox.active or context.playing)
         self._draw_strength()
-        self._draw_reach()
+        self._draw_mask()
         imgui.end_disabled()
         self._draw_buttons()
 
-    # The pictures
+    # Thumbnails
 
     def _draw_grid(self) -> None:
         entries = self._poses.shown()
@@ -86,7 +78,7 @@ class PosesPanel:
             self._draw_empty()
             return
         gap = round(em(0.35))
-        # Room for the scroll bar is kept, so that the pictures do not change size when it comes.
+        # Reserve room for the scroll bar, so that the thumbnails keep their size when it appears.
         room = imgui.get_window_width() - imgui.get_style().scrollbar_size
         side = max(int((room - gap * (_COLUMNS - 1)) / _COLUMNS), 8)
         imgui.push_style_var(imgui.StyleVar_.item_spacing, (gap, gap))
@@ -100,16 +92,16 @@ class PosesPanel:
         poses = self._poses
         imgui.dummy((0.0, em(0.3)))
         if poses.filter.strip():
-            caption("No pose has this in its name.")
+            caption("No pose matches the filter.")
         elif poses.category == "mine":
-            caption("Nothing here yet. Save pose keeps the face as it is now.")
+            caption("No saved poses. Save the current pose to add it here.")
         else:
-            caption("The poses that come with the program need the shapes of ARKit, which this face does not have.")
+            caption("The built-in poses need ARKit shapes, which this character does not have.")
 
     def _draw_cell(self, entry: Entry, side: int) -> None:
         poses, context = self._poses, self._poses.context
         fits = poses.weights(entry) is not None
-        last = poses.application
+        last = poses.applied_pose
         active = last is not None and last.pose == entry.pose
         imgui.push_id(str(entry.path))
         low = imgui.get_cursor_screen_pos()
@@ -139,7 +131,7 @@ class PosesPanel:
         texture = self._texture(entry, side, fits)
         draw.add_rect_filled(low, high, u32(FIELD), rounding)
         if texture is not None:
-            # The picture of a live pose is drawn with its first row at the top, as a file's is.
+            # Textures have their first row at the top, both drawn ones and those of files.
             tint = u32((1.0, 1.0, 1.0, 1.0 if fits else 0.35))
             draw.add_image_rounded(
                 imgui.ImTextureRef(texture), low, high, ImVec2(0.0, 0.0), ImVec2(1.0, 1.0), tint, rounding
@@ -189,7 +181,7 @@ class PosesPanel:
             ]
         if not entry.shipped:
             items += [
-                ("update", "Replace with this face...", pose is not None, lambda: poses.ask_to_update(entry)),
+                ("update", "Replace with current pose...", pose is not None, lambda: poses.ask_to_update(entry)),
                 ("rename", "Rename...", pose is not None, lambda: poses.ask_to_rename(entry)),
                 ("delete", "Delete...", True, lambda: poses.ask_to_delete(entry)),
             ]
@@ -201,17 +193,17 @@ class PosesPanel:
             poses.context.widget_rects.record(f"pose-menu:{name}")
         imgui.end_popup()
 
-    # How it reaches the face
+    # Options
 
     def _draw_strength(self) -> None:
         poses, context = self._poses, self._poses.context
-        last = poses.application
+        last = poses.applied_pose
         imgui.align_text_to_frame_padding()
         if last is None:
             imgui.text_disabled("Click a pose to apply it")
         else:
-            reach = f", {last.reach.words}" if last.reach.words else ""
-            imgui.text(shortened(f"{last.pose.name}{reach}", imgui.get_content_region_avail().x))
+            mask = f", {last.mask.description}" if last.mask.description else ""
+            imgui.text(shortened(f"{last.pose.name}{mask}", imgui.get_content_region_avail().x))
         percent = 100.0 * (1.0 if last is None else last.strength)
         reset = last is not None and percent != 100.0 and not context.slider_edit.active
         imgui.begin_disabled(last is None)
@@ -235,23 +227,23 @@ class PosesPanel:
                 merges=True,
             )
         imgui.end_disabled()
-        tooltip("How far the pose goes: 0 leaves the face, -100 is its opposite. Ctrl+click to type a value.")
+        tooltip("Strength of the pose; negative values apply its opposite. Ctrl+click to type a value.")
         if reset and last is not None:
             imgui.same_line()
             if imgui.button(f"{Icon.UNDO}##strength", (em(1.8), 0.0)):
                 poses.reset_strength()
             context.widget_rects.record("poses:strength-reset")
-            tooltip("Back to 100 %")
+            tooltip("Reset to 100 %")
 
-    def _draw_reach(self) -> None:
+    def _draw_mask(self) -> None:
         poses, rects = self._poses, self._poses.context.widget_rects
-        regions = self._draw_regions(poses.reach.regions)
-        side = _choice(rects, "poses:side", _SIDES, poses.reach.side)
-        blend = _choice(rects, "poses:blend", _BLENDS, poses.reach.blend)
-        poses.reach = replace(poses.reach, regions=regions, side=side, blend=blend)
+        regions = self._draw_regions(poses.mask.regions)
+        side = _choice(rects, "poses:side", _SIDES, poses.mask.side)
+        blend = _choice(rects, "poses:blend", _BLENDS, poses.mask.blend)
+        poses.mask = replace(poses.mask, regions=regions, side=side, blend=blend)
 
     def _draw_regions(self, regions: frozenset[Region]) -> frozenset[Region]:
-        """Draw the switches of the regions and return those that are on now; all are, where none would be."""
+        """Draw the toggles of the regions and return the selected regions, or all if none is selected."""
         context = self._poses.context
         everything = frozenset(REGIONS)
         gap = max(round(em(0.1)), 1)
@@ -261,15 +253,15 @@ class PosesPanel:
         if lit_button("Face##region", regions == everything, ACCENT_DARK, width):
             chosen = everything
         context.widget_rects.record("poses:region:all")
-        tooltip("The next pose reaches the whole face.")
+        tooltip("Apply poses to the whole face.")
         for region in REGIONS:
             imgui.same_line(0.0, gap)
             on = region in regions and regions != everything
             if lit_button(f"{region.title()}##region", on, ACCENT_DARK, width):
-                # The first one that is pressed stands alone, more join it.
+                # The first press selects a single region, further presses add to it.
                 chosen = frozenset((region,)) if regions == everything else regions ^ {region}
             context.widget_rects.record(f"poses:region:{region}")
-            tooltip(f"The next pose reaches {_REGION_TIPS[region]}, and the other regions that are lit.")
+            tooltip(f"Apply poses to {_REGION_TIPS[region]}, and to the other selected regions.")
         imgui.pop_style_var()
         return chosen or everything
 
@@ -278,7 +270,7 @@ class PosesPanel:
         width = button_width(3)
         action_button(context.widget_rects, context.actions["pose-save"], width, "Save...")
         imgui.same_line()
-        mirror = "pose-mirror-right" if poses.reach.side == "right" else "pose-mirror"
+        mirror = "pose-mirror-right" if poses.mask.side == "right" else "pose-mirror"
         action_button(context.widget_rects, context.actions[mirror], width, "Mirror")
         imgui.same_line()
         action_button(context.widget_rects, context.actions["pose-flip"], width, "Flip")
@@ -287,7 +279,7 @@ class PosesPanel:
 def _choice(
     rects: WidgetRects, name: str, rows: Sequence[tuple[_Name, str, str]], value: _Name, by_text: bool = False
 ) -> _Name:
-    """Draw a row of buttons of which one is down, and return the name of the one that is now."""
+    """Draw a row of buttons of which one is selected, and return its name."""
     names = [row[0] for row in rows]
     labels, tips = [row[1] for row in rows], [row[2] for row in rows]
     return names[choice(rects, name, labels, names.index(value), tips, by_text)]

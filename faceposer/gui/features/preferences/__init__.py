@@ -1,1 +1,1 @@
-"""What the user sets for all sessions."""
+"""Preferences for all sessions."""

@@ -1,4 +1,4 @@
-"""The dialog of the preferences: a page of choices, and the table of keys."""
+"""Dialog of the preferences: general settings, and the keymap."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -26,27 +26,27 @@ _NAVIGATION_TIPS = (
     "Alt+left drag: orbit; Alt+middle drag: pan; Alt+right drag: zoom",
 )
 _BACKDROPS: tuple[Backdrop, ...] = get_args(Backdrop)
-_BACKDROP_TIPS = ("The usual grey", "Nearly black", "Light grey")
+_BACKDROP_TIPS = ("Default grey", "Nearly black", "Light grey")
 _KEYS_WIDTH = 11.0
 
 
 class PreferencesDialog:
-    """Draws the dialog."""
+    """Pages of the dialog."""
 
     def __init__(self, preferences: "PreferencesFeature") -> None:
-        """Show ``preferences``."""
+        """Show and change ``preferences``."""
         self._preferences = preferences
         self._filter = ""
 
     def draw(self, draw_above: Callable[[], None]) -> None:
-        """Draw the dialog; ``draw_above`` draws the dialogs that lie over it."""
+        """Draw the dialog; ``draw_above`` draws the dialogs above it."""
         preferences = self._preferences
         context = preferences.context
         with modal("##preferences", _WIDTH, scrolls=False) as shown:
             if not shown:
                 draw_above()
                 return
-            alone = not (context.dialogs.open or context.file_dialogs.open or imgui.is_window_appearing())
+            has_keys = not (context.dialogs.open or context.file_dialogs.open or imgui.is_window_appearing())
             modal_title(context.fonts, "Preferences")
             room = imgui.get_main_viewport().size.y - em(12)
             height = max(min(em(_HEIGHT), room), em(6))
@@ -62,7 +62,7 @@ class PreferencesDialog:
                 imgui.end_tab_bar()
             pressed = modal_buttons(context.widget_rects, "preferences", (("close", "Close"),))
             captures = bool(preferences.capturing) or preferences.ended_capture
-            escaped = alone and not captures and imgui.is_key_pressed(imgui.Key.escape, False)
+            escaped = has_keys and not captures and imgui.is_key_pressed(imgui.Key.escape, False)
             preferences.ended_capture &= imgui.is_key_down(imgui.Key.escape)
             if pressed or (escaped and not imgui.get_io().want_text_input):
                 preferences.hide()
@@ -75,13 +75,13 @@ class PreferencesDialog:
         heading(context.fonts, "Interface", first=True)
         _label("Navigation")
         preset = _NAVIGATIONS.index(settings.navigation)
-        chosen = choice(rects, "preferences:navigation", ("As in Blender", "As in Maya"), preset, _NAVIGATION_TIPS)
+        chosen = choice(rects, "preferences:navigation", ("Blender", "Maya"), preset, _NAVIGATION_TIPS)
         if chosen != preset:
             preferences.navigate(_NAVIGATIONS[chosen])
         _label("Size")
         nearest = min(range(len(_SCALES)), key=lambda i: abs(_SCALES[i] - settings.ui_scale))
         labels = [f"{100 * scale:.0f} %" for scale in _SCALES]
-        tips = ["Size of text and panels"] * len(_SCALES)
+        tips = ["Scale of text and panels"] * len(_SCALES)
         chosen = choice(rects, "preferences:scale", labels, nearest, tips)
         if chosen != nearest:
             context.set_ui_scale(_SCALES[chosen])
@@ -93,10 +93,10 @@ class PreferencesDialog:
         chosen = choice(rects, "preferences:backdrop", names, backdrop, _BACKDROP_TIPS)
         if chosen != backdrop:
             preferences.set_look(replace(look, backdrop=_BACKDROPS[chosen]))
-        self._draw_light("key", "Key light", "Strength of the light from the front")
-        self._draw_light("ambient", "Ambient light", "Strength of the light from all sides")
+        self._draw_light("key", "Key light", "Intensity of the light from the front")
+        self._draw_light("ambient", "Ambient light", "Intensity of the light from all sides")
         _label("")
-        if imgui.button("Usual light"):
+        if imgui.button("Reset light"):
             preferences.set_look(Look(backdrop=context.scene.look.backdrop))
         rects.record("preferences:usual-light")
         heading(context.fonts, "Files")
@@ -116,9 +116,9 @@ class PreferencesDialog:
             settings.autosave_folder = ""
         imgui.end_disabled()
         rects.record("preferences:autosave-reset")
-        tooltip("Back to the usual folder")
+        tooltip("Reset to the default folder")
         _label("")
-        caption("Keeps what is not saved, for the case of a crash. Another folder is used from the next start on.")
+        caption("Unsaved work is kept in this folder in case of a crash. A change takes effect at the next start.")
 
     def _draw_light(self, name: str, label: str, tip: str) -> None:
         preferences = self._preferences
@@ -146,17 +146,18 @@ class PreferencesDialog:
             preferences.reset_keys()
         imgui.end_disabled()
         context.widget_rects.record("preferences:reset-keys")
-        # One line is kept for it, so that nothing jumps.
+        # The line is drawn even if it is empty, so that nothing jumps.
         text = preferences.problem
         if preferences.capturing:
             text = "Press the new key with its modifiers; Esc cancels."
         imgui.text_colored(ACCENT if preferences.capturing else BAD, text or " ")
-        wanted = self._filter.strip().lower()
+        filter_text = self._filter.strip().lower()
         imgui.begin_child("##keys")
         menu = ""
         for action in context.actions:
             written = ", ".join(shown_key(key) for key in action.keys)
-            if wanted and wanted not in action.label.lower() and wanted not in written.lower().split(", "):
+            in_label = filter_text in action.label.lower()
+            if not in_label and filter_text not in written.lower().split(", "):
                 continue
             if action.menu != menu:
                 menu = action.menu
@@ -177,9 +178,9 @@ class PreferencesDialog:
         if shown != label:
             tooltip(label)
         imgui.same_line(left + width - em(_KEYS_WIDTH) - 2.0 * side - em(0.4))
-        waits = preferences.capturing == action.name
-        if imgui.button(f"{'Press a key...' if waits else written}##keys", (em(_KEYS_WIDTH), 0.0)):
-            preferences.capture("" if waits else action.name)
+        capturing = preferences.capturing == action.name
+        if imgui.button(f"{'Press a key...' if capturing else written}##keys", (em(_KEYS_WIDTH), 0.0)):
+            preferences.capture("" if capturing else action.name)
         rects.record(f"keymap:{action.name}")
         tooltip("Click, then press the new key")
         imgui.same_line(0.0, em(0.2))
@@ -190,13 +191,13 @@ class PreferencesDialog:
         rects.record(f"keymap:{action.name}:clear")
         tooltip("Remove the key")
         imgui.same_line(0.0, em(0.2))
-        usual = preferences.context.actions.usual_keys(action.name)
-        imgui.begin_disabled(action.keys == usual)
+        default = preferences.context.actions.usual_keys(action.name)
+        imgui.begin_disabled(action.keys == default)
         if imgui.button(f"{Icon.UNDO}##reset", (side, 0.0)):
-            preferences.change_keys(action.name, usual)
+            preferences.change_keys(action.name, default)
         imgui.end_disabled()
         rects.record(f"keymap:{action.name}:reset")
-        tooltip(f"Back to {', '.join(map(shown_key, usual)) or 'no key'}")
+        tooltip(f"Reset to {', '.join(map(shown_key, default)) or 'no key'}")
 
 
 def _label(text: str) -> None:

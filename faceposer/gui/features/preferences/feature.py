@@ -1,4 +1,4 @@
-"""Preferences: navigation, size of the interface, background and light, where unsaved work is kept, and the keys."""
+"""Preferences: navigation, size of the interface, background, light, autosave folder and keymap."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,18 +14,18 @@ from faceposer.render.options import Look
 from faceposer.session.autosave import autosave_dir
 from faceposer.tools.tool import Navigation
 
-# Keys that end a capture and are never given to an action.
+# Key that ends a capture and cannot be assigned to an action.
 _ENDS_CAPTURE = "Esc"
 
 
 class PreferencesFeature(Feature):
-    """The dialog's state; every choice holds at once and is remembered.
+    """State of the preferences dialog; every choice takes effect at once and is remembered.
 
     Attributes:
-        open: Whether the dialog is shown.
+        open: True while the dialog is shown.
         capturing: Name of the action that waits for its new key, or "".
-        problem: Why a key was not taken, one sentence, or "".
-        ended_capture: Whether a key that is still down ended a capture: it means nothing else.
+        problem: Reason why a key was not assigned, one sentence, or "".
+        ended_capture: True while the key that ended a capture is still down, so that it has no other effect.
     """
 
     def __init__(self, context: EditorContext) -> None:
@@ -38,11 +38,11 @@ class PreferencesFeature(Feature):
 
     @property
     def is_modal(self) -> bool:
-        """Whether the dialog keeps the pointer from the view."""
+        """True while the dialog is shown."""
         return self.open
 
     def actions(self) -> Sequence[Action | Submenu]:
-        """Return the entry of the menu "Edit"."""
+        """Return the entry of the Edit menu."""
         return [
             Action(
                 "preferences",
@@ -64,7 +64,7 @@ class PreferencesFeature(Feature):
         self.context.redraw()
 
     def hide(self) -> None:
-        """Close the dialog and write what was chosen."""
+        """Close the dialog and save the settings."""
         self.open, self.capturing = False, ""
         if self.context.remembers:
             save_settings(self.context.settings)
@@ -80,15 +80,15 @@ class PreferencesFeature(Feature):
 
     @property
     def settings(self) -> Settings:
-        """What is remembered."""
+        """The settings that are saved."""
         return self.context.settings
 
     def navigate(self, preset: Navigation) -> None:
-        """Let the mouse buttons move the view as in another program."""
+        """Use the mouse buttons of ``preset`` to navigate."""
         self.context.viewport.navigation = self.settings.navigation = preset
 
     def set_look(self, look: Look) -> None:
-        """Show the face in this light, before this background."""
+        """Set the light and the background."""
         settings = self.settings
         settings.backdrop, settings.key_light, settings.ambient_light = look.backdrop, look.key, look.ambient
         self.context.scene.look = look
@@ -96,28 +96,28 @@ class PreferencesFeature(Feature):
 
     @property
     def autosave_folder(self) -> Path:
-        """Where unsaved work will be kept from the next start on."""
+        """Folder for unsaved work from the next start on."""
         return Path(self.settings.autosave_folder) if self.settings.autosave_folder else autosave_dir()
 
     def ask_for_autosave_folder(self) -> None:
-        """Ask for another folder."""
+        """Ask for the folder for unsaved work."""
         folder = self.autosave_folder
         start = folder if folder.is_dir() else Path.home()
 
         def choose(path: Path) -> None:
             self.settings.autosave_folder = str(path.absolute())
 
-        self.context.ask_for_file(FileRequest("folder", "A folder for unsaved work", "Folders", (), start, choose))
+        self.context.ask_for_file(FileRequest("folder", "Choose autosave folder", "Folders", (), start, choose))
 
     # Keys
 
     def capture(self, name: str) -> None:
-        """Let the next key be that of the action ``name``; without a name, end the capture."""
+        """Assign the next key that is pressed to the action ``name``; if ``name`` is "", end the capture."""
         self.capturing, self.problem = name, ""
         self.context.redraw()
 
     def take_key(self, key: str) -> bool:
-        """Give ``key`` to the action that waits for one."""
+        """Assign ``key`` to the action that waits for one; return True if there is one."""
         if not self.open or not self.capturing:
             return False
         name, self.capturing, self.ended_capture = self.capturing, "", True
@@ -127,7 +127,7 @@ class PreferencesFeature(Feature):
         return True
 
     def change_keys(self, name: str, keys: Sequence[str]) -> None:
-        """Give the action ``name`` other keys, unless another action has one of them."""
+        """Assign ``keys`` to the action ``name``, unless another action has one of them."""
         actions = self.context.actions
         try:
             actions.change_keys(name, keys)
@@ -141,7 +141,7 @@ class PreferencesFeature(Feature):
             self.settings.keys[name] = list(keys)
 
     def reset_keys(self) -> None:
-        """Give all actions the keys that they come with."""
+        """Reset the keys of all actions to their defaults."""
         self.settings.keys.clear()
         self.context.actions.set_keys({})
         self.problem = ""

@@ -1,1 +1,1 @@
-"""Range marks: how far a point can move."""
+"""Range marks: outlines of how far a point can move."""

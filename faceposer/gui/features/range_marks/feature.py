@@ -1,4 +1,4 @@
-"""Range marks: how far the point under the pointer can go, and whether a dragged point has reached its range."""
+"""Range marks: the range of motion of the point under the pointer, and a border where a drag exceeds it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,27 +21,27 @@ from faceposer.tools.tool import Hover
 Array = NDArray[np.float64]
 Pixel = tuple[float, float]
 
-#: What the status bar and the mark at the pointer say.
+#: Texts of the status bar and of the label at the pointer.
 HARDLY_MOVES_TEXT = "This part of the face hardly moves"
-BEYOND_TEXT = "This is as far as the point goes"
-# A range of fewer pixels at normal density is too small to be seen around the pointer.
+BEYOND_TEXT = "The point cannot move any further"
+# Pixels at normal density below which a range is too small to be visible around the pointer.
 _SMALLEST = 6.0
 _DIRECTIONS = 36
-# Of a point that is dragged beyond its range, the border is drawn so far to both sides of the pull, in radians.
+# Half angle of the border that is drawn where a drag exceeds the range, in radians.
 _SECTOR = 0.65
-# A pull counts as beyond the range from this multiple of it on: below, nearly all of it is met.
+# Multiple of the range from which a drag exceeds it; up to there, the point nearly reaches the pointer.
 _BEYOND = 1.1
 
 
 @dataclass(frozen=True, eq=False)
 class PointRange:
-    """How far one point of the face can go.
+    """Range of motion of one point of the face.
 
     Attributes:
-        reach: In the picture of ``camera``.
-        camera: Where it is seen.
-        origin: Pixel of the point in the pose that pulls start from.
-        outline: Border of its range, pixels of the view, shape (n, 2).
+        reach: Range in the image of ``camera``.
+        camera: Camera of the range.
+        origin: Pixel of the point in the starting pose, shape (2,).
+        outline: Border of the range in pixels of the view, shape (n, 2).
     """
 
     reach: Reach
@@ -51,18 +51,22 @@ class PointRange:
 
     @property
     def fixed(self) -> bool:
-        """Whether the point hardly moves."""
+        """True if the point hardly moves."""
         return float(self.reach.mobility[0]) < HARDLY_MOVES
 
     def exceeded_by(self, target: Pixel) -> bool:
-        """Whether the pixel ``target`` lies beyond the range."""
+        """Return True if the pixel ``target`` is beyond the range."""
         pull = np.asarray(target) - self.origin
         length = float(np.hypot(*pull))
         return length > 1e-6 and length > _BEYOND * float(self.reach.pixels((pull / length)[None])[0])
 
 
 class RangeMarksFeature(Feature):
-    """The range of the point under the pointer, worked out only when the pointer comes to another triangle."""
+    """Range of the point under the pointer, computed again when the pointer reaches another triangle.
+
+    Attributes:
+        computed: Number of ranges computed so far.
+    """
 
     def __init__(self, context: EditorContext) -> None:
         """Serve ``context``."""
@@ -75,11 +79,11 @@ class RangeMarksFeature(Feature):
 
     @property
     def shown(self) -> bool:
-        """Whether the outline is drawn around the pointer."""
+        """True if the outline is drawn around the pointer."""
         return self.context.settings.range_marks
 
     def actions(self) -> Sequence[Action]:
-        """Return the entry of the menu "View"."""
+        """Return the entry of the View menu."""
         return [
             Action(
                 "range-marks",
@@ -88,7 +92,7 @@ class RangeMarksFeature(Feature):
                 self._toggle,
                 checked=lambda: self.shown,
                 separated=True,
-                help="Outline how far the point under the pointer can go",
+                help="Outline how far the point under the pointer can move",
             )
         ]
 
@@ -96,14 +100,14 @@ class RangeMarksFeature(Feature):
         self.context.settings.range_marks = not self.shown
 
     def session_changed(self) -> None:
-        """Forget the range of a point of another face."""
+        """Discard the range, which belongs to another face."""
         self._key, self._range, self._start = (), None, None
 
-    # What it knows
+    # State
 
     @property
-    def _pulled(self) -> PointConstraint | None:
-        """The point that is dragged now; None where none or several are."""
+    def _dragged_point(self) -> PointConstraint | None:
+        """The point constraint that is dragged, or None if there is none or more than one."""
         toolbox = self.context.toolbox
         constraints = self.context.session.document.constraints
         if not toolbox.drags_points:
@@ -113,20 +117,20 @@ class RangeMarksFeature(Feature):
         return points[0] if len(points) == 1 else None
 
     @property
-    def looks_at_something(self) -> bool:
-        """Whether a point lies under the pointer or is dragged."""
+    def has_range(self) -> bool:
+        """True if a point is under the pointer or dragged."""
         return self._range is not None
 
     def update(self) -> None:
-        """Look at what lies under the pointer, or is dragged, if that has changed."""
-        point, camera = self._looked_at()
+        """Compute the range of the point that is dragged or under the pointer, if it has changed."""
+        point, camera = self._current_point()
         if point is None:
             self._key, self._range = (), None
             return
-        pulled = self._pulled is not None
+        dragged = self._dragged_point is not None
         # Under the pointer the range hardly differs within a triangle.
-        place = point.face if isinstance(point, SurfacePoint) and not pulled else point
-        key = (place, camera, pulled, *self._start_key())
+        place = point.face if isinstance(point, SurfacePoint) and not dragged else point
+        key = (place, camera, dragged, *self._start_key())
         if key == self._key:
             return
         self._key, self._range = key, self._range_of(point, camera)
@@ -134,23 +138,23 @@ class RangeMarksFeature(Feature):
         if hover is not None:
             self._picked_at = hover.position
 
-    def _looked_at(self) -> tuple[SurfacePoint | int | None, Camera]:
-        """Return the point that is dragged or lies under the pointer, and where it is seen."""
+    def _current_point(self) -> tuple[SurfacePoint | int | None, Camera]:
+        """Return the point that is dragged or under the pointer, and the camera of its range."""
         context, toolbox = self.context, self.context.toolbox
-        pulled, hover = self._pulled, self.context.toolbox.hover
-        if pulled is not None:
-            return pulled.anchor, pulled.camera
-        quiet = toolbox.active or context.comparing or context.is_modal
-        if hover is None or quiet or toolbox.chosen is not toolbox.point_tool:
+        dragged, hover = self._dragged_point, self.context.toolbox.hover
+        if dragged is not None:
+            return dragged.anchor, dragged.camera
+        suspended = toolbox.active or context.comparing or context.is_modal
+        if hover is None or suspended or toolbox.chosen is not toolbox.point_tool:
             return None, context.viewport.camera
         return self._under_pointer(hover, context.viewport.camera)
 
     def _under_pointer(self, hover: Hover, camera: Camera) -> tuple[SurfacePoint | int | None, Camera]:
-        """Return the point whose range is shown, and where it is seen: that of the face, or of a pin of this view."""
+        """Return the point of the surface, or of a point constraint drawn from ``camera``, and ``camera``."""
         if hover.pin is None:
             return hover.point, camera
         constraints = self.context.session.document.constraints
-        # Undo may have taken it away since the pointer last moved.
+        # Undo may have removed the constraint since the pointer last moved.
         constraint = constraints[hover.pin] if hover.pin < len(constraints) else None
         if isinstance(constraint, PointConstraint) and constraint.camera == camera:
             return constraint.anchor, camera
@@ -162,7 +166,7 @@ class RangeMarksFeature(Feature):
         return (self.context.session.model, id(document.start), gazes)
 
     def _start_pose(self) -> Array:
-        """Return the pose that pulls start from, shape (r,), with the eyes where they look."""
+        """Return the starting pose of drags, shape (r,), with the eyes at their gaze."""
         key = self._start_key()
         if self._start is None or self._start[0] != key:
             session = self.context.session
@@ -183,59 +187,59 @@ class RangeMarksFeature(Feature):
 
     @property
     def hint(self) -> str:
-        """What is worth knowing of the point before and while it is pulled."""
-        found, pulled = self._range, self._pulled
-        if found is None:
+        """Note on the range of the point, or ""."""
+        current, dragged = self._range, self._dragged_point
+        if current is None:
             return ""
-        if found.fixed:
+        if current.fixed:
             return HARDLY_MOVES_TEXT
-        if pulled is not None and found.exceeded_by(pulled.target):
-            return f"{BEYOND_TEXT}   ·   release: keep   ·   Esc: take back"
+        if dragged is not None and current.exceeded_by(dragged.target):
+            return f"{BEYOND_TEXT}   ·   release: confirm   ·   Esc: cancel"
         return ""
 
-    # What it draws
+    # Drawing
 
     def draw_over(self, draw: imgui.ImDrawList) -> None:
-        """Draw the range of the point under the pointer, or the border that a dragged point has come to."""
-        found, viewport = self._range, self.context.viewport
-        if found is None or self.context.comparing:
+        """Draw the range of the point under the pointer, or its border where a drag exceeds it."""
+        current, viewport = self._range, self.context.viewport
+        if current is None or self.context.comparing:
             return
-        pulled, hover = self._pulled, self.context.toolbox.hover
-        if pulled is not None:
-            if found.fixed:
-                draw_label(draw, viewport, self._in_view(pulled), HARDLY_MOVES_TEXT)
-            elif found.exceeded_by(pulled.target) and found.camera == viewport.camera:
-                self._draw_border(draw, found, pulled.target)
+        dragged, hover = self._dragged_point, self.context.toolbox.hover
+        if dragged is not None:
+            if current.fixed:
+                draw_label(draw, viewport, self._in_view(dragged), HARDLY_MOVES_TEXT)
+            elif current.exceeded_by(dragged.target) and current.camera == viewport.camera:
+                self._draw_border(draw, current, dragged.target)
         elif hover is not None and self.shown:
-            # Within its triangle the pointer takes the outline along.
+            # Within its triangle, the outline moves with the pointer.
             shift = np.subtract(hover.position, self._picked_at) if hover.surface else np.zeros(2)
-            self._draw_outline(draw, found, shift)
+            self._draw_outline(draw, current, shift)
 
-    def _in_view(self, pulled: PointConstraint) -> Pixel:
-        target = pulled.camera.transferred(pulled.target, self.context.viewport.camera)
-        return pulled.target if target is None else target
+    def _in_view(self, dragged: PointConstraint) -> Pixel:
+        target = dragged.camera.transferred(dragged.target, self.context.viewport.camera)
+        return dragged.target if target is None else target
 
-    def _draw_outline(self, draw: imgui.ImDrawList, found: PointRange, shift: Array) -> None:
+    def _draw_outline(self, draw: imgui.ImDrawList, current: PointRange, shift: Array) -> None:
         scale = self.context.viewport.ui_scale
-        size = float(np.hypot(*(found.outline - found.origin).T).max())
-        if found.fixed or size < _SMALLEST * scale:
+        size = float(np.hypot(*(current.outline - current.origin).T).max())
+        if current.fixed or size < _SMALLEST * scale:
             return
-        corners = self._placed(found.outline + shift)
+        corners = self._in_window(current.outline + shift)
         closed = imgui.ImDrawFlags_.closed.value
         draw.add_convex_poly_filled(corners, u32(INK, 0.05))
         draw.add_polyline(corners, u32(EDGE, 0.28), 3.0 * scale, closed)
         draw.add_polyline(corners, u32(INK, 0.55), 1.2 * scale, closed)
 
-    def _draw_border(self, draw: imgui.ImDrawList, found: PointRange, target: Pixel) -> None:
-        """Draw the border of the range where the pull towards ``target`` leaves it."""
+    def _draw_border(self, draw: imgui.ImDrawList, current: PointRange, target: Pixel) -> None:
+        """Draw the border of the range where the drag towards ``target`` exceeds it."""
         scale = self.context.viewport.ui_scale
-        angle = np.arctan2(*(np.asarray(target) - found.origin)[::-1])
-        fan = angle + np.linspace(-1.0, 1.0, 15) * _SECTOR
-        border = found.reach.border(0, np.stack([np.cos(fan), np.sin(fan)], axis=1))
-        corners = self._placed(found.origin + border)
+        angle = np.arctan2(*(np.asarray(target) - current.origin)[::-1])
+        angles = angle + np.linspace(-1.0, 1.0, 15) * _SECTOR
+        border = current.reach.border(0, np.stack([np.cos(angles), np.sin(angles)], axis=1))
+        corners = self._in_window(current.origin + border)
         draw.add_polyline(corners, u32(EDGE, 0.5), 4.0 * scale, 0)
         draw.add_polyline(corners, u32(WARNING, 0.9), 2.0 * scale, 0)
 
-    def _placed(self, pixels: Array) -> list[ImVec2 | tuple[int | float, int | float] | list[int | float]]:
+    def _in_window(self, pixels: Array) -> list[ImVec2 | tuple[int | float, int | float] | list[int | float]]:
         left, top = self.context.viewport.origin
         return [ImVec2(u + left, v + top) for u, v in pixels.tolist()]

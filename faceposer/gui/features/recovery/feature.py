@@ -1,4 +1,4 @@
-"""Keeps the user's work on the disk as it is made, and offers at the start what an earlier run could not save."""
+"""Autosave of unsaved work, and recovery of the work of an earlier run that was not saved."""
 
 import math
 from contextlib import suppress
@@ -13,20 +13,20 @@ from faceposer.session.autosave import Journal, Orphan, autosave_dir, find_orpha
 
 
 class RecoveryFeature(Feature):
-    """The window's journal, and the journals that wait to be offered.
+    """Journal of the current session, and recovery of the journals of earlier runs.
 
     Attributes:
-        keeps: Whether unsaved work stays on the disk when the window closes, to be offered at the next start.
+        keeps: True to keep unsaved work when the window closes, and to offer it at the next start.
     """
 
     def __init__(self, context: EditorContext) -> None:
-        """Serve ``context``; unless it keeps a journal, nothing is written and nothing is offered."""
+        """Serve ``context``; if it keeps no journal, nothing is written and no recovery is offered."""
         super().__init__(context)
         self.keeps = True
         self._journal: Journal | None = None
-        self._waiting: list[Orphan] = []
+        self._offers: list[Orphan] = []
         self._claimed: list[Orphan] = []
-        self._told = False
+        self._failure_reported = False
         if not context.keeps_journal:
             return
         chosen = context.settings.autosave_folder
@@ -34,57 +34,56 @@ class RecoveryFeature(Feature):
         self._journal = Journal(folder, self._clock)
         found = find_orphans(folder)
         if folder != autosave_dir():
-            # What was kept before another folder was chosen is not forgotten.
-            usual = find_orphans(autosave_dir())
-            found = replace(found, orphans=(*found.orphans, *usual.orphans), damaged=(*found.damaged, *usual.damaged))
-        self._waiting = list(found.orphans)
+            # The default folder may hold journals from before another folder was chosen.
+            default = find_orphans(autosave_dir())
+            orphans, damaged = (*found.orphans, *default.orphans), (*found.damaged, *default.damaged)
+            found = replace(found, orphans=orphans, damaged=damaged)
+        self._offers = list(found.orphans)
         self._claimed = list(found.orphans)
         for path in found.damaged:
             context.dialogs.report(
-                "Earlier work cannot be recovered", f"What the program kept of it is damaged; it now lies in '{path}'."
+                "Earlier work cannot be recovered", f"The autosaved file is damaged. It was moved to '{path}'."
             )
 
     def _clock(self) -> float:
-        # Who plays events brings a clock later.
+        # The clock may be replaced later, when recorded events are played.
         return self.context.clock()
 
     @property
     def patience(self) -> float:
-        """For how many seconds there is nothing to do."""
+        """Seconds until the journal has to be written."""
         return math.inf if self._journal is None else self._journal.patience
 
     def update(self) -> None:
-        """Keep what was done, and offer the next orphan once nothing else is asked."""
+        """Write the journal, and offer to recover the next orphan when no dialog is open."""
         context = self.context
         if self._journal is None:
             return
-        if self._waiting and not (
-            context.dialogs.open or context.file_dialogs.open or context.is_modal or context.busy
-        ):
-            self._offer(self._waiting.pop(0))
+        if self._offers and not (context.dialogs.open or context.file_dialogs.open or context.is_modal or context.busy):
+            self._offer(self._offers.pop(0))
         try:
             self._journal.follow(context.session, context.viewport.camera)
         except FacePoserError as error:
-            # Once is enough: it is tried again and again.
-            if not self._told:
-                self._told = True
-                context.dialogs.report("Unsaved work would not survive a crash", f"{error} Save often.")
+            # Writing is attempted again and again; the first failure is reported.
+            if not self._failure_reported:
+                self._failure_reported = True
+                context.dialogs.report("Unsaved work cannot be recovered after a crash", f"{error} Save often.")
 
     def rescue(self) -> str:
-        """Bring the disk up to date, and say where unsaved work is."""
+        """Write the journal after a fatal error, and return what becomes of unsaved work, for its message."""
         session = self.context.session
         if not session.dirty:
-            return "nothing is lost."
+            return "no changes are lost."
         if self._journal is None:
-            return "what was not saved is lost."
+            return "unsaved changes are lost."
         try:
             self._journal.flush(session, self.context.viewport.camera)
         except FacePoserError as error:
             return f"your work could not be saved either: {error}"
-        return "your work is kept, and will be offered when you start Face Poser again."
+        return "your work is kept and can be recovered when you start Face Poser again."
 
     def close(self) -> None:
-        """End, and leave unsaved work to be offered at the next start if it ``keeps`` it."""
+        """Close the journal, and keep unsaved work for the next start if ``keeps`` is True."""
         for orphan in self._claimed:
             orphan.release()
         if self._journal is None:
@@ -95,12 +94,10 @@ class RecoveryFeature(Feature):
         self._journal.close(self.keeps)
 
     def _offer(self, orphan: Orphan) -> None:
-        text = (
-            f"Face Poser ended before it was saved. What was done until {orphan.saved_at.astimezone():%Y-%m-%d %H:%M} "
-            "was kept."
-        )
+        saved_at = f"{orphan.saved_at.astimezone():%Y-%m-%d %H:%M}"
+        text = f"Face Poser ended before this work was saved. It was autosaved on {saved_at}."
         if orphan.outdated:
-            text += f" {orphan.name} has been saved again since then, with something else."
+            text += f" {orphan.name} has been saved since then, with other content."
         name = orphan.name if orphan.path is not None else f"the unsaved pose of '{orphan.name}'"
         self.context.dialogs.ask(
             Question(
@@ -116,9 +113,9 @@ class RecoveryFeature(Feature):
         self.context.redraw()
 
     def _recover(self, orphan: Orphan) -> None:
-        """Edit what ``orphan`` holds; it is deleted once the work is in our own journal."""
+        """Open the work of ``orphan``, which is deleted as soon as the journal of this run holds the work."""
         context = self.context
-        if not context.show_session(orphan.open, "This cannot be recovered", " It is kept for the next start."):
+        if not context.show_session(orphan.open, "The work cannot be recovered", " It will be offered again."):
             orphan.release()
             return
         if self._journal is not None:

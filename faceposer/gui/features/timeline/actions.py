@@ -1,19 +1,16 @@
-"""What menus and keys do with the timeline; the keys are those of Blender and Maya where these are free."""
+"""Actions of the timeline; their shortcuts are those of Blender and Maya where these are free."""
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from faceposer.gui.actions import Action
-
-if TYPE_CHECKING:
-    from faceposer.gui.features.timeline.feature import TimelineFeature
+from faceposer.gui.features.timeline.editor import TimelineEditor
 
 _MENU = "Animate"
 
 
-def build_timeline_actions(timeline: "TimelineFeature") -> list[Action]:
-    """Return the actions of ``timeline``, in the order of its menu."""
+def build_timeline_actions(timeline: TimelineEditor) -> list[Action]:
+    """Return the actions of ``timeline`` in menu order."""
 
     def free() -> bool:
         return timeline.free
@@ -34,7 +31,7 @@ def build_timeline_actions(timeline: "TimelineFeature") -> list[Action]:
             ("A",),
             checked=lambda: timeline.shown,
             separated=True,
-            help="Show the keys of the animation beneath the face",
+            help="Show the keys of the animation below the view",
         ),
         Action(
             "play",
@@ -44,7 +41,7 @@ def build_timeline_actions(timeline: "TimelineFeature") -> list[Action]:
             ("Shift+Space",),
             lambda: timeline.reachable and has_keys() and timeline.keyframes.length > 1,
             lambda: timeline.playing,
-            help="Play from the frame that is shown, or stop",
+            help="Play from the current frame, or stop",
         ),
         Action(
             "loop",
@@ -54,7 +51,7 @@ def build_timeline_actions(timeline: "TimelineFeature") -> list[Action]:
             (),
             free,
             lambda: timeline.keyframes.loop,
-            help="Begin again when the end is reached; the face moves smoothly from the last key to the first",
+            help="Play the animation in a loop, with a smooth transition from the last key to the first",
         ),
         Action(
             "set-key",
@@ -64,7 +61,7 @@ def build_timeline_actions(timeline: "TimelineFeature") -> list[Action]:
             ("I",),
             free,
             separated=True,
-            help="Make this face the key at the frame that is shown",
+            help="Set a key with this pose at the current frame",
         ),
         Action(
             "auto-key",
@@ -72,7 +69,7 @@ def build_timeline_actions(timeline: "TimelineFeature") -> list[Action]:
             _MENU,
             timeline.toggle_auto_key,
             checked=lambda: timeline.context.settings.auto_key,
-            help="Once there is a key and the timeline is shown, each change of the face becomes the key at its frame",
+            help="Set a key after every change of the pose, while the timeline is shown and has a key",
         ),
         Action(
             "delete-keys",
@@ -81,7 +78,7 @@ def build_timeline_actions(timeline: "TimelineFeature") -> list[Action]:
             lambda: timeline.delete(timeline.targets),
             ("Alt+I",),
             lambda: free() and bool(timeline.targets),
-            help="Delete the selected keys, or the one at the frame that is shown",
+            help="Delete the selected keys, or the key at the current frame",
         ),
         Action(
             "copy-keys",
@@ -90,7 +87,7 @@ def build_timeline_actions(timeline: "TimelineFeature") -> list[Action]:
             timeline.copy,
             ("Ctrl+C",),
             lambda: free() and bool(timeline.targets),
-            help="Copy the selected keys, or the one at the frame that is shown",
+            help="Copy the selected keys, or the key at the current frame",
         ),
         Action(
             "paste-keys",
@@ -99,7 +96,7 @@ def build_timeline_actions(timeline: "TimelineFeature") -> list[Action]:
             timeline.paste,
             ("Ctrl+V",),
             lambda: free() and timeline.can_paste,
-            help="Paste keys from the frame that is shown on",
+            help="Paste the copied keys, starting at the current frame",
         ),
         Action(
             "select-keys", "Select all keys", _MENU, timeline.select_all, ("Ctrl+A",), lambda: free() and has_keys()
@@ -108,7 +105,7 @@ def build_timeline_actions(timeline: "TimelineFeature") -> list[Action]:
     ]
 
 
-def _frame_actions(timeline: "TimelineFeature", has_keys: Callable[[], bool]) -> list[Action]:
+def _frame_actions(timeline: TimelineEditor, has_keys: Callable[[], bool]) -> list[Action]:
     def reachable() -> bool:
         return timeline.reachable
 

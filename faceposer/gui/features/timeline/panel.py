@@ -1,4 +1,4 @@
-"""The strip of the timeline: buttons and fields above, ruler and keys beneath."""
+"""The strip of the timeline: buttons and fields above, ruler and keys below."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.animation.keyframes import LONGEST
-from faceposer.gui.features.timeline.track import track_height
+from faceposer.gui.features.timeline.editor import TimelineEditor
+from faceposer.gui.features.timeline.track import Track, track_height
 from faceposer.gui.widgets.basic import tooltip
 from faceposer.gui.widgets.theme import (
     ACCENT_DARK,
@@ -22,28 +23,27 @@ from faceposer.gui.widgets.theme import (
 )
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.timeline.feature import TimelineFeature
     from faceposer.session.animating import Shown
 
 _RATES = (24.0, 25.0, 30.0, 50.0, 60.0)
 _PAD = 0.45
-# Widths of the strip below which what is least needed is left out.
+# Widths of the strip, in units of the font size, below which the least important widgets are hidden.
 _NO_RATE, _NO_LENGTH, _NO_ENDS = 37.0, 30.0, 24.0
-# What the face on the screen is: in words, in which colour, and what that means.
-_SHOWN: dict["Shown", tuple[str, Colour, str]] = {
-    "unkeyed": ("No keys yet", FAINT, "Pose the face and set a key; then go to another frame and pose it again."),
-    "key": ("Key", KEYED, "This face is a key of the animation."),
-    "between": ("In between", INK, "The animation has this face here, between its keys."),
+# State of the current pose: label, colour and tooltip.
+_STATES: dict["Shown", tuple[str, Colour, str]] = {
+    "unkeyed": ("No keys yet", FAINT, "Pose the face and set a key, then go to another frame and set the next one."),
+    "key": ("Key", KEYED, "This pose is a key of the animation."),
+    "between": ("In between", INK, "This pose is interpolated from the keys."),
     "changed": (
         "Changed, no key",
         WARNING,
-        "This face differs from what the animation has here. Set a key to keep it; going to another frame leaves it.",
+        "This pose differs from the animation. Set a key to keep it; going to another frame discards it.",
     ),
 }
 
 
-def _room() -> float:
-    """Return the width of the strip in units of the font's size."""
+def _width_in_em() -> float:
+    """Return the width of the strip in units of the font size."""
     return imgui.get_window_width() / em()
 
 
@@ -52,7 +52,7 @@ def timeline_height() -> float:
     return round(imgui.get_frame_height() + track_height() + em(2 * _PAD))
 
 
-def draw_timeline(timeline: "TimelineFeature") -> None:
+def draw_timeline(timeline: TimelineEditor, track: Track) -> None:
     """Draw the strip into the current window."""
     pad = em(_PAD)
     imgui.set_cursor_pos(ImVec2(em(0.6), pad))
@@ -61,11 +61,11 @@ def draw_timeline(timeline: "TimelineFeature") -> None:
     _draw_fields(timeline)
     _draw_state(timeline)
     imgui.set_cursor_pos(ImVec2(0.0, round(imgui.get_frame_height() + 2 * pad)))
-    timeline.track.draw(imgui.get_window_width(), track_height())
+    track.draw(imgui.get_window_width(), track_height())
     imgui.pop_style_var()
 
 
-def _icon_button(timeline: "TimelineFeature", name: str, icon: str, on: bool = False, wide: float = 1.9) -> None:
+def _icon_button(timeline: TimelineEditor, name: str, icon: str, on: bool = False, wide: float = 1.9) -> None:
     action = timeline.context.actions[name]
     imgui.push_style_color(imgui.Col_.button, ImVec4(*ACCENT_DARK) if on else ImVec4(0.0, 0.0, 0.0, 0.0))
     imgui.push_style_color(imgui.Col_.button_hovered, ImVec4(*(ACCENT_MID if on else RAISED_MORE)))
@@ -77,14 +77,14 @@ def _icon_button(timeline: "TimelineFeature", name: str, icon: str, on: bool = F
     imgui.pop_style_var()
     imgui.pop_style_color(2)
     timeline.context.widget_rects.record(name)
-    # While it plays, one watches.
+    # A tooltip would distract from the playback.
     if not timeline.playing:
         tooltip(action.tooltip)
     imgui.same_line(0.0, em(0.15))
 
 
-def _draw_buttons(timeline: "TimelineFeature") -> None:
-    wide = _room() > _NO_ENDS
+def _draw_buttons(timeline: TimelineEditor) -> None:
+    wide = _width_in_em() > _NO_ENDS
     if wide:
         _icon_button(timeline, "first-frame", Icon.FIRST)
     _icon_button(timeline, "previous-key", Icon.PREVIOUS)
@@ -97,8 +97,8 @@ def _draw_buttons(timeline: "TimelineFeature") -> None:
     imgui.same_line(0.0, em(0.9))
 
 
-def _draw_fields(timeline: "TimelineFeature") -> None:
-    """Draw the frame that is shown, the length and the rate, as far as there is room."""
+def _draw_fields(timeline: TimelineEditor) -> None:
+    """Draw the current frame, the length and the rate, as far as there is room."""
     rects = timeline.context.widget_rects
     imgui.begin_disabled(not timeline.reachable)
     imgui.set_next_item_width(em(3.9))
@@ -107,17 +107,17 @@ def _draw_fields(timeline: "TimelineFeature") -> None:
     if changed:
         timeline.go_to(frame - 1)
     rects.record("frame-shown")
-    tooltip("The frame that is shown: drag, or double-click to type a number")
+    tooltip("Current frame. Drag, or double-click to type a number.")
     imgui.same_line()
-    if _room() > _NO_LENGTH:
+    if _width_in_em() > _NO_LENGTH:
         _draw_length(timeline)
-    if _room() > _NO_RATE:
+    if _width_in_em() > _NO_RATE:
         _draw_rate(timeline)
     imgui.end_disabled()
     imgui.same_line(0.0, em(0.9))
 
 
-def _draw_length(timeline: "TimelineFeature") -> None:
+def _draw_length(timeline: TimelineEditor) -> None:
     keyframes, rects = timeline.keyframes, timeline.context.widget_rects
     imgui.align_text_to_frame_padding()
     imgui.text_colored(FAINT, "of")
@@ -128,17 +128,18 @@ def _draw_length(timeline: "TimelineFeature") -> None:
     if changed:
         timeline.change(replace(keyframes, length=length), "Change the length", merges=True)
     rects.record("length")
-    tooltip(f"How many frames are played, {keyframes.length / keyframes.rate:.2f} s: drag, or double-click to type")
+    seconds = keyframes.length / keyframes.rate
+    tooltip(f"Length of the animation in frames, {seconds:.2f} s. Drag, or double-click to type a number.")
     imgui.same_line()
 
 
-def _draw_rate(timeline: "TimelineFeature") -> None:
+def _draw_rate(timeline: TimelineEditor) -> None:
     keyframes, rects = timeline.keyframes, timeline.context.widget_rects
     imgui.set_next_item_width(em(5.6))
     opened = imgui.begin_combo("##rate", f"{keyframes.rate:g} fps")
     rects.record("rate")
     if not opened:
-        tooltip("Frames per second; keys stay at their frames")
+        tooltip("Frames per second. Keys keep their frame numbers.")
     else:
         for rate in sorted({*_RATES, keyframes.rate}):
             pressed, _ = imgui.selectable(f"{rate:g} fps", rate == keyframes.rate)
@@ -148,14 +149,13 @@ def _draw_rate(timeline: "TimelineFeature") -> None:
         imgui.end_combo()
 
 
-def _draw_state(timeline: "TimelineFeature") -> None:
-    """Draw the buttons that make keys, and what the face on the screen is."""
+def _draw_state(timeline: TimelineEditor) -> None:
+    """Draw the buttons that set keys, and the state of the current pose."""
     context = timeline.context
     action = context.actions["set-key"]
-    shown = timeline.animation.shown
     imgui.begin_disabled(not action.enabled())
-    words, colour, meaning = _SHOWN[shown]
-    # The mark tells what the words do, where there is no room for them.
+    text, colour, meaning = _STATES[timeline.animation.shown]
+    # The colour of the icon shows the state where there is no room for the text.
     imgui.push_style_color(imgui.Col_.text, ImVec4(*colour))
     pressed = imgui.button(f"{Icon.KEY}##set-key")
     imgui.pop_style_color()
@@ -167,9 +167,9 @@ def _draw_state(timeline: "TimelineFeature") -> None:
     imgui.same_line()
     _icon_button(timeline, "auto-key", "Auto", context.settings.auto_key, 3.0)
     imgui.same_line(0.0, em(0.6))
-    if imgui.calc_text_size(words).x > imgui.get_content_region_avail().x:
+    if imgui.calc_text_size(text).x > imgui.get_content_region_avail().x:
         return
     imgui.align_text_to_frame_padding()
-    imgui.text_colored(colour, words)
+    imgui.text_colored(colour, text)
     context.widget_rects.record("shown")
     tooltip(meaning)

@@ -1,37 +1,35 @@
-"""Ruler and keys of the timeline: where each frame is, and what the mouse does there."""
+"""Ruler and keys of the timeline, and how the mouse edits them."""
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from imgui_bundle import imgui
 from numpy.typing import NDArray
 
+from faceposer.gui.features.timeline.editor import TimelineEditor
 from faceposer.gui.widgets.theme import ACCENT, BAR, EDGE, FAINT, INK, KEYED, em, u32
-
-if TYPE_CHECKING:
-    from faceposer.gui.features.timeline.feature import TimelineFeature
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _STEPS = (1, 2, 5, 10, 20, 25, 50, 100, 200, 250, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000)
 _RULER, _KEYS = 1.5, 1.9
-# Pixels at normal density: from where a press is a drag, how far from a key it still means it, a diamond's half width.
+# Pixels at normal density: distance from which a press is a drag, pick radius of a key, half width of a diamond.
 _DRAG, _REACH, _SIZE = 3.0, 7.0, 6.0
 _FEWEST_FRAMES = 8.0
 _ZOOM = 1.2
 
 
 def track_height() -> float:
-    """Return the height of ruler and keys together."""
+    """Return the height of the track: ruler and keys."""
     return round(em(_RULER) + em(_KEYS))
 
 
 @dataclass(frozen=True)
 class _Press:
-    """What the mouse is doing since it went down at ``x``, ``y``."""
+    """Mouse gesture that began at ``x``, ``y``."""
 
     kind: Literal["scrub", "keys", "box", "pan"]
     x: float
@@ -41,63 +39,63 @@ class _Press:
 
 
 class Track:
-    """Ruler and keys.
+    """Ruler and keys of the timeline.
 
     Attributes:
-        hint: What the mouse will do here, or "" while it is elsewhere.
+        hint: Description of the mouse buttons at the pointer, or "" while it is elsewhere.
     """
 
-    def __init__(self, timeline: "TimelineFeature") -> None:
-        """Show ``timeline``."""
+    def __init__(self, timeline: TimelineEditor) -> None:
+        """Show and edit ``timeline``."""
         self._timeline = timeline
         self.hint = ""
         self._press: _Press | None = None
         self._dragged = False
-        # First and last frame in sight; None for all of the animation.
-        self._view: tuple[float, float] | None = None
+        # First and last visible frame; None for the whole animation.
+        self._zoomed_range: tuple[float, float] | None = None
         self._left, self._width, self._top = 0.0, 1.0, 0.0
 
-    @property
-    def active(self) -> bool:
-        """Whether keys are being dragged or encircled."""
-        return self._press is not None and self._press.kind in ("keys", "box")
-
     def reset(self) -> None:
-        """Forget what is in sight, and what the mouse does."""
-        self._view = self._press = None
+        """Show all frames, and end the gesture of the mouse."""
+        self._zoomed_range = None
+        self._set_press(None)
 
-    # Where frames are
+    def _set_press(self, press: _Press | None) -> None:
+        self._press = press
+        self._timeline.dragging = press is not None and press.kind in ("keys", "box")
+
+    # Coordinates
 
     @property
-    def _seen(self) -> tuple[float, float]:
-        if self._view is not None:
-            return self._view
+    def _visible_range(self) -> tuple[float, float]:
+        if self._zoomed_range is not None:
+            return self._zoomed_range
         keyframes = self._timeline.keyframes
         last = max(keyframes.length - 1, *keyframes.frames[-1:], self._timeline.animation.frame, 1)
         return (0.0, float(last))
 
     def x_of(self, frame: float) -> float:
-        """Return where ``frame`` is in the window."""
-        low, high = self._seen
+        """Return the x coordinate of ``frame`` in the window."""
+        low, high = self._visible_range
         return self._left + (frame - low) / (high - low) * self._width
 
     def frame_at(self, x: float) -> float:
-        """Return the frame at ``x`` in the window, whole or not."""
-        low, high = self._seen
+        """Return the frame at ``x`` in the window, not rounded."""
+        low, high = self._visible_range
         return low + (x - self._left) / self._width * (high - low)
 
     def place(self, frame: int) -> tuple[float, float]:
-        """Return where in the window the key of ``frame`` is, or would be."""
+        """Return the position in the window of a key at ``frame``."""
         return (self.x_of(frame), self._top + em(_RULER) + em(_KEYS) / 2.0)
 
     def ruler_place(self, frame: int) -> tuple[float, float]:
-        """Return where in the window a press goes to ``frame``."""
+        """Return the position in the window of ``frame`` on the ruler."""
         return (self.x_of(frame), self._top + em(_RULER) / 2.0)
 
     # Drawing
 
     def draw(self, width: float, height: float) -> None:
-        """Draw ruler and keys, and do what the mouse asks for."""
+        """Draw ruler and keys, and handle the mouse."""
         timeline = self._timeline
         scale = timeline.context.viewport.ui_scale
         corner = imgui.get_cursor_screen_pos()
@@ -107,8 +105,8 @@ class Track:
         margin = em(1.2)
         self._left, self._top = corner.x + margin, corner.y
         self._width = max(width - 2.0 * margin, 1.0)
-        self._follow_mouse(scale)
-        self._follow_playing()
+        self._handle_mouse(scale)
+        self._keep_playhead_visible()
         draw = imgui.get_window_draw_list()
         draw.push_clip_rect((corner.x, corner.y), (corner.x + width, corner.y + height), True)
         draw.add_rect_filled((corner.x, corner.y), (corner.x + width, corner.y + height), u32(BAR))
@@ -122,17 +120,17 @@ class Track:
         keyframes = self._timeline.keyframes
         ruler = self._top + round(em(_RULER))
         first, last = self.x_of(0), self.x_of(keyframes.length - 1)
-        # What is played is brighter than what lies before and after.
+        # The played range is brighter than the frames before and after it.
         draw.add_rect_filled(
             (max(first - em(0.6), left), ruler), (min(last + em(0.6), right), self._top + height), u32(INK, 0.06)
         )
-        low, high = self._seen
+        low, high = self._visible_range
         spacing = self._width / (high - low)
         step = next((step for step in _STEPS if step * spacing >= em(3.2)), _STEPS[-1])
         fine = next((small for small in _STEPS if small * spacing >= em(0.5) and step % small == 0), step)
         line = max(round(scale), 1)
         playhead = self.x_of(self._timeline.animation.frame)
-        # The frame that users call 1 is 0 here.
+        # Users count frames from 1.
         frame = math.floor((low + 1) / fine) * fine
         while frame <= high + 1 + step:
             x = round(self.x_of(frame - 1))
@@ -145,7 +143,7 @@ class Track:
                     draw.add_rect_filled((x, ruler), (x + line, self._top + height), u32(INK, 0.05))
                 text = str(frame)
                 half = imgui.calc_text_size(text).x / 2.0
-                # The first two may be too near to each other, and the playhead brings its own number.
+                # The first two labels may overlap, and the playhead draws its own number.
                 crowded = frame == step and spacing * (step - 1) < em(1.6) and step > 1
                 hidden = abs(x - playhead) < half + _tag_width(self._timeline.animation.frame)
                 if labelled and not (crowded or hidden):
@@ -155,33 +153,33 @@ class Track:
 
     def _draw_keys(self, draw: imgui.ImDrawList, scale: float) -> None:
         timeline = self._timeline
-        low, high = self._seen
+        low, high = self._visible_range
         spacing = self._width / (high - low)
         reach = _SIZE * scale / spacing
         frames = np.array(timeline.keyframes.frames, dtype=np.float64)
         frames = frames[(frames >= low - reach) & (frames <= high + reach)]
-        chosen, by = np.isin(frames, list(timeline.selected)), self._shift()
+        chosen, by = np.isin(frames, list(timeline.selected)), self._drag_offset()
         gap = float(np.median(np.diff(frames))) if len(frames) > 1 else high
         size = min(max(gap * spacing / 2.0, 2.5 * scale), _SIZE * scale)
         if by == 0:
             self._draw_diamonds(draw, frames, chosen, size, scale)
             return
-        resting = frames if self._held("ctrl") else frames[~chosen]
-        shown = np.concatenate([resting, frames[chosen] + by])
-        self._draw_diamonds(draw, shown, np.arange(len(shown)) >= len(resting), size, scale)
+        unmoved = frames if self._has_modifier("ctrl") else frames[~chosen]
+        shown = np.concatenate([unmoved, frames[chosen] + by])
+        self._draw_diamonds(draw, shown, np.arange(len(shown)) >= len(unmoved), size, scale)
 
-    def _draw_diamonds(self, draw: imgui.ImDrawList, frames: Array, lit: Bools, size: float, scale: float) -> None:
-        """Draw keys at ``frames``, those that are ``lit`` as selected; of many that fall together, few."""
+    def _draw_diamonds(self, draw: imgui.ImDrawList, frames: Array, chosen: Bools, size: float, scale: float) -> None:
+        """Draw keys at ``frames``, those that are ``chosen`` as selected; of keys that overlap, only some."""
         y = round(self.place(0)[1]) + 0.5
-        low, high = self._seen
+        low, high = self._visible_range
         spacing = self._width / (high - low)
-        # Where keys overlap, one each so many pixels looks the same.
+        # Where keys overlap, one key per ``step`` pixels looks the same.
         step = max(round(size), 1) if spacing < size else 1
         places = np.round((self._left + (frames - low) * spacing) / step).astype(np.int64)
         inside = frames < self._timeline.keyframes.length
-        codes = np.unique(places * 4 + lit * 2 + inside).tolist()
+        codes = np.unique(places * 4 + chosen * 2 + inside).tolist()
         marks = [(code // 4 * step + 0.5, bool(code & 2), bool(code & 1)) for code in codes]
-        # The edges of all come first: keys at each frame would hide one another.
+        # All edges are drawn first, so that dense keys do not hide one another.
         for x, selected, _ in marks:
             if selected:
                 _diamond(draw, x, y, size + 3.0 * scale, u32(KEYED, 0.35))
@@ -211,42 +209,42 @@ class Track:
         draw.add_rect_filled((left, ruler), (right, self._top + height), u32(ACCENT, 0.18))
         draw.add_rect((left, ruler), (right, self._top + height), u32(ACCENT, 0.9), 0.0, max(round(scale), 1))
 
-    # The mouse
+    # Mouse
 
-    def _held(self, modifier: str) -> bool:
+    def _has_modifier(self, modifier: str) -> bool:
         return modifier in self._timeline.context.modifiers
 
     def _key_at(self, x: float, y: float, scale: float) -> int | None:
-        """Return the frame of the key that a press at (x, y) means, or None."""
+        """Return the frame of the key at (x, y), or None."""
         if y < self._top + em(_RULER):
             return None
-        keyframes, place = self._timeline.keyframes, self.frame_at(x)
-        beside = (keyframes.previous_frame(math.floor(place) + 1), keyframes.next_frame(math.floor(place)))
-        nearest = min((f for f in beside if f is not None), key=lambda frame: abs(frame - place), default=None)
+        keyframes, pressed = self._timeline.keyframes, self.frame_at(x)
+        neighbours = (keyframes.previous_frame(math.floor(pressed) + 1), keyframes.next_frame(math.floor(pressed)))
+        nearest = min((f for f in neighbours if f is not None), key=lambda frame: abs(frame - pressed), default=None)
         return nearest if nearest is not None and abs(self.x_of(nearest) - x) <= _REACH * scale else None
 
-    def _shift(self) -> int:
-        """Return by how many frames the keys that are being dragged are away from where they were."""
+    def _drag_offset(self) -> int:
+        """Return the number of frames by which keys are being dragged."""
         press = self._press
         if press is None or press.kind != "keys" or not self._dragged:
             return 0
-        low, high = self._seen
+        low, high = self._visible_range
         by = round((imgui.get_io().mouse_pos.x - press.x) * (high - low) / self._width)
         return max(by, -min(self._timeline.selected, default=0))
 
-    def _follow_mouse(self, scale: float) -> None:
+    def _handle_mouse(self, scale: float) -> None:
         io, mouse = imgui.get_io(), imgui.get_io().mouse_pos
         hovered = imgui.is_item_hovered()
-        self.hint = self._explained(mouse.x, mouse.y, scale) if hovered and self._press is None else ""
+        self.hint = self._hint_at(mouse.x, mouse.y, scale) if hovered and self._press is None else ""
         if self._press is not None and self._press.kind == "keys":
-            self.hint = "Release: let go   ·   Ctrl: copy   ·   Esc: back to where they were"
+            self.hint = "Release: confirm   ·   Ctrl: copy   ·   Esc: cancel"
         if hovered:
-            self._follow_wheel(io.mouse_wheel, io.mouse_wheel_h, mouse.x)
+            self._handle_wheel(io.mouse_wheel, io.mouse_wheel_h, mouse.x)
         if self._press is None:
             if imgui.is_item_activated():
-                self._begin(mouse.x, mouse.y, scale)
+                self._start_press(mouse.x, mouse.y, scale)
         elif imgui.is_key_pressed(imgui.Key.escape, False) or not self._timeline.reachable:
-            self._press = None
+            self._set_press(None)
         press = self._press
         if press is None:
             return
@@ -256,35 +254,35 @@ class Track:
             self._scrub(mouse.x)
         elif press.kind == "pan" and self._dragged:
             low, high = press.view
-            self._show(low, high, (press.x - mouse.x) * (high - low) / self._width)
+            self._set_visible_range(low, high, (press.x - mouse.x) * (high - low) / self._width)
         if not imgui.is_item_active():
-            self._end(press, mouse.x)
+            self._finish_press(press, mouse.x)
 
-    def _begin(self, x: float, y: float, scale: float) -> None:
+    def _start_press(self, x: float, y: float, scale: float) -> None:
         timeline = self._timeline
         self._dragged = False
         frame = self._key_at(x, y, scale)
         if imgui.is_mouse_clicked(imgui.MouseButton_.middle.value):
-            self._press = _Press("pan", x, y, view=self._seen)
+            self._set_press(_Press("pan", x, y, view=self._visible_range))
         elif imgui.is_mouse_clicked(imgui.MouseButton_.right.value):
             if frame is not None and timeline.free:
                 timeline.delete(timeline.selected if frame in timeline.selected else {frame})
         elif y < self._top + em(_RULER):
-            self._press = _Press("scrub", x, y)
+            self._set_press(_Press("scrub", x, y))
         elif frame is None:
-            self._press = _Press("box", x, y)
+            self._set_press(_Press("box", x, y))
         else:
             timeline.stop()
-            if self._held("shift"):
+            if self._has_modifier("shift"):
                 timeline.select(timeline.selected ^ {frame})
             elif frame not in timeline.selected:
                 timeline.select({frame})
-            self._press = _Press("keys", x, y, frame)
+            self._set_press(_Press("keys", x, y, frame))
 
-    def _end(self, press: _Press, x: float) -> None:
+    def _finish_press(self, press: _Press, x: float) -> None:
         timeline = self._timeline
-        by = self._shift()
-        self._press = None
+        by = self._drag_offset()
+        self._set_press(None)
         if press.kind == "box":
             found = set[int]()
             if self._dragged:
@@ -292,10 +290,10 @@ class Track:
                 found = {frame for frame in timeline.keyframes.frames if low <= frame <= high}
             else:
                 self._scrub(x)
-            timeline.select(timeline.selected | found if self._held("shift") else found)
+            timeline.select(timeline.selected | found if self._has_modifier("shift") else found)
         elif press.kind == "keys" and by:
-            (timeline.duplicate if self._held("ctrl") else timeline.move)(timeline.selected, by)
-        elif press.kind == "keys" and not self._dragged and not self._held("shift"):
+            (timeline.duplicate if self._has_modifier("ctrl") else timeline.move)(timeline.selected, by)
+        elif press.kind == "keys" and not self._dragged and not self._has_modifier("shift"):
             timeline.select({press.frame})
             timeline.go_to(press.frame)
 
@@ -304,43 +302,43 @@ class Track:
         last = max(self._timeline.keyframes.length - 1, *self._timeline.keyframes.frames[-1:], 0)
         self._timeline.go_to(min(max(frame, 0), last))
 
-    def _follow_wheel(self, turned: float, across: float, x: float) -> None:
-        low, high = self._seen
-        if turned and self._held("shift"):
+    def _handle_wheel(self, turned: float, across: float, x: float) -> None:
+        low, high = self._visible_range
+        if turned and self._has_modifier("shift"):
             across, turned = turned, 0.0
         if turned:
             pivot = self.frame_at(x)
             wide = max((high - low) * _ZOOM**-turned, _FEWEST_FRAMES)
             share = (pivot - low) / (high - low)
-            self._show(pivot - share * wide, pivot + (1.0 - share) * wide, 0.0)
-        elif across and self._view is not None:
-            self._show(low, high, -across * 0.1 * (high - low))
+            self._set_visible_range(pivot - share * wide, pivot + (1.0 - share) * wide, 0.0)
+        elif across and self._zoomed_range is not None:
+            self._set_visible_range(low, high, -across * 0.1 * (high - low))
 
-    def _show(self, low: float, high: float, by: float) -> None:
-        """Bring the frames from ``low`` to ``high``, moved ``by``, into sight, or all if that is more."""
-        self._view, seen = None, (low, high)
-        first, last = self._seen
-        if high - low >= last - first:
+    def _set_visible_range(self, low: float, high: float, by: float) -> None:
+        """Show the frames from ``low`` to ``high``, shifted by ``by``, or the whole animation if that is shorter."""
+        self._zoomed_range, width = None, high - low
+        first, last = self._visible_range
+        if width >= last - first:
             return
-        low = min(max(seen[0] + by, first), last - (high - low))
-        self._view = (low, low + seen[1] - seen[0])
+        low = min(max(low + by, first), last - width)
+        self._zoomed_range = (low, low + width)
 
-    def _follow_playing(self) -> None:
-        """Turn the page when the playhead leaves what is in sight."""
-        if self._view is None or not self._timeline.playing:
+    def _keep_playhead_visible(self) -> None:
+        """Scroll by a page when the playhead leaves the visible range."""
+        if self._zoomed_range is None or not self._timeline.playing:
             return
-        low, high = self._view
+        low, high = self._zoomed_range
         frame = self._timeline.animation.frame
         if not low <= frame <= high:
-            self._show(frame, frame + high - low, 0.0)
+            self._set_visible_range(frame, frame + high - low, 0.0)
 
-    def _explained(self, x: float, y: float, scale: float) -> str:
+    def _hint_at(self, x: float, y: float, scale: float) -> str:
         frame = self._key_at(x, y, scale)
         if frame is not None:
             hints = ("drag: move", "Ctrl+drag: copy", "right click: delete", "Shift+click: select more")
             return "   ·   ".join((f"Key at frame {frame + 1}", *hints))
         if y < self._top + em(_RULER):
-            return "Drag: go through the frames   ·   wheel: zoom   ·   middle drag: move along"
+            return "Drag: change the frame   ·   wheel: zoom   ·   middle drag: pan"
         return "Drag: select keys   ·   click: go to a frame   ·   wheel: zoom"
 
 

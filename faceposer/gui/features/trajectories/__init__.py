@@ -1,1 +1,1 @@
-"""Trajectories drawn over the face, and the animation that follows them."""
+"""Trajectories drawn over the face, and the animation solved to follow them."""

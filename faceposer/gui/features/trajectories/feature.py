@@ -1,4 +1,4 @@
-"""Trajectories in the window: drawn over the face, then solved beside the frames into keys of the timeline."""
+"""Trajectories in the window: drawn over the face, solved in the background, and set as keys of the timeline."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,8 +15,9 @@ from faceposer.geometry.picking import SurfacePoints
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
-from faceposer.gui.features.timeline.feature import TimelineFeature, counted
-from faceposer.gui.features.trajectories.overlay import TrajectoryPainter
+from faceposer.gui.features.timeline.editor import counted
+from faceposer.gui.features.timeline.feature import TimelineFeature
+from faceposer.gui.features.trajectories.overlay import TrajectoryOverlay
 from faceposer.gui.features.trajectories.panel import draw_trajectory_options
 from faceposer.gui.widgets.modal import draw_job, modal
 from faceposer.model.face_model import FaceModel
@@ -33,19 +34,19 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Timing = Literal["pen", "even"]
 
-# Seconds after which a dialog tells how far it is.
+# Seconds of a solve after which a dialog shows its progress.
 _DIALOG_AFTER = 0.3
 
 
 @dataclass
-class FollowingOptions:
-    """What the user sets.
+class TrajectoryOptions:
+    """Options of drawn trajectories.
 
     Attributes:
-        timing: Whether the face goes as fast as the pen went, or at an even pace.
-        frames: How many frames an even pace takes, at least 2.
-        smoothness: Weight of the changes of velocity.
-        few_keys: Whether frames that the others tell of are left out.
+        timing: "pen" to move at the speed of drawing, "even" to move at constant speed.
+        frames: Number of frames at constant speed, at least 2.
+        smoothness: Weight of changes of velocity.
+        few_keys: True to leave out keys that interpolation reproduces.
     """
 
     timing: Timing = "pen"
@@ -55,27 +56,27 @@ class FollowingOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class FollowingRequest:
-    """What is solved.
+class TrajectoryRequest:
+    """Input of a solve.
 
     Attributes:
-        model: The face.
-        trajectories: What its points follow.
-        label: Of the step in the history.
-        first: The frame of the timeline at which they begin; None to take the place of the whole animation.
-        options: As they were when it was asked for.
-        start: The pose where nothing pulls, shape (r,).
-        constraints: What holds in all frames.
+        model: Model of the face.
+        trajectories: Trajectories that points of the face follow.
+        label: Label of the step in the history.
+        first: Frame of the timeline at which the trajectories begin, or None to replace the whole animation.
+        options: Options at the time of the request.
+        start: Starting pose, shape (r,).
+        constraints: Constraints that hold in all frames.
         prior_weight: Weight of the prior.
-        prior: How it judges.
-        spread: How much of the face follows.
+        prior: Kind of prior.
+        spread: Spread of the motion over the face.
     """
 
     model: FaceModel
     trajectories: Trajectories
     label: str
     first: int | None
-    options: FollowingOptions
+    options: TrajectoryOptions
     start: Array
     constraints: tuple[Constraint, ...] = ()
     prior_weight: float = 1.0
@@ -83,8 +84,8 @@ class FollowingRequest:
     spread: float = SPREAD
 
 
-def _solve(request: FollowingRequest, progress: Progress) -> Performance:
-    # Here and not above: the libraries behind take a good part of a second to load.
+def _solve(request: TrajectoryRequest, progress: Progress) -> Performance:
+    # Imported here, because the libraries take a good part of a second to load.
     from faceposer.animation.following import follow
 
     return follow(
@@ -101,42 +102,42 @@ def _solve(request: FollowingRequest, progress: Progress) -> Performance:
 
 
 class TrajectoriesFeature(Feature):
-    """The trajectories that are drawn, and the solve under way.
+    """Drawn trajectories, and the solve in progress.
 
     Attributes:
-        options: What the user sets.
-        first: The frame of the timeline at which the drawn trajectories begin.
-        job: The solve under way, or None.
+        options: Options of drawn trajectories.
+        first: Frame of the timeline at which the drawn trajectories begin.
+        job: The solve in progress, or None.
     """
 
     tool_name = "trajectory"
 
     def __init__(self, context: EditorContext) -> None:
         super().__init__(context)
-        self.options = FollowingOptions()
+        self.options = TrajectoryOptions()
         self.first = 0
         self.job: ThreadJob[Performance] | None = None
-        self._request: FollowingRequest | None = None
-        self._painter = TrajectoryPainter(context)
+        self._request: TrajectoryRequest | None = None
+        self._overlay = TrajectoryOverlay(context)
 
     @property
     def tool(self) -> "TrajectoryTool":
-        """The tool that draws them."""
+        """The tool that draws trajectories."""
         return self.context.toolbox.trajectory_tool
 
     @property
     def is_modal(self) -> bool:
-        """Whether a solve has gone on for long enough to be worth a dialog."""
+        """True while the dialog with the progress of a solve is shown."""
         return self.job is not None and self.job.seconds > _DIALOG_AFTER
 
     @property
     def chosen(self) -> bool:
-        """Whether trajectories are what one draws now."""
+        """True if the trajectory tool is chosen."""
         return self.context.toolbox.chosen is self.tool
 
     @property
     def timeline(self) -> TimelineFeature:
-        """Where the keys go."""
+        """The timeline that receives the keys."""
         return self.context.feature(TimelineFeature)
 
     def actions(self) -> Sequence[Action | Submenu]:
@@ -144,12 +145,12 @@ class TrajectoriesFeature(Feature):
         return [
             Action(
                 "follow",
-                "Follow the trajectories",
+                "Follow trajectories",
                 "Animate",
                 self.solve_drawn,
                 enabled=lambda: bool(self.tool.drawn) and self.job is None and not self.context.busy,
                 separated=True,
-                help="Let the face follow the trajectories that are drawn; the result becomes keys",
+                help="Animate the face to follow the drawn trajectories, and set the result as keys",
             ),
         ]
 
@@ -158,11 +159,11 @@ class TrajectoriesFeature(Feature):
         draw_trajectory_options(self)
 
     def session_changed(self) -> None:
-        """Give up what was for the session before."""
-        self.end()
+        """Cancel the solve, which belongs to another session."""
+        self._cancel_solve()
 
     def before_press(self) -> None:
-        """Go to where all trajectories begin, when another one is about to be drawn."""
+        """Go to the first frame of all trajectories before another one is drawn."""
         hover = self.context.toolbox.hover
         draws = self.chosen and hover is not None and hover.surface
         if draws and self.tool.drawn and self.context.session.document.frame != self.first:
@@ -170,10 +171,10 @@ class TrajectoriesFeature(Feature):
             self.context.scene.set_pose(self.context.session.coefficients, self.context.session.document.contact)
 
     def update(self) -> None:
-        """Take what has been asked for or solved.
+        """Start a solve that the tool has requested, and load the result of one that has ended.
 
         Raises:
-            Exception: What went wrong in the solve, unless the user wanted it.
+            Exception: The error of the solve, unless it was cancelled.
         """
         self.tool.follow_history(self.context.session.depth)
         if self.chosen and not self.tool.drawn:
@@ -184,7 +185,7 @@ class TrajectoriesFeature(Feature):
         job = self.job
         if job is None:
             return
-        # One frame, not several as after an event: the progress moves many times a second.
+        # One frame only, unlike after an event: the progress advances many times per second.
         self.context.redraw(1)
         if not job.done or self.context.busy:
             return
@@ -195,49 +196,55 @@ class TrajectoriesFeature(Feature):
         if job.error is not None:
             raise job.error
         if job.result is not None and self._request is not None:
-            self._take(self._request, job.result)
+            self._load_result(self._request, job.result)
 
-    # What is solved
+    # Solving
 
     def positions(self, drawn: "DrawnTrajectory") -> Array:
-        """Return where the point of ``drawn`` is, frame by frame, shape (F, 2)."""
+        """Return the pixels of ``drawn`` frame by frame, shape (F, 2)."""
         if self.options.timing == "even":
             return drawn.spread(self.options.frames)
         return drawn.timed(self.timeline.keyframes.rate)
 
     def solve_drawn(self) -> None:
-        """Let the face follow what is drawn; a point whose trajectory is shorter than others stays at its end."""
+        """Solve for the drawn trajectories; points with a shorter trajectory stay at its end."""
         context, drawn = self.context, self.tool.drawn
         if not drawn or self.job is not None or context.busy:
             return
         self.timeline.go_to(self.first)
         camera = drawn[0].camera
-        ways = []
-        for one in drawn:
-            seen = one.seen_in(camera)
-            if seen is None:
+        paths = []
+        for trajectory in drawn:
+            pixels = trajectory.seen_in(camera)
+            if pixels is None:
                 raise ValueError("trajectories of different views")
-            ways.append(self.positions(replace(one, pixels=seen)))
-        n_frames = min(max(len(way) for way in ways), LONGEST - self.first)
-        held = [np.concatenate([way, np.repeat(way[-1:], max(n_frames - len(way), 0), axis=0)]) for way in ways]
-        names = [context.drawn_constraints.names.name(one.anchor) for one in drawn]
+            paths.append(self.positions(replace(trajectory, pixels=pixels)))
+        n_frames = min(max(len(path) for path in paths), LONGEST - self.first)
+        padded = [np.concatenate([path, np.repeat(path[-1:], max(n_frames - len(path), 0), axis=0)]) for path in paths]
+        names = [context.drawn_constraints.names.name(trajectory.anchor) for trajectory in drawn]
         trajectories = Trajectories(
             tuple(names),
-            SurfacePoints.of([one.anchor for one in drawn]),
-            np.stack([way[:n_frames] for way in held], axis=1),
+            SurfacePoints.of([trajectory.anchor for trajectory in drawn]),
+            np.stack([path[:n_frames] for path in padded], axis=1),
             self.timeline.keyframes.rate,
             camera,
         )
         count = "a trajectory" if len(drawn) == 1 else f"{len(drawn)} trajectories"
-        self.begin(trajectories, f"Follow {count}", self.first)
+        self.solve(trajectories, f"Follow {count}", self.first)
 
-    def begin(self, trajectories: Trajectories, label: str, first: int | None) -> None:
-        """Let the face follow ``trajectories`` from the frame ``first`` on, or None for an animation of their own."""
+    def solve(self, trajectories: Trajectories, label: str, first: int | None) -> None:
+        """Solve for ``trajectories`` in the background.
+
+        Args:
+            trajectories: Trajectories that the face follows.
+            label: Label of the step in the history.
+            first: Frame of the timeline at which they begin, or None to replace the whole animation.
+        """
         session = self.context.session
         document = session.document
         constraints = tuple(c for c in document.constraints if c.enabled)
         start = session.model.neutral() if document.start is None else document.start
-        request = FollowingRequest(
+        request = TrajectoryRequest(
             session.model,
             trajectories,
             label,
@@ -247,15 +254,15 @@ class TrajectoriesFeature(Feature):
             constraints,
             document.prior_weight,
             document.prior,
-            # Drawn by hand, the ways of a few points mean what a drag means; from a file they are a real face's.
+            # Drawn trajectories act like drags; those from a file were recorded on a real face.
             RECORDED_SPREAD if first is None else document.spread,
         )
         self._request = request
         self.job = ThreadJob(partial(_solve, request), self.context.wake)
         self.context.redraw()
 
-    def _take(self, request: FollowingRequest, performance: Performance) -> None:
-        """Make ``performance`` keys of the timeline, in place of those that lie in its frames."""
+    def _load_result(self, request: TrajectoryRequest, performance: Performance) -> None:
+        """Set ``performance`` as keys of the timeline, which replace the keys in its frames."""
         model = request.model
         dense = Keyframes.of_performance(performance)
         solved = dense.reduced(model, TOLERANCE) if request.options.few_keys else dense
@@ -270,41 +277,41 @@ class TrajectoriesFeature(Feature):
             keyframes = replace(before, length=min(length, LONGEST)).without(replaced).with_keys(keys)
         self.context.session.animation.load(keyframes, request.label, request.first or 0)
         self.timeline.present()
-        self.context.notify(f"{len(performance)} frames, kept as {counted(solved.keys)}")
+        self.context.notify(f"Solved {len(performance)} frames and set {counted(solved.keys)}")
 
-    def end(self) -> None:
-        """Give up the solve under way and wait for its end."""
+    def _cancel_solve(self) -> None:
+        """Cancel the solve in progress and wait until it has ended."""
         if self.job is not None:
             self.job.cancel()
             self.job.join()
             self.job = None
 
     def close(self) -> None:
-        """End."""
-        self.end()
+        """Cancel the solve."""
+        self._cancel_solve()
 
     # Drawing
 
     def draw_over(self, draw: imgui.ImDrawList) -> None:
-        """Draw the trajectories, the points that can be taken, and how far the solve is."""
+        """Draw the trajectories, and the points that the tool snaps to."""
         if self.chosen and not self.context.comparing:
-            self._painter.paint(draw, self)
+            self._overlay.draw(draw, self)
 
     def draw_dialog(self) -> None:
-        """Draw how far the solve is, unless another dialog is above."""
+        """Draw the progress of the solve, unless another dialog is open above it."""
         if self.job is None or not self.is_modal or self.context.dialogs.open:
             return
         with modal("##following", 26.0) as shown:
             if shown:
-                context, title = self.context, "The face follows the trajectories"
+                context, title = self.context, "Following trajectories"
                 draw_job(context.fonts, context.widget_rects, "following", title, self.job, self.progress)
 
     @property
     def progress(self) -> str:
-        """What the solve under way does now."""
+        """Current stage of the solve in words."""
         job = self.job
         if job is None:
             return ""
         if job.cancelled:
             return "Stopping..."
-        return f"{job.stage}..." if job.share < 1.0 else "Making all frames smooth together..."
+        return f"{job.stage}..." if job.share < 1.0 else "Smoothing all frames..."

@@ -1,4 +1,4 @@
-"""Draws trajectories over the face: the points that can be taken, and the way of each with a dot at every frame."""
+"""Overlay of trajectories: the points that the tool snaps to, and each path with a dot at every frame."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -15,46 +15,44 @@ if TYPE_CHECKING:
     from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 
 Array = NDArray[np.float64]
-# Pixels at normal density between two dots below which not all are drawn.
-_APART = 4.0
+# Least distance of two dots in pixels at normal density.
+_LEAST_SPACING = 4.0
 
 
-class TrajectoryPainter:
-    """Draws into the view of an application."""
+class TrajectoryOverlay:
+    """Overlay of the drawn trajectories."""
 
     def __init__(self, context: EditorContext) -> None:
-        """Draw for ``context``."""
+        """Draw over the view of ``context``."""
         self._context = context
         self._candidates: tuple[object, dict[str, Pixel]] = (None, {})
 
-    def paint(self, draw: imgui.ImDrawList, following: "TrajectoriesFeature") -> None:
-        """Draw what the tool of ``following`` has, and the points that it could take."""
-        context, tool = self._context, following.tool
+    def draw(self, draw: imgui.ImDrawList, feature: "TrajectoriesFeature") -> None:
+        """Draw the trajectories of ``feature``, and the points that its tool snaps to."""
+        context, tool = self._context, feature.tool
         scale, origin = context.viewport.ui_scale, np.asarray(context.viewport.origin)
         playing = context.playing
-        elapsed = context.session.document.frame - following.first
-        # Elsewhere a press goes back to the first frame, where the face looks different.
+        elapsed = context.session.document.frame - feature.first
+        # At other frames a press goes to the first frame, where the points are elsewhere.
         if not tool.drawing and not playing and elapsed == 0 and tool.fits(context.viewport):
             self._draw_candidates(draw, origin, scale)
         for drawn in tool.drawn:
-            seen = drawn.seen_in(context.viewport.camera)
-            if seen is None:
+            pixels = drawn.seen_in(context.viewport.camera)
+            if pixels is None:
                 continue
-            _line(draw, seen + origin, scale, TARGET)
-            frames = following.positions(drawn) * (context.viewport.camera.focal / drawn.camera.focal)
-            frames = (
-                frames + (seen[0] - drawn.pixels[0] * (context.viewport.camera.focal / drawn.camera.focal)) + origin
-            )
-            apart = float(np.hypot(*np.diff(frames, axis=0).T).mean())
-            every = max(round(_APART * scale / max(apart, 1e-3)), 1)
-            for x, y in frames[::every].tolist():
+            _draw_path(draw, pixels + origin, scale, TARGET)
+            zoom = context.viewport.camera.focal / drawn.camera.focal
+            frames = feature.positions(drawn) * zoom + (pixels[0] - drawn.pixels[0] * zoom) + origin
+            spacing = float(np.hypot(*np.diff(frames, axis=0).T).mean())
+            step = max(round(_LEAST_SPACING * scale / max(spacing, 1e-3)), 1)
+            for x, y in frames[::step].tolist():
                 draw.add_circle_filled((x, y), 1.6 * scale, u32(EDGE, 0.9))
             x, y = frames[min(max(elapsed, 0), len(frames) - 1)].tolist()
-            _knob(draw, (x, y), 5.0 * scale, scale, TARGET)
+            _draw_knob(draw, (x, y), 5.0 * scale, scale, TARGET)
         if tool.drawing:
-            _line(draw, np.array(tool.drawing) + origin, scale, TARGET)
+            _draw_path(draw, np.array(tool.drawing) + origin, scale, TARGET)
             u, v = tool.drawing[-1]
-            _knob(draw, (u + float(origin[0]), v + float(origin[1])), 5.0 * scale, scale, TARGET)
+            _draw_knob(draw, (u + float(origin[0]), v + float(origin[1])), 5.0 * scale, scale, TARGET)
 
     def _draw_candidates(self, draw: imgui.ImDrawList, origin: Array, scale: float) -> None:
         context = self._context
@@ -73,12 +71,12 @@ class TrajectoryPainter:
                     reach, nearest = distance, name
         if nearest and not context.toolbox.active:
             at = self._candidates[1][nearest]
-            _knob(draw, (at[0] + float(origin[0]), at[1] + float(origin[1])), 5.0 * scale, scale, ACCENT)
+            _draw_knob(draw, (at[0] + float(origin[0]), at[1] + float(origin[1])), 5.0 * scale, scale, ACCENT)
             vertex = context.session.model.character.feature_points[nearest]
             draw_label(draw, context.viewport, at, context.drawn_constraints.names.name(int(vertex)))
 
 
-def _line(draw: imgui.ImDrawList, pixels: Array, scale: float, colour: Colour) -> None:
+def _draw_path(draw: imgui.ImDrawList, pixels: Array, scale: float, colour: Colour) -> None:
     if len(pixels) < 2:
         return
     points: list[Any] = [ImVec2(x, y) for x, y in pixels.tolist()]
@@ -86,6 +84,6 @@ def _line(draw: imgui.ImDrawList, pixels: Array, scale: float, colour: Colour) -
     draw.add_polyline(points, u32(colour), 2.2 * scale, 0)
 
 
-def _knob(draw: imgui.ImDrawList, at: Pixel, radius: float, scale: float, colour: Colour) -> None:
+def _draw_knob(draw: imgui.ImDrawList, at: Pixel, radius: float, scale: float, colour: Colour) -> None:
     draw.add_circle_filled(at, radius + 1.5 * scale, u32(EDGE, 0.85))
     draw.add_circle_filled(at, radius, u32(colour))

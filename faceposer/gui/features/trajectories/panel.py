@@ -1,4 +1,4 @@
-"""The options of drawn trajectories: how fast, how smooth, and what becomes of them."""
+"""Options of drawn trajectories: timing, smoothness and number of keys."""
 
 from typing import TYPE_CHECKING
 
@@ -16,14 +16,14 @@ _LARGEST_SMOOTHNESS = 100.0
 _MOST_FRAMES = 10_000
 
 
-def draw_trajectory_options(following: "TrajectoriesFeature") -> None:
-    """Draw the options, and how far the solve is."""
-    context = following.context
-    options, tool = following.options, following.tool
-    rate = following.timeline.keyframes.rate
+def draw_trajectory_options(feature: "TrajectoriesFeature") -> None:
+    """Draw the options, and the buttons that follow or clear the trajectories."""
+    context = feature.context
+    options, tool = feature.options, feature.tool
+    rate = feature.timeline.keyframes.rate
     tips = (
-        "The face goes as fast as you draw; points drawn one after another move at the same time.",
-        "The face goes along at an even pace, in as many frames as you say.",
+        "Move at the speed at which you draw. All points start at the same time.",
+        "Move at constant speed over a number of frames.",
     )
     options.timing = (
         "even"
@@ -35,34 +35,34 @@ def draw_trajectory_options(following: "TrajectoriesFeature") -> None:
         flags = imgui.SliderFlags_.always_clamp.value
         _, options.frames = imgui.drag_int("##frames", options.frames, 0.2, 2, _MOST_FRAMES, "%d", flags)
         context.widget_rects.record("even-frames")
-        tooltip(f"How many frames it takes, {(options.frames - 1) / rate:.2f} s")
+        tooltip(f"Duration of the motion in frames, {(options.frames - 1) / rate:.2f} s")
     _label("Smoothness")
     flags = imgui.SliderFlags_.logarithmic.value | imgui.SliderFlags_.clamp_on_input.value
     _, options.smoothness = imgui.slider_float(
         "##smoothness", options.smoothness, 0.0, _LARGEST_SMOOTHNESS, "%.2f", flags
     )
     context.widget_rects.record("smoothness")
-    tooltip("How little the speed of the face may change from frame to frame; 0 follows every tremor of the hand.")
+    tooltip("Smoothness of the motion. 0 follows every jitter of the hand.")
     tips = (
-        f"Only the frames that tell of the others become keys: no shape is off by more than {TOLERANCE:g} in between.",
-        "Every frame becomes a key.",
+        f"Set as few keys as reproduce every shape within {TOLERANCE:g}.",
+        "Set a key at every frame.",
     )
     options.few_keys = not choice(
         context.widget_rects, "few-keys", ("Few keys", "Every frame"), not options.few_keys, tips
     )
     if not tool.drawn:
-        caption("Press on a point of the face and draw its path. Draw as many as you like, then let the face follow.")
+        caption("Press on a point of the face and draw its path. Add paths of other points, then choose Follow.")
         return
-    lasts = max(len(following.positions(drawn)) for drawn in tool.drawn)
+    n_frames = max(len(feature.positions(drawn)) for drawn in tool.drawn)
     count = "1 trajectory" if len(tool.drawn) == 1 else f"{len(tool.drawn)} trajectories"
-    caption(f"{count}, frames {following.first + 1} to {following.first + lasts}")
+    caption(f"{count}, frames {feature.first + 1} to {feature.first + n_frames}")
     width = button_width(2)
     action_button(context.widget_rects, context.actions["follow"], width, "Follow", strong=True)
     imgui.same_line()
     if imgui.button("Clear", (width, 0.0)):
         tool.clear()
     context.widget_rects.record("clear-trajectories")
-    tooltip(f"Remove all trajectories; {context.actions['undo'].shortcut} brings them back")
+    tooltip(f"Remove all trajectories; {context.actions['undo'].shortcut} restores them")
 
 
 def _label(text: str) -> None:

@@ -1,4 +1,4 @@
-"""The dialog that carries the pose to another character: to whom, by which way, which distances, and how it looks."""
+"""Dialog that transfers the pose to another character: target, method, distances and previews."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,47 +20,48 @@ from faceposer.transfer.pairs import PRESETS
 if TYPE_CHECKING:
     from faceposer.gui.features.transfer.feature import TransferFeature
 
-_FORM, _PICTURE, _LABEL, _LIST, _NUMBER = 29.0, 12.6, 4.6, 14.5, 4.2
+_FORM, _PREVIEW, _LABEL, _LIST, _NUMBER = 29.0, 12.6, 4.6, 14.5, 4.2
 _METHODS = ("distances", "weights")
 _METHOD_LABELS = ("By distances", "By weights")
 _METHOD_TIPS = (
-    "Keeps distances between points of the face, each within what the character can do. Works between any two faces.",
-    "Gives the same weights to ARKit's shapes, where both characters have them.",
+    "Preserve distances between points of the face, within the range of the target. Works for any two characters.",
+    "Copy the weights of ARKit shapes that both characters have.",
 )
 _PRESETS = (
-    ("full", "All", "All distances that the program knows"),
-    ("paper", "Three", "Heights of mouth and eyes alone"),
+    ("full", "All", "Use all built-in distances"),
+    ("paper", "Three", "Use only the heights of mouth and eyes"),
 )
 _SAMPLES = 4
 
 
 class TransferDialog:
-    """Draws the dialog."""
+    """Content of the dialog."""
 
     def __init__(self, state: "TransferFeature") -> None:
         """Show and change ``state``."""
         self._state = state
-        self._lists = self._listing = False
+        # True if a combo box is open in this frame, and in the last one.
+        self._combo_open = self._combo_was_open = False
 
     def draw(self) -> None:
         """Draw the dialog."""
         context = self._state.context
-        with modal("##transfer", _FORM + _PICTURE + 3.8) as shown:
+        with modal("##transfer", _FORM + _PREVIEW + 3.8) as shown:
             if not shown:
                 return
             fresh = imgui.is_window_appearing()
             modal_title(context.fonts, "Transfer expression")
-            # Pictures beside the form, or below it where the window is too narrow.
+            # Previews are next to the form, or below it if the window is too narrow.
             room = imgui.get_content_region_avail().x
-            beside = room >= em(_FORM + _PICTURE + 1.0)
-            width = em(_FORM) if beside else room
+            fits = room >= em(_FORM + _PREVIEW + 1.0)
+            width = em(_FORM) if fits else room
             imgui.begin_child("##form", (width, 0.0), imgui.ChildFlags_.auto_resize_y.value)
             self._draw_form()
             imgui.end_child()
-            if beside:
+            if fits:
                 imgui.same_line(0.0, em(1.0))
-            imgui.begin_child("##pictures", (em(_PICTURE), 0.0), imgui.ChildFlags_.auto_resize_y.value)
-            self._draw_pictures()
+            imgui.begin_child("##pictures", (em(_PREVIEW), 0.0), imgui.ChildFlags_.auto_resize_y.value)
+            self._draw_previews()
             imgui.end_child()
             self._draw_foot(fresh)
             if not self._state.open:
@@ -71,12 +72,12 @@ class TransferDialog:
     def _draw_form(self) -> None:
         state = self._state
         context, marks = state.context, state.context.widget_rects
-        _label("To")
+        _label("Target")
         imgui.set_next_item_width(-em(2.8))
         titles = dict(state.characters)
         opened = imgui.begin_combo("##to", titles.get(state.to, Path(state.to).stem))
         marks.record("transfer:to")
-        self._lists = opened
+        self._combo_open = opened
         if opened:
             for name, title in state.characters:
                 if imgui.selectable(f"{title}##{name}", name == state.to)[0]:
@@ -84,13 +85,15 @@ class TransferDialog:
                 marks.record(f"transfer:to:{name}")
             imgui.end_combo()
         else:
-            tooltip("The character that gets the expression")
+            tooltip("Target character")
         imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
         if imgui.button(f"{Icon.FILE}##to", (-1.0, 0.0)):
             folder = last_folder(context.settings)
-            context.ask_for_file(FileRequest("open", "A character", "Characters", (".npz",), folder, state.choose_file))
+            context.ask_for_file(
+                FileRequest("open", "Choose character", "Characters", (".npz",), folder, state.choose_file)
+            )
         marks.record("transfer:to:file")
-        tooltip("Choose the file of a character")
+        tooltip("Choose a character file")
         _label("Method")
         chosen = choice(marks, "transfer:method", _METHOD_LABELS, _METHODS.index(state.method), _METHOD_TIPS)
         state.method = "distances" if chosen == 0 else "weights"
@@ -98,7 +101,7 @@ class TransferDialog:
         if state.method == "distances":
             self._draw_list()
         else:
-            caption("Each of ARKit's shapes gets the weight that it has here, within the limits of both characters.")
+            caption("Each ARKit shape of the target gets the same weight, within the limits of both characters.")
         if state.error:
             imgui.push_style_color(imgui.Col_.text, ImVec4(*BAD))
             imgui.text_wrapped(f"{Icon.WARNING}  {state.error}")
@@ -109,17 +112,20 @@ class TransferDialog:
         context, marks = state.context, state.context.widget_rects
         imgui.align_text_to_frame_padding()
         imgui.text_unformatted("Distances")
-        tooltip("In the unit of each mesh, from one feature point to another")
+        tooltip("Distances between feature points, in the unit of each mesh")
         for preset, label, tip in _PRESETS:
             imgui.same_line()
             if imgui.button(f"{label}##preset"):
                 state.pairs = PRESETS[preset]
             marks.record(f"transfer:preset:{preset}")
             tooltip(tip)
-        for name, label, tip in (("load", "Load...", "Read a list from a file"), ("save", "Save...", "Write the list")):
+        for name, label, tip in (
+            ("load", "Load...", "Load the list from a file"),
+            ("save", "Save...", "Save the list"),
+        ):
             imgui.same_line()
             if imgui.button(label):
-                self._ask(name)
+                self._ask_for_pairs(name)
             marks.record(f"transfer:{name}")
             tooltip(tip)
         flags = (
@@ -130,9 +136,9 @@ class TransferDialog:
         )
         if imgui.begin_table("##pairs", 4, flags, (-1.0, em(_LIST))):
             imgui.table_setup_scroll_freeze(0, 1)
-            imgui.table_setup_column("between", imgui.TableColumnFlags_.width_stretch.value)
-            imgui.table_setup_column("here", imgui.TableColumnFlags_.width_fixed.value, em(_NUMBER))
-            imgui.table_setup_column("there", imgui.TableColumnFlags_.width_fixed.value, em(_NUMBER))
+            imgui.table_setup_column("Distance", imgui.TableColumnFlags_.width_stretch.value)
+            imgui.table_setup_column("Source", imgui.TableColumnFlags_.width_fixed.value, em(_NUMBER))
+            imgui.table_setup_column("Target", imgui.TableColumnFlags_.width_fixed.value, em(_NUMBER))
             imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed.value, em(1.6))
             imgui.table_headers_row()
             for index in range(len(state.pairs)):
@@ -142,7 +148,7 @@ class TransferDialog:
         self._draw_add()
         if context.session.model.character.feature_points:
             on = sum(pair.enabled for pair in state.pairs)
-            caption(f"{on} of {len(state.pairs)} are kept; lengths in the unit of each mesh")
+            caption(f"{on} of {len(state.pairs)} distances are preserved. Lengths are in the unit of each mesh.")
 
     def _draw_pair(self, index: int) -> None:
         state = self._state
@@ -167,11 +173,11 @@ class TransferDialog:
         if imgui.small_button(Icon.CLOSE):
             state.remove(index)
         marks.record(f"transfer:pair:{index}:remove")
-        tooltip("Take it out of the list")
+        tooltip("Remove this distance from the list")
         imgui.pop_id()
 
     def _draw_add(self) -> None:
-        """Draw the choice of two feature points, and the button that adds their distance."""
+        """Draw two combo boxes of feature points, and the button that adds their distance."""
         state = self._state
         marks, points = state.context.widget_rects, state.context.session.model.character.feature_points
         if not points:
@@ -182,7 +188,7 @@ class TransferDialog:
             imgui.set_next_item_width(width)
             opened = imgui.begin_combo(f"##end{end}", self._title(state.added[end]))
             marks.record(f"transfer:end:{end}")
-            self._lists |= opened
+            self._combo_open |= opened
             if opened:
                 for name in points:
                     if imgui.selectable(f"{self._title(name)}##{name}", name == state.added[end])[0]:
@@ -195,37 +201,38 @@ class TransferDialog:
             state.add()
         imgui.end_disabled()
         marks.record("transfer:add")
-        tooltip("Keep the distance between these two points too")
+        tooltip("Add the distance between these two points to the list")
 
     def _title(self, point: str) -> str:
-        """Return what people call the feature point ``point``."""
+        """Return the title of the feature point ``point``."""
         return self._state.context.session.model.character.feature_titles.get(point, point)
 
-    def _ask(self, what: str) -> None:
+    def _ask_for_pairs(self, command: str) -> None:
+        """Ask for the file of the list, to "load" or to "save"."""
         state = self._state
         folder = last_folder(state.context.settings)
-        if what == "load":
-            request = FileRequest("open", "A list of pairs", "Lists of pairs", (".json",), folder, state.load_pairs)
+        if command == "load":
+            request = FileRequest("open", "Load list of pairs", "Lists of pairs", (".json",), folder, state.load_pairs)
         else:
             place = folder / "pairs.json"
-            request = FileRequest("save", "Save the pairs", "Lists of pairs", (".json",), place, state.save_pairs)
+            request = FileRequest("save", "Save list of pairs", "Lists of pairs", (".json",), place, state.save_pairs)
         state.context.ask_for_file(request)
 
-    # Pictures
+    # Previews
 
-    def _draw_pictures(self) -> None:
+    def _draw_previews(self) -> None:
         state = self._state
         session = state.context.session
         source, target = state.scenes
-        self._draw_picture("source", source, session.model, session.coefficients)
+        self._draw_preview("source", source, session.model, session.coefficients)
         imgui.dummy((0.0, em(0.1)))
         if state.target is not None and state.result is not None:
-            self._draw_picture("target", target, state.target, state.result)
+            self._draw_preview("target", target, state.target, state.result)
         else:
-            imgui.dummy((em(_PICTURE), em(_PICTURE)))
+            imgui.dummy((em(_PREVIEW), em(_PREVIEW)))
 
-    def _draw_picture(self, name: str, scene: Scene, model: FaceModel, pose: NDArray[np.float64]) -> None:
-        context, side = self._state.context, em(_PICTURE)
+    def _draw_preview(self, name: str, scene: Scene, model: FaceModel, pose: NDArray[np.float64]) -> None:
+        context, side = self._state.context, em(_PREVIEW)
         pixels = max(round(side * context.pixel_ratio), 1)
         scene.set_model(model)
         scene.set_pose(pose, context.session.document.contact)
@@ -248,15 +255,15 @@ class TransferDialog:
         imgui.pop_style_color()
         imgui.end_disabled()
         marks.record("transfer:open")
-        tooltip("Edit it as a new pose")
+        tooltip("Open the result as a new session")
         imgui.same_line()
         cancelled = imgui.button("Cancel", (width, 0.0))
         marks.record("transfer:cancel")
-        # A list that was open in the last frame takes the key for itself.
-        if not fresh and not self._listing:
+        # A combo box that was open in the last frame receives the key.
+        if not fresh and not self._combo_was_open:
             cancelled = cancelled or imgui.is_key_pressed(imgui.Key.escape, False)
             accepted = accepted or (state.result is not None and imgui.is_key_pressed(imgui.Key.enter, False))
-        self._listing = self._lists
+        self._combo_was_open = self._combo_open
         if accepted:
             state.accept()
         elif cancelled:
@@ -264,7 +271,7 @@ class TransferDialog:
 
 
 def portrait(model: FaceModel) -> OrbitView:
-    """Return the front view that frames the face of ``model``, ears and neck aside."""
+    """Return the front view that frames the face of ``model`` without ears and neck."""
     character = model.character
     inner = [vertex for name, vertex in character.feature_points.items() if not name.startswith("10.")]
     face = character.vertices[inner] if inner else character.vertices

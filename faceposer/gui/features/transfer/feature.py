@@ -1,4 +1,4 @@
-"""Carrying the pose to another character: what the dialog has chosen, and what comes of it."""
+"""Transfer of the pose to another character: the state of the dialog, and the result."""
 
 import json
 from dataclasses import replace
@@ -28,17 +28,19 @@ Array = NDArray[np.float64]
 
 
 class TransferFeature(Feature):
-    """The dialog's state.
+    """State of the transfer dialog.
 
     Attributes:
-        open: Whether the dialog is shown.
-        to: Name or path of the character that gets the expression.
-        method: The way.
-        pairs: Distances to keep, for the user to edit.
-        error: Why there is no result, one sentence, or "".
-        target: The face that gets the expression, or None where it cannot be had.
-        result: Its pose, shape (r,), or None.
-        added: Feature points of the pair that could be added.
+        open: True while the dialog is shown.
+        to: Name or path of the target character.
+        method: Transfer method.
+        pairs: Distances to preserve, edited by the user.
+        error: Reason why there is no result, one sentence, or "".
+        target: Model of the target character, or None if it cannot be loaded.
+        result: Pose of the target, shape (r,), or None.
+        added: Feature points of the pair that the button Add would add.
+        characters: Names and titles of the target characters.
+        lengths: Length of each pair on the source and on the target, None where it cannot be measured.
     """
 
     def __init__(self, context: EditorContext) -> None:
@@ -54,17 +56,17 @@ class TransferFeature(Feature):
         self.added = ["8.3", "8.4"]
         self.characters: list[tuple[str, str]] = []
         self.lengths: tuple[list[float | None], list[float | None]] = ([], [])
-        self._asked: object = None
+        self._last_input: object = None
         self._scenes: tuple[Scene, Scene] | None = None
         self._dialog = TransferDialog(self)
 
     @property
     def is_modal(self) -> bool:
-        """Whether the dialog keeps the pointer from the view."""
+        """True while the dialog is shown."""
         return self.open
 
     def actions(self) -> list[Action | Submenu]:
-        """Return the entry in the menu "Edit"."""
+        """Return the entry of the Edit menu."""
         return [
             Action(
                 "transfer",
@@ -73,7 +75,7 @@ class TransferFeature(Feature):
                 self.show,
                 enabled=lambda: not self.context.busy,
                 separated=True,
-                help="Carry this pose to another character, whatever its mesh looks like",
+                help="Transfer this pose to another character, independent of its mesh",
             )
         ]
 
@@ -84,34 +86,34 @@ class TransferFeature(Feature):
         context = self.context
         context.toolbox.finish()
         context.slider_edit.let_go()
-        known = context.characters.all(context.settings.characters)
-        listed = {one.name: one.title for one in known}
-        # Files that were chosen here stay in the list.
+        library = context.characters.all(context.settings.characters)
+        listed = {entry.name: entry.title for entry in library}
+        # Keep files that were chosen in the dialog.
         listed |= {name: title for name, title in self.characters if name not in listed and Path(name).is_file()}
         self.characters = list(listed.items())
-        here = context.session.document.character
-        if self.to in ("", here):
-            self.to = next((name for name, _ in self.characters if name != here), here)
-        self.open, self._asked = True, None
+        source = context.session.document.character
+        if self.to in ("", source):
+            self.to = next((name for name, _ in self.characters if name != source), source)
+        self.open, self._last_input = True, None
         context.redraw()
 
     def hide(self) -> None:
-        """Put the dialog away; what was chosen is there the next time."""
+        """Close the dialog; its choices are kept."""
         self.open = False
         self.context.redraw()
 
     def session_changed(self) -> None:
-        """Begin anew for another face."""
-        self._asked = None
+        """Discard the result, which belongs to another session."""
+        self._last_input = None
 
     def draw_dialog(self) -> None:
-        """Draw the dialog, unless another lies over it."""
+        """Draw the dialog, unless another dialog is open above it."""
         if self.open and not (self.context.dialogs.open or self.context.file_dialogs.open):
             self.update()
             self._dialog.draw()
 
     def choose_file(self, path: Path) -> None:
-        """Carry the expression to the character in the file ``path``."""
+        """Choose the character in the file ``path`` as the target."""
         self.to = str(path)
         if all(name != self.to for name, _ in self.characters):
             self.characters = [*self.characters, (self.to, path.stem)]
@@ -119,16 +121,16 @@ class TransferFeature(Feature):
     # Pairs
 
     def enable(self, index: int, on: bool) -> None:
-        """Let the pair ``index`` count or not."""
+        """Enable or disable the pair ``index``."""
         changed = replace(self.pairs[index], enabled=on)
         self.pairs = (*self.pairs[:index], changed, *self.pairs[index + 1 :])
 
     def remove(self, index: int) -> None:
-        """Take the pair ``index`` out of the list."""
+        """Remove the pair ``index`` from the list."""
         self.pairs = (*self.pairs[:index], *self.pairs[index + 1 :])
 
     def add(self) -> None:
-        """Add the pair of the two feature points that are chosen, at the top, where it is seen."""
+        """Add the pair of the two chosen feature points at the top of the list, where it is visible."""
         first, second = self.added
         titles = self.context.session.model.character.feature_titles
         name = f"{titles.get(first, first)} to {titles.get(second, second)}"
@@ -136,30 +138,30 @@ class TransferFeature(Feature):
             self.pairs = (Pair(name, first, second), *self.pairs)
 
     def load_pairs(self, path: Path) -> None:
-        """Take the list of pairs in the file ``path``."""
+        """Load the list of pairs from the file ``path``."""
         try:
             self.pairs = read_pairs(path)
         except FacePoserError as error:
-            self.context.dialogs.report("These pairs cannot be used", str(error))
+            self.context.dialogs.report("The pairs cannot be loaded", str(error))
 
     def save_pairs(self, path: Path) -> None:
-        """Write the list of pairs to the file ``path``."""
+        """Save the list of pairs to the file ``path``."""
         try:
             write_text(path, json.dumps(pairs_to_json(self.pairs), indent=1) + "\n", "list of pairs")
         except FacePoserError as error:
-            self.context.dialogs.report("The pairs are not saved", str(error))
+            self.context.dialogs.report("The pairs cannot be saved", str(error))
             return
         self.context.notify(f"Saved {path.name}")
 
-    # What comes of it
+    # Result
 
     def update(self) -> None:
-        """Carry the pose over if anything has changed since the last time."""
+        """Transfer the pose if any input has changed since the last call."""
         session = self.context.session
-        asked = (self.to, self.method, self.pairs, session.revision, id(session))
-        if asked == self._asked:
+        inputs = (self.to, self.method, self.pairs, session.revision, id(session))
+        if inputs == self._last_input:
             return
-        self._asked = asked
+        self._last_input = inputs
         self.error, self.result = "", None
         source, pose = session.model, session.coefficients
         try:
@@ -167,29 +169,29 @@ class TransferFeature(Feature):
             self.result = make_transfer(source, self.target, self.method, self.pairs).pose(pose)
         except FacePoserError as error:
             self.error = str(error)
-        poses = (pose, self.result)
-        self.lengths = (self._measured(source, poses[0]), self._measured(self.target, poses[1]))
+        self.lengths = (self._measure(source, pose), self._measure(self.target, self.result))
         self.context.redraw()
 
-    def _measured(self, model: FaceModel | None, pose: Array | None) -> list[float | None]:
-        """Return the distance of each pair on the face ``pose`` of ``model``, None where there is none."""
+    def _measure(self, model: FaceModel | None, pose: Array | None) -> list[float | None]:
+        """Return the length of each pair in ``pose`` of ``model``, None for pairs that cannot be measured."""
         if model is None or pose is None:
             return [None] * len(self.pairs)
-        there = [pair for pair in self.pairs if pair.measurable(model.character)]
-        if not there:
+        measurable = [pair for pair in self.pairs if pair.measurable(model.character)]
+        if not measurable:
             return [None] * len(self.pairs)
-        known = dict(zip(there, PairPoints(model, there).distances(pose[None])[0].tolist(), strict=True))
-        return [known.get(pair) for pair in self.pairs]
+        distances = PairPoints(model, measurable).distances(pose[None])[0].tolist()
+        lengths = dict(zip(measurable, distances, strict=True))
+        return [lengths.get(pair) for pair in self.pairs]
 
     @property
     def scenes(self) -> tuple[Scene, Scene]:
-        """What draws the two small pictures, of the source and of the target."""
+        """Scenes that draw the previews of the source and of the target."""
         if self._scenes is None:
             self._scenes = (Scene(self.context.gl), Scene(self.context.gl))
         return self._scenes
 
     def accept(self) -> None:
-        """Edit the result as a new session, after asking about changes that are not saved."""
+        """Open the result as a new session, after asking about unsaved changes."""
         if self.result is None or self.target is None:
             return
         self.hide()
@@ -204,12 +206,12 @@ class TransferFeature(Feature):
             session.mark_unsaved()
             return session
 
-        if self.context.show_session(opening, "The expression cannot be carried over"):
-            moving = document.keyframes is not None and document.keyframes.keys
-            self.context.notify(f"A new {'animation' if moving else 'pose'}, not saved yet")
+        if self.context.show_session(opening, "The expression cannot be transferred"):
+            animated = document.keyframes is not None and document.keyframes.keys
+            self.context.notify(f"Opened the result as a new {'animation' if animated else 'pose'}, not saved yet")
 
     def close(self) -> None:
-        """Free the pictures."""
+        """Release the scenes."""
         for scene in self._scenes or ():
             scene.release()
         self._scenes = None
