@@ -1,4 +1,4 @@
-"""Opens what a user names: a character, or a session with its character."""
+"""Opening characters and sessions by name or path."""
 
 import difflib
 from contextlib import suppress
@@ -17,14 +17,14 @@ from faceposer.session.solver_worker import Worker
 
 
 def load_model(character: str) -> FaceModel:
-    """Return the face model of the character with this name or path, remembering the last two as long as they stay.
+    """Return the face model of the character with this name or path; the last two are cached until they change.
 
     Raises:
-        FacePoserError: If there is no such character or its file is damaged.
+        FacePoserError: If there is no such character or if its file is damaged.
     """
     stamp: tuple[int, ...] = ()
     if character.lower().endswith(".npz"):
-        # A file may have been written anew since.
+        # Detects a file that was rewritten.
         with suppress(OSError):
             status = Path(character).expanduser().stat()
             stamp = (status.st_mtime_ns, status.st_size, status.st_ino)
@@ -40,7 +40,7 @@ def open_session(what: str, worker: Worker | None = None) -> Session:
     """Return a session for ``what``: the name or path of a character, or the path of a session file.
 
     Raises:
-        FacePoserError: If it cannot be found or read, or does not fit together.
+        FacePoserError: If it cannot be found or read, or if the session does not fit its character.
     """
     path = Path(what)
     if path.suffix.lower() == ".json":
@@ -50,20 +50,22 @@ def open_session(what: str, worker: Worker | None = None) -> Session:
         if what not in names:
             close = difflib.get_close_matches(what, names, 1)
             guess = f" Did you mean '{close[0]}'?" if close else ""
-            raise FacePoserError(f"'{what}' is no character ({', '.join(names)}) and no session file (.json).{guess}")
+            raise FacePoserError(
+                f"'{what}' is neither a character ({', '.join(names)}) nor a session file (.json).{guess}"
+            )
     return Session(load_model(what), Document(whole_character(what, Path())), worker)
 
 
 def session_of(document: Document, path: Path | None, worker: Worker | None = None) -> Session:
-    """Return a session for ``document`` with the character that it names.
+    """Return a session for ``document`` with its character.
 
     Args:
-        document: What to edit.
-        path: The session file that it belongs to, if any; it names its character as seen from where that lies.
-        worker: Solves.
+        document: Document to edit.
+        path: Its session file, if any; relative paths in the document start at the folder of this file.
+        worker: Solver; None to solve in the caller's thread.
 
     Raises:
-        FacePoserError: If the character cannot be found or read, or does not fit.
+        FacePoserError: If the character cannot be found or read, or if the document does not fit it.
     """
     folder = Path() if path is None else path.parent
     character = whole_character(document.character, folder)
