@@ -404,7 +404,7 @@ def test_a_journal_that_cannot_be_written_is_told_and_tried_again(
     place.touch()
     journal = Journal(place / "autosave", clock, clock.now)
     pin(session)
-    with pytest.raises(FacePoserError, match="No journal can be kept"):
+    with pytest.raises(FacePoserError, match="No journal can be written"):
         wait(journal, session, clock)
     journal.follow(session)
     assert journal.patience > 1.0
