@@ -358,7 +358,7 @@ def test_unsaved_work_is_kept_for_another_version_too(tmp_path: Path) -> None:
         (lambda data: data["constraints"][0]["rest"].append([0, 0, 0]), r"constraints\[0\].rest must be a list of 1"),
         (lambda data: data["constraints"][0].update(rest=[[0, "a", 0]]), r"constraints\[0\].rest\[0\]\[1\]"),
         (lambda data: data["constraints"][6].update(rest=[[0, 0, 0]]), r"constraints\[6\].rest must be a list of 0"),
-        (lambda data: data["weights"].pop(), "weights has 53 numbers where character.shapes has 54"),
+        (lambda data: data["weights"].pop(), "weights has 53 numbers, but character.shapes has 54"),
         (lambda data: data["animation"]["keys"][1]["weights"].pop(), r"animation.keys\[1\].weights has 53"),
         (lambda data: data["photos"][0]["pins"][1].update(rest=[1]), r"photos\[0\].pins\[1\].rest must be"),
     ],
