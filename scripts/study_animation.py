@@ -329,7 +329,7 @@ def tune(folder: Path) -> dict[str, Any]:
         row(f"prior weight {weight:g}", prior_weight=weight)
     row("prior whole", prior="whole")
     row("prior plain", prior="plain")
-    with changed(following, "_HOMEWARD", 0.0):
+    with changed(following, "_START_PRIOR", 0.0):
         row("prior seen from the frame before alone")
     row("prior seen from the neutral face", from_neutral=True)
     with changed(following, "smoothness_metric", _plain_metric):
