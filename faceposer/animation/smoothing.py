@@ -26,8 +26,8 @@ def smooth_poses(
 ) -> Array:
     """Return the poses, shape (F, r), that minimise the sum over frames t of E_t(p_t) + d_t^T M d_t.
 
-    Here d_t = p_t - 2 p_{t-1} + p_{t-2}. Newton's method with the Gauss-Newton curvature of each frame: together with the
-    smoothness, these form a banded matrix, whose Cholesky factorisation costs O(F).
+    Here d_t = p_t - 2 p_{t-1} + p_{t-2}. Newton's method uses the Gauss-Newton curvature of each frame: together with
+    the smoothness, these form a banded matrix, whose Cholesky factorisation costs O(F).
 
     Args:
         problems: Problems with the energies E_t of the F frames.

@@ -32,7 +32,7 @@ _ALONG = (0.0, 1.6, 2.6, 3.8, 5.0, 6.2)
 _DOWN, _INNER_UP = (1.8, 1.9, 1.7, 1.0, 0.2, -0.4), (1.9, 2.1, 1.8, 1.0, 0.1, -0.6)
 _OUTER_UP = (0.0, 0.1, 0.7, 1.3, 1.5, 1.4)
 #: Factor on how far browDown draws the inner ends together.
-_WINDOW = 1.8
+_TOGETHER = 1.8
 #: Between these heights the upper lid, which keeps its motion, becomes the brow.
 _LID, _BROW = 73.4, 74.6
 #: Factors on noseSneer at the lips and at the nose, and the heights between which the one becomes the other.
@@ -64,7 +64,7 @@ def goblin_units(units: Floats, rest: Floats) -> Floats:
     result[inner, :, 1] *= 1.0 + brow * (np.interp(x, _ALONG, _INNER_UP) - 1.0)
     for side, sign in zip(_SIDES, (1.0, -1.0), strict=True):
         down = row["browDown" + side]
-        result[down, :, 0] *= 1.0 + brow * (_WINDOW - 1.0)
+        result[down, :, 0] *= 1.0 + brow * (_TOGETHER - 1.0)
         result[down, :, 1] *= 1.0 + brow * (np.interp(x, _ALONG, _DOWN) - 1.0)
         result[row["browOuterUp" + side], :, 1] *= 1.0 + brow * (np.interp(x, _ALONG, _OUTER_UP) - 1.0)
         sneer = row["noseSneer" + side]
