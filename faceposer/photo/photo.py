@@ -35,7 +35,7 @@ class _PinJson(JsonObject, kw_only=True):
         if (self.point is UNSET) == (self.anchor is UNSET):
             raise JsonError("must have one of the keys 'point' and 'anchor'")
         if self.rest is not UNSET and self.anchor is UNSET:
-            raise JsonError("must have the key 'rest' with an 'anchor' alone")
+            raise JsonError("may have the key 'rest' only with the key 'anchor'")
 
     def pin(self) -> "Pin":
         if self.anchor is not UNSET:

@@ -27,7 +27,7 @@ def with_photo(document: Document, index: int, photo: Photo) -> Document:
 
 
 def _moved_with_camera(constraint: Constraint, before: Camera, after: Camera) -> Constraint:
-    """Return ``constraint`` under the camera ``after`` if it was drawn under ``before``: its image position stays."""
+    """Return ``constraint`` under the camera ``after`` if it was drawn under ``before``: its pixels are unchanged."""
     camera = constraint.camera
     if camera is None or not camera.same_viewpoint(before):
         return constraint

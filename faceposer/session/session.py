@@ -346,7 +346,7 @@ class Session:
         """Accept the result of the worker, if any; return True if the pose changed.
 
         Raises:
-            Exception: Whatever ended a solve of the current epoch.
+            Exception: The error of a solve of the current epoch.
         """
         result = self.worker.poll()
         if result is None or result.job.epoch != self.epoch:

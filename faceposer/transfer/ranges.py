@@ -34,6 +34,7 @@ _CLOSED = 0.25
 # A distance that falls below this share of its maximum opens and closes.
 _OPENS = 0.25
 # Lips and lids closer than their minimum by more than this share of their range have passed through each other.
+_PASSED = 0.1
 
 
 @dataclass(frozen=True, eq=False)

@@ -128,7 +128,7 @@ def test_a_pose_comes_from_a_file(low: FaceModel, take: Path, tmp_path: Path, ca
         (("low", "-o", "{out}/a.gif", "--turntable", "nan"), "not a number of seconds"),
         (("low", "-o", "{out}/a.png", "--size", "2x2"), "not a size such as"),
         (("low", "-o", "{out}/a.png", "--pose", "{take}", "--frame", "0"), "not the number of a frame"),
-        (("nobody", "-o", "{out}/a.glb"), "is no character"),
+        (("nobody", "-o", "{out}/a.glb"), "is neither a character"),
         (("low",), "required: -o/--output"),
     ],
 )

@@ -315,7 +315,7 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
             atomic_folder(folder / "x"),
         ):
             pass
-        with pytest.raises(FacePoserError, match="cannot be written to; choose another"):
+        with pytest.raises(FacePoserError, match="is not writable; choose another"):
             check_output(folder / "a.obj", ".obj")
     assert (folder / "a.json").read_text() == "old"
     assert names(folder) == ["a.json"]
