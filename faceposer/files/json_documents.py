@@ -275,7 +275,7 @@ def _phrase(form: Any) -> str:
     if meta.description is not None:
         return meta.description
     if kind in (Union, UnionType):
-        return " or ".join(_phrase(one) for one in get_args(form) if one is not msgspec.UnsetType)
+        return " or ".join(_phrase(option) for option in get_args(form) if option is not msgspec.UnsetType)
     if kind is Literal:
         return f"one of {', '.join(map(repr, get_args(form)))}"
     if kind in (int, float):

@@ -179,6 +179,6 @@ class Photo:
         return data
 
 
-def whole_path(path: str, folder: Path) -> str:
+def absolute_path(path: str, folder: Path) -> str:
     """Return ``path``, relative to ``folder``, as an absolute path."""
     return os.path.normpath((folder / Path(path).expanduser()).absolute())

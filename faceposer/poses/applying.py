@@ -92,7 +92,7 @@ def side_of(shape: str) -> Side:
     return "both"
 
 
-def chosen_shapes(character: Character, regions: Iterable[Region] | None, side: Side) -> NDArray[np.bool_]:
+def shape_mask(character: Character, regions: Iterable[Region] | None, side: Side) -> NDArray[np.bool_]:
     """Return a mask of the ``character``'s shapes in ``regions``, None for all, on this side, shape (S,).
 
     Shapes without a side, such as those of the jaw, are excluded unless the side is "both".
@@ -136,7 +136,7 @@ def applied(
     if weights is None:
         raise FacePoserError(misfit(pose, model.character))
     before = np.asarray(start, dtype=np.float64)
-    chosen = chosen_shapes(model.character, regions, side)
+    chosen = shape_mask(model.character, regions, side)
     if chosen.all():
         # Computed in coefficients, so that at strength 1 nothing of the start remains.
         target = model.coefficients_of(weights)

@@ -225,7 +225,7 @@ class Orphan:
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundJournals:
     """Journals of earlier programs.
 
     Attributes:
@@ -237,7 +237,7 @@ class Found:
     damaged: tuple[Path, ...]
 
 
-def find_orphans(folder: Path) -> Found:
+def find_orphans(folder: Path) -> FoundJournals:
     """Return the journals in ``folder`` left by programs that no longer run, and take their locks.
 
     Unreadable journals are renamed, so that they are reported once; temporary files of a crashed program are removed.
@@ -255,7 +255,7 @@ def find_orphans(folder: Path) -> Found:
             if orphan is not None:
                 orphans.append(orphan)
     orphans.sort(key=lambda orphan: orphan.saved_at, reverse=True)
-    return Found(tuple(orphans), tuple(damaged))
+    return FoundJournals(tuple(orphans), tuple(damaged))
 
 
 def _claim(journal: Path, lock: FileLock, damaged: list[Path]) -> Orphan | None:

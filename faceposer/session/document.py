@@ -258,7 +258,7 @@ class Document:
         return replace(self, constraints=tuple(constraints), photos=photos)
 
 
-def whole_character(character: str, folder: Path) -> str:
+def absolute_character(character: str, folder: Path) -> str:
     """Return ``character`` with the path of a character file, relative to ``folder``, made absolute."""
     if not _is_file(character):
         return character

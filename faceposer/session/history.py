@@ -34,7 +34,7 @@ class History:
         self._entries = [*self._entries[: self._head + 1], Entry(label, document)][-_LIMIT:]
         self._head = len(self._entries) - 1
 
-    def amend_head(self, document: Document) -> None:
+    def replace_head(self, document: Document) -> None:
         """Replace the document of the head: the same step with a better solution."""
         self._entries[self._head] = Entry(self._entries[self._head].label, document)
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from faceposer.errors import FacePoserError
 from faceposer.model.character_file import available_characters, load_character
 from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.photo.photo import whole_path
-from faceposer.session.document import Document, read_document, whole_character
-from faceposer.session.rebinding import rebound
+from faceposer.photo.photo import absolute_path
+from faceposer.session.document import Document, absolute_character, read_document
+from faceposer.session.rebinding import rebind
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
 
@@ -53,7 +53,7 @@ def open_session(what: str, worker: Worker | None = None) -> Session:
             raise FacePoserError(
                 f"'{what}' is neither a character ({', '.join(names)}) nor a session file (.json).{guess}"
             )
-    return Session(load_model(what), Document(whole_character(what, Path())), worker)
+    return Session(load_model(what), Document(absolute_character(what, Path())), worker)
 
 
 def session_of(document: Document, path: Path | None, worker: Worker | None = None) -> Session:
@@ -68,11 +68,11 @@ def session_of(document: Document, path: Path | None, worker: Worker | None = No
         FacePoserError: If the character cannot be found or read, or if the document does not fit it.
     """
     folder = Path() if path is None else path.parent
-    character = whole_character(document.character, folder)
-    photos = tuple(replace(photo, path=whole_path(photo.path, folder)) for photo in document.photos)
+    character = absolute_character(document.character, folder)
+    photos = tuple(replace(photo, path=absolute_path(photo.path, folder)) for photo in document.photos)
     try:
         model = load_model(character)
-        rebinding = rebound(replace(document, character=character, photos=photos), model)
+        rebinding = rebind(replace(document, character=character, photos=photos), model)
         return Session(model, rebinding.document, worker, path, rebinding.remark)
     except FacePoserError as error:
         if path is None:

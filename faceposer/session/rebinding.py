@@ -45,7 +45,7 @@ class Rebinding:
     remark: str = ""
 
 
-def rebound(document: Document, model: FaceModel) -> Rebinding:
+def rebind(document: Document, model: FaceModel) -> Rebinding:
     """Return ``document``, as read from a file, adapted to the current version ``model`` of its character.
 
     If the mesh has changed since the file was written, each place moves to the nearest point of the neutral surface of
@@ -60,7 +60,7 @@ def rebound(document: Document, model: FaceModel) -> Rebinding:
     if made_on is None:
         return _without_version(document, model, name)
     remarks: list[str] = []
-    poses = _Poses(model, made_on.version)
+    poses = _PoseConverter(model, made_on.version)
     document = _without_unusable_pose(poses.convert(document, made_on), model)
     if made_on.version.same_topology(CharacterVersion.of(model.character)):
         document = _with_shifted_neutral(document, model)
@@ -76,10 +76,12 @@ def rebound(document: Document, model: FaceModel) -> Rebinding:
 
 def _without_version(document: Document, model: FaceModel, name: str) -> Rebinding:
     """Return a document adapted to its character if the file does not state the version it was made with."""
-    places = [_title(i, one) for i, one in enumerate(document.constraints) if one.places is not None]
+    places = [
+        _title(i, constraint) for i, constraint in enumerate(document.constraints) if constraint.places is not None
+    ]
     places += [f"photos[{i}]" for i, photo in enumerate(document.photos) if any(map(_is_anchored, photo.pins))]
     doubt = f"the places of {_listed(places)} may be wrong" if places else ""
-    bare = replace(document, constraints=tuple(one.without_rest() for one in document.constraints))
+    bare = replace(document, constraints=tuple(constraint.without_rest() for constraint in document.constraints))
     solvable = _without_unusable_pose(bare, model)
     if solvable is not bare:
         remark = f'This session was made with another version of "{name}"; its pose was solved again'
@@ -112,7 +114,7 @@ def _without_unusable_pose(document: Document, model: FaceModel) -> Document:
     return replace(document, coefficients=None)
 
 
-class _Poses:
+class _PoseConverter:
     """Conversion of poses from another version of a character.
 
     Attributes:
@@ -170,21 +172,23 @@ class _Poses:
 def _with_shifted_neutral(document: Document, model: FaceModel) -> Document:
     """Return a document for a mesh of the same topology, with fixed positions moved with the neutral face."""
     constraints: list[Constraint] = []
-    for one in document.constraints:
-        if isinstance(one, FixedConstraint) and one.rest is not None:
-            one.points.check(model.triangles)
-            shift = one.points.positions(model.character.vertices, model.triangles) - one.rest
-            constraints.append(one.rebound(one.points, _IDENTITY, np.where(np.abs(shift) > 1e-3, shift, 0.0)))
+    for constraint in document.constraints:
+        if isinstance(constraint, FixedConstraint) and constraint.rest is not None:
+            constraint.points.check(model.triangles)
+            shift = constraint.points.positions(model.character.vertices, model.triangles) - constraint.rest
+            constraints.append(
+                constraint.rebound(constraint.points, _IDENTITY, np.where(np.abs(shift) > 1e-3, shift, 0.0))
+            )
         else:
-            constraints.append(one.without_rest())
+            constraints.append(constraint.without_rest())
     return replace(document, constraints=tuple(constraints))
 
 
 def _reattached(document: Document, model: FaceModel, version: CharacterVersion) -> tuple[Document, list[str]]:
     """Return the document with all places attached to the current mesh, and remarks for the user."""
     surface = _Surface(model, version)
-    constraints = [surface.constraint(i, one) for i, one in enumerate(document.constraints)]
-    kept = tuple(one for one in constraints if one is not None)
+    constraints = [surface.constraint(i, constraint) for i, constraint in enumerate(document.constraints)]
+    kept = tuple(constraint for constraint in constraints if constraint is not None)
     photos = tuple(surface.photo(i, photo) for i, photo in enumerate(document.photos))
     camera = None if document.camera is None else document.camera.following(surface.frame)
     remarks = []
@@ -219,26 +223,26 @@ class _Surface:
         self.doubtful: list[str] = []
         self.removed: list[str] = []
 
-    def constraint(self, index: int, one: Constraint) -> Constraint | None:
+    def constraint(self, index: int, constraint: Constraint) -> Constraint | None:
         """Return constraint ``index`` on the surface, or None if its places do not exist."""
-        places, title = one.places, _title(index, one)
+        places, title = constraint.places, _title(index, constraint)
         if places is None:
-            return one.rebound(None, self.frame, np.zeros((0, 3)))
-        if one.rest is None:
+            return constraint.rebound(None, self.frame, np.zeros((0, 3)))
+        if constraint.rest is None:
             try:
                 places.check(self._model.triangles)
             except ValueError:
                 self.removed.append(title)
                 return None
             self.doubtful.append(title)
-            return one.rebound(places, self.frame, np.zeros((len(places), 3)))
+            return constraint.rebound(places, self.frame, np.zeros((len(places), 3)))
         # Fixed vertices stay vertices: they are released by index.
-        found, far = self._nearest(places, one.rest, isinstance(one, FixedConstraint))
+        found, far = self._nearest(places, constraint.rest, isinstance(constraint, FixedConstraint))
         if far:
             self.doubtful.append(title)
         character = self._model.character
-        shift = found.positions(character.vertices, character.triangles) - self.frame.apply(one.rest)
-        return one.rebound(found, self.frame, shift)
+        shift = found.positions(character.vertices, character.triangles) - self.frame.apply(constraint.rest)
+        return constraint.rebound(found, self.frame, shift)
 
     def photo(self, index: int, photo: Photo) -> Photo:
         """Return photo ``index`` with its pins on the surface, and its camera moved with the character."""

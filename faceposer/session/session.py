@@ -78,7 +78,7 @@ class Session:
         if document.keyframes is not None and document.solved and document.coefficients is not None:
             self._document = self.animation.with_auto_key(document)
             self._saved.mark_saved(self._document)
-            self._history.amend_head(self._document)
+            self._history.replace_head(self._document)
         if document.constraints and document.coefficients is None:
             self._document = replace(document, solved=False)
             self._submit(warm_start=False)
@@ -163,7 +163,7 @@ class Session:
         before = self._before_edit = self._document
         if before is not self._history.head and before.same_input(self._history.head):
             # The frame was changed since the last step: undo returns to the present frame.
-            self._history.amend_head(before)
+            self._history.replace_head(before)
         self._editing = True
         try:
             yield
@@ -358,7 +358,7 @@ class Session:
         self._document = self._document.posed(result.solution.coefficients)
         if not self._editing:
             self._document = self.animation.with_auto_key(self._document)
-            self._history.amend_head(self._document)
+            self._history.replace_head(self._document)
         self.revision += 1
         return True
 

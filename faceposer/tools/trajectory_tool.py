@@ -152,7 +152,7 @@ class TrajectoryTool(PosingTool):
         drawn = DrawnTrajectory(anchor, np.array(times) - times[0], pixels, camera)
         image = self._mirrored(drawn, context) if self._settings.symmetry.on else None
         new = (drawn,) if image is None else (drawn, image)
-        anchors = {one.anchor for one in new}
+        anchors = {trajectory.anchor for trajectory in new}
         self.follow_history(session.depth)
         self._change((*(other for other in self.drawn if other.anchor not in anchors), *new))
 
