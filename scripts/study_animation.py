@@ -144,10 +144,10 @@ def changed(owner: Any, name: str, value: Any) -> Iterator[None]:
         setattr(owner, name, kept)
 
 
-_problem = following._Frames.problem
+_problem = following._FrameProblems.problem
 
 
-def _seen_from_neutral(frames: following._Frames, frame: int, _seen_from: Array) -> PoseProblem:
+def _seen_from_neutral(frames: following._FrameProblems, frame: int, _seen_from: Array) -> PoseProblem:
     return _problem(frames, frame, frames.start)
 
 
@@ -170,7 +170,7 @@ class Case:
             if self.change is not None:
                 tracks = self.change(tracks)
             problem = _seen_from_neutral if self.from_neutral else _problem
-            with changed(following._Frames, "problem", problem):
+            with changed(following._FrameProblems, "problem", problem):
                 rows.append(study.measures(follow(study.model, tracks, **self.options), weights))
         totals = {key: np.array([row[key] for row in rows]) for key in rows[0]}
         return {
@@ -329,7 +329,7 @@ def tune(folder: Path) -> dict[str, Any]:
         row(f"prior weight {weight:g}", prior_weight=weight)
     row("prior whole", prior="whole")
     row("prior plain", prior="plain")
-    with changed(following, "_HOMEWARD", 0.0):
+    with changed(following, "_START_PRIOR", 0.0):
         row("prior seen from the frame before alone")
     row("prior seen from the neutral face", from_neutral=True)
     with changed(following, "smoothness_metric", _plain_metric):

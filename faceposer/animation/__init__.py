@@ -1,1 +1,1 @@
-"""Poses over time: keys with splines between them, and faces that follow the trajectories of a few points."""
+"""Animation: keyframes with splines between them, and faces solved for the trajectories of a few points."""

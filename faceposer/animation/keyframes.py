@@ -1,4 +1,4 @@
-"""Poses at some frames, and the smooth motion through them."""
+"""Keyframe animation: poses at some frames, and the smooth motion between them."""
 
 import itertools
 from bisect import bisect_left, bisect_right
@@ -20,7 +20,7 @@ from faceposer.solve.constraints.codec import Coordinate, ShapeWeights, weights_
 Array = NDArray[np.float64]
 
 LONGEST = 100_000
-#: How far any rig weight may be off between few keys.
+#: Default tolerance of a rig weight when keys are reduced.
 TOLERANCE = 0.02
 FASTEST = 1000.0
 _MOST_COEFFICIENTS = 4096
@@ -39,7 +39,7 @@ class _KeyJson(JsonObject):
 
 
 class KeyframesJson(JsonObject, kw_only=True):
-    """The keys in a session's file."""
+    """The keys in a session file."""
 
     rate: Annotated[float, Meta(ge=1e-3, le=FASTEST)]
     length: Annotated[int, Meta(ge=1, le=LONGEST)]
@@ -47,10 +47,12 @@ class KeyframesJson(JsonObject, kw_only=True):
     loop: bool = False
 
     def __post_init__(self) -> None:
-        """Check that the frames rise."""
+        """Check that the frames increase."""
         for i, (earlier, later) in enumerate(itertools.pairwise(self.keys), start=1):
             if later.frame <= earlier.frame:
-                raise JsonError(f"must be after {earlier.frame}, that of the key before", f"keys[{i}].frame")
+                raise JsonError(
+                    f"must be greater than {earlier.frame}, the frame of the previous key", f"keys[{i}].frame"
+                )
 
     def keyframes(self) -> "Keyframes":
         """Return the animation."""
@@ -60,12 +62,12 @@ class KeyframesJson(JsonObject, kw_only=True):
 
 @dataclass(frozen=True, eq=False)
 class Key:
-    """One pose that the motion passes through.
+    """A pose of the animation at one frame.
 
     Attributes:
-        frame: Counted from 0.
+        frame: Frame, counted from 0.
         pose: Coefficients, shape (r,), read-only.
-        weights: Weights of the shapes in that pose, shape (S,), in a file; None while the animation is edited.
+        weights: Shape weights of the pose, shape (S,), in a file; None in memory.
     """
 
     frame: int
@@ -75,25 +77,25 @@ class Key:
     @classmethod
     def of(cls, frame: int, pose: ArrayLike) -> "Key":
         """Return a key with a copy of ``pose``, shape (r,)."""
-        own = np.array(pose, dtype=np.float64)
-        own.setflags(write=False)
-        return cls(frame, own)
+        coefficients = np.array(pose, dtype=np.float64)
+        coefficients.setflags(write=False)
+        return cls(frame, coefficients)
 
 
 @dataclass(frozen=True, eq=False)
 class Keyframes:
-    """An animation as artists make it; every edit returns another one.
+    """An immutable keyframe animation; every edit returns a new one.
 
-    Between two keys each rig weight follows a cubic that does not leave the range between them (F. N. Fritsch and
+    Between two keys, each rig weight follows a cubic that stays in the range of its two key values (F. N. Fritsch and
     J. Butland, "A method for constructing local monotone piecewise cubic interpolants", 1984), so that an eye that
-    closes and opens again does not open wider than it is keyed. The face comes to rest at the first and at the last
-    key, and is held outside of them; when the animation loops, it runs on through the end into the begin.
+    closes and opens again does not overshoot. The motion has zero velocity at the first and last key and is constant
+    outside of them; a looping animation is periodic.
 
     Attributes:
-        keys: By rising frames, at most one a frame. Those at or after ``length`` are kept, and not played.
+        keys: Keys at increasing frames. Those at or after ``length`` are kept, but not played.
         rate: Frames per second.
-        length: Number of frames that are played, from 1 to ``LONGEST``.
-        loop: Whether frame ``length`` is frame 0 again.
+        length: Number of played frames, from 1 to ``LONGEST``.
+        loop: True if frame ``length`` is frame 0 again.
     """
 
     keys: tuple[Key, ...] = ()
@@ -104,17 +106,17 @@ class Keyframes:
     def __post_init__(self) -> None:
         frames = [key.frame for key in self.keys]
         if any(later <= earlier for earlier, later in itertools.pairwise(frames)):
-            raise ValueError("keys must come by rising frames")
+            raise ValueError("the frames of keys must increase")
         if frames and not (frames[0] >= 0 and frames[-1] < LONGEST):
-            raise ValueError(f"keys must lie at frames from 0 to {LONGEST - 1}")
+            raise ValueError(f"the frames of keys must be from 0 to {LONGEST - 1}")
         if not (1 <= self.length <= LONGEST and 0.0 < self.rate <= FASTEST):
-            raise ValueError(f"{self.length} frames at {self.rate} a second")
+            raise ValueError(f"{self.length} frames at {self.rate} per second are out of range")
 
-    # What is there
+    # Queries
 
     @cached_property
     def frames(self) -> tuple[int, ...]:
-        """The frames of all keys, rising."""
+        """The frames of all keys, increasing."""
         return tuple(key.frame for key in self.keys)
 
     def at(self, frame: int) -> Key | None:
@@ -133,27 +135,27 @@ class Keyframes:
         return self.frames[i - 1] if i > 0 else None
 
     def same(self, other: "Keyframes | None") -> bool:
-        """Whether ``other`` is the same animation."""
+        """Return True if ``other`` is the same animation."""
         if other is None or other is self:
             return other is self
         return (
             (self.frames, self.rate, self.length, self.loop) == (other.frames, other.rate, other.length, other.loop)
-            # An edit keeps the keys that it does not touch.
+            # An edit keeps the keys that it does not change.
             and all(
-                mine is yours or np.array_equal(mine.pose, yours.pose)
-                for mine, yours in zip(self.keys, other.keys, strict=True)
+                key is other_key or np.array_equal(key.pose, other_key.pose)
+                for key, other_key in zip(self.keys, other.keys, strict=True)
             )
         )
 
     # Edits
 
     def with_keys(self, keys: Iterable[Key]) -> "Keyframes":
-        """Return the animation with ``keys`` added; they take the place of those at the same frames."""
+        """Return the animation with ``keys`` added, replacing those at the same frames."""
         merged = {key.frame: key for key in (*self.keys, *keys)}
         return replace(self, keys=tuple(merged[frame] for frame in sorted(merged)))
 
     def with_key(self, frame: int, pose: ArrayLike) -> "Keyframes":
-        """Return the animation with ``pose``, shape (r,), as the key at ``frame``."""
+        """Return the animation with a key for ``pose``, shape (r,), at ``frame``."""
         return self.with_keys([Key.of(frame, pose)])
 
     def without(self, frames: Collection[int]) -> "Keyframes":
@@ -161,7 +163,7 @@ class Keyframes:
         return replace(self, keys=tuple(key for key in self.keys if key.frame not in frames))
 
     def moved(self, frames: Collection[int], by: int) -> "Keyframes":
-        """Return the animation with the keys at ``frames`` moved ``by`` frames over those that lie there."""
+        """Return the animation with the keys at ``frames`` moved ``by`` frames, replacing those at their new frames."""
         chosen = [key for key in self.keys if key.frame in frames]
         return self.without(frames).with_keys(_shifted(chosen, by))
 
@@ -169,44 +171,44 @@ class Keyframes:
         """Return the animation with copies of the keys at ``frames``, ``by`` frames later."""
         return self.with_keys(_shifted([key for key in self.keys if key.frame in frames], by))
 
-    # The motion
+    # Motion
 
     def sampled(self, model: FaceModel, frames: ArrayLike) -> Array:
-        """Return the poses of the face of ``model`` at ``frames``, whole or in between; shapes (n,) to (n, r).
+        """Return the poses of ``model`` at ``frames``, which need not be whole; shapes (n,) to (n, r).
 
-        The cubics run in the rig's weights, of which each means something, and not in the coefficients: what is
-        monotone there need not be so in a weight that they mix. The nearest pose of the subspace is returned, which
-        only the few directions that it leaves out can carry outside of the range.
+        The cubics interpolate rig weights and not coefficients, because monotone coefficients need not give monotone
+        weights. The result is the closest pose of the subspace, which can exceed the range only by its truncation
+        error.
         """
-        asked = np.asarray(frames, dtype=np.float64).reshape(-1)
+        queries = np.asarray(frames, dtype=np.float64).reshape(-1)
         keys = [key for key in self.keys if not self.loop or key.frame < self.length]
         if not keys:
-            return np.zeros((len(asked), model.n_coefficients))
+            return np.zeros((len(queries), model.n_coefficients))
         if len(keys) == 1:
-            return np.repeat(keys[0].pose[None], len(asked), axis=0)
-        # Here and not above: it takes a good part of a second to load.
+            return np.repeat(keys[0].pose[None], len(queries), axis=0)
+        # Imported late: it takes a good part of a second to load.
         from scipy.interpolate import PchipInterpolator
 
         places = np.array([key.frame for key in keys], dtype=np.float64)
         poses = np.stack([key.pose for key in keys])
         weights = poses @ model.subspace.directions.T
         if self.loop:
-            asked = np.mod(asked, self.length)
+            queries = np.mod(queries, self.length)
             knots = np.concatenate([places[-2:] - self.length, places, places[:2] + self.length])
             values = np.concatenate([weights[-2:], weights, weights[:2]])
         else:
-            asked = np.clip(asked, places[0], places[-1])
+            queries = np.clip(queries, places[0], places[-1])
             knots = np.concatenate([[places[0] - 1.0], places, [places[-1] + 1.0]])
             values = np.concatenate([weights[:1], weights, weights[-1:]])
-        sampled: Array = PchipInterpolator(knots, values, axis=0)(asked) @ model.subspace.projection.T
-        # The way through the weights and back costs the last digits.
-        nearest = np.minimum(np.searchsorted(places, asked), len(places) - 1)
-        hit = places[nearest] == asked
-        sampled[hit] = poses[nearest[hit]]
+        sampled: Array = PchipInterpolator(knots, values, axis=0)(queries) @ model.subspace.projection.T
+        # The conversion to weights and back is inexact in the last digits: keys are returned exactly.
+        nearest = np.minimum(np.searchsorted(places, queries), len(places) - 1)
+        at_key = places[nearest] == queries
+        sampled[at_key] = poses[nearest[at_key]]
         return sampled
 
     def performance(self, model: FaceModel) -> Performance:
-        """Return the motion of the face of ``model``, frame by frame."""
+        """Return the motion of ``model`` frame by frame."""
         return Performance(self.sampled(model, np.arange(self.length)), self.rate)
 
     @classmethod
@@ -214,20 +216,20 @@ class Keyframes:
         """Return an animation with a key at every frame of ``performance``.
 
         Raises:
-            FacePoserError: If that is longer than an animation may be.
+            FacePoserError: If the performance is longer than the maximum of an animation.
         """
         if len(performance) > LONGEST:
             raise FacePoserError(
-                f"This animation has {len(performance)} frames; the timeline holds {LONGEST}. Take a part of it."
+                f"This animation has {len(performance)} frames, more than the maximum of {LONGEST}; use a part of it."
             )
         keys = tuple(Key.of(frame, pose) for frame, pose in enumerate(performance.coefficients))
         return cls(keys, min(performance.rate, FASTEST), len(performance), loop)
 
     def reduced(self, model: FaceModel, tolerance: float) -> "Keyframes":
-        """Return the animation with only those of its keys that keep every rig weight near to all others.
+        """Return the animation with only the keys needed to approximate all rig weights within ``tolerance``.
 
-        Between the keys that are kept, the one that is missed most is added, until none is missed by more than
-        ``tolerance`` (as D. H. Douglas and T. K. Peucker, 1973, do for polygons).
+        Greedy: between the kept keys, the one with the largest error is added until no error exceeds the tolerance (as
+        in D. H. Douglas and T. K. Peucker, 1973, for polygons).
         """
         if len(self.keys) < 3:
             return self
@@ -237,19 +239,19 @@ class Keyframes:
         kept[[0, -1]] = True
         while True:
             fewer = replace(self, keys=tuple(key for key, keep in zip(self.keys, kept, strict=True) if keep))
-            missed = np.abs((fewer.sampled(model, frames) - poses) @ model.subspace.directions.T).max(axis=1)
-            missed[kept] = 0.0
+            errors = np.abs((fewer.sampled(model, frames) - poses) @ model.subspace.directions.T).max(axis=1)
+            errors[kept] = 0.0
             ends = np.flatnonzero(kept)
-            worst = [a + int(np.argmax(missed[a:b])) for a, b in itertools.pairwise(ends)]
-            added = [i for i in worst if missed[i] > tolerance]
+            worst = [a + int(np.argmax(errors[a:b])) for a, b in itertools.pairwise(ends)]
+            added = [i for i in worst if errors[i] > tolerance]
             if not added:
                 return fewer
             kept[added] = True
 
-    # Files
+    # File
 
     def to_json(self) -> dict[str, Any]:
-        """Return the animation as a session's file has it."""
+        """Return the animation as written in a session file."""
         return {
             "rate": self.rate,
             "length": self.length,
@@ -264,7 +266,7 @@ def _key_to_json(key: Key) -> dict[str, Any]:
 
 
 def _shifted(keys: list[Key], by: int) -> list[Key]:
-    """Return ``keys`` moved ``by`` frames, less where one would leave the frames that there are."""
+    """Return ``keys`` moved ``by`` frames, limited so that all remain in the valid range."""
     if not keys:
         return keys
     by = min(max(by, -keys[0].frame), LONGEST - 1 - keys[-1].frame)

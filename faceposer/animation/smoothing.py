@@ -1,4 +1,4 @@
-"""Makes the poses of many frames smooth together: one problem over all of them."""
+"""Joint smoothing of the poses of many frames."""
 
 import contextlib
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from faceposer.solve.problem import PoseProblem
 from faceposer.solve.term import Array
 
 _MAX_STEPS = 30
-# A step that gains less than this share of the energy is the last one.
+# The iteration stops when a step reduces the energy by less than this share.
 _LEAST_GAIN = 1e-5
 _MAX_HALVINGS = 12
 _SUFFICIENT = 1e-4
@@ -24,20 +24,20 @@ def smooth_poses(
     before: Array,
     progress: Progress,
 ) -> Array:
-    """Return the poses, (F, r), of least sum over frames t of E_t(p_t) + d_t^T M d_t, d_t = p_t - 2 p_{t-1} + p_{t-2}.
+    """Return the poses, shape (F, r), that minimise the sum over frames t of E_t(p_t) + d_t^T M d_t.
 
-    Newton's method with the Gauss-Newton curvature of each frame. With the smoothness these make a banded matrix, whose
-    Cholesky factors cost in proportion to F.
+    Here d_t = p_t - 2 p_{t-1} + p_{t-2}. Newton's method uses the Gauss-Newton curvature of each frame: together with
+    the smoothness, these form a banded matrix, whose Cholesky factorisation costs O(F).
 
     Args:
-        problems: The frames' own energies, F of them.
+        problems: Problems with the energies E_t of the F frames.
         metric: M, shape (r, r).
-        poses: Where to start, shape (F, r).
-        before: The poses before the first frame, which stay, shape (n, r) with n from 0 to 2.
-        progress: Asked after each step whether to stop.
+        poses: Initial poses, shape (F, r).
+        before: Fixed poses before the first frame, shape (n, r) with n from 0 to 2.
+        progress: Checked for cancellation after each step.
 
     Raises:
-        CancelledError: If it was cancelled.
+        CancelledError: If the progress was cancelled.
     """
     smoothness = _Smoothness(metric, before, len(poses))
     x = np.array(poses)
@@ -67,8 +67,8 @@ def smooth_poses(
 def _newton_step(bands: Array, gradient: Array) -> Array:
     """Return minus the inverse of a banded matrix times the gradient, shape (F, r).
 
-    Points with huge weights outweigh all else by more digits than a number has; a faint diagonal then makes up for what
-    rounding takes away. The step is still one downhill.
+    Points with huge weights can exceed all other terms beyond double precision; a small multiple of the identity then
+    restores definiteness. The step remains a descent direction.
     """
     mean = float(bands[0].mean())
     for jitter in (0.0, 1e-12, 1e-9, 1e-6):
@@ -80,12 +80,12 @@ def _newton_step(bands: Array, gradient: Array) -> Array:
 
 
 def _energy(problems: Sequence[PoseProblem], smoothness: "_Smoothness", x: Array) -> float:
-    own = sum(problem.energy_and_gradient(p)[0] for problem, p in zip(problems, x, strict=True))
-    return own + smoothness.value(x)
+    frame_energies = sum(problem.energy_and_gradient(p)[0] for problem, p in zip(problems, x, strict=True))
+    return frame_energies + smoothness.value(x)
 
 
 class _Smoothness:
-    """sum over t of d_t^T M d_t over F poses, some of them perhaps after others that stay."""
+    """Sum over t of d_t^T M d_t over F poses, optionally preceded by fixed ones."""
 
     def __init__(self, metric: Array, before: Array, n_frames: int) -> None:
         self._metric = metric
@@ -104,12 +104,12 @@ class _Smoothness:
         return float(np.vdot(changes @ self._metric, changes))
 
     def gradient(self, x: Array) -> Array:
-        """Return the gradient by the poses, shape (F, r)."""
+        """Return the gradient with respect to the poses, shape (F, r)."""
         gradient: Array = 2.0 * (self._steps.T @ (self._changes(x) @ self._metric))
         return gradient
 
     def banded_curvature(self, curvatures: Array) -> Array:
-        """Return the second derivative with the frames' own ``curvatures``, (F, r, r), in LAPACK's lower banded form.
+        """Return the second derivative plus the ``curvatures`` of the frames, (F, r, r), in LAPACK's lower banded form.
 
         Entry (i, j) of the matrix over all coefficients of all frames is entry (i - j, j) of the result.
         """

@@ -1,4 +1,4 @@
-"""Trajectories from files: JSON, tables of pixels or of places in space, and C3D; docs/animation.md has their forms."""
+"""Reading of trajectories: JSON, tables of pixels or of positions in space, and C3D; see docs/animation.md."""
 
 import re
 from collections.abc import Sequence
@@ -25,9 +25,9 @@ from faceposer.solve.constraints import codec
 FORMAT = "faceposer.trajectories"
 VERSION = 1
 SUFFIXES = (".csv", ".json", ".c3d")
-#: Where no file and nobody says how many frames a second has.
+#: Frames per second if neither the file nor the user states a rate.
 USUAL_RATE = 30.0
-# Times that were rounded when they were written tell a rate nearly: it is one of these.
+# A rate computed from rounded times is replaced by the nearest of these.
 _KNOWN_RATES = (24000 / 1001, 24.0, 25.0, 30000 / 1001, 30.0, 48.0, 50.0, 60000 / 1001, 60.0, 100.0, 120.0, 240.0)
 _ROUNDED = 4e-4
 
@@ -35,11 +35,11 @@ _MAX_BYTES = 2**28
 _MAX_FRAMES = 100_000
 _SLOWEST, _MAX_RATE = 1e-3, 1_000.0
 _MAX_WEIGHT = 1e6
-# Markers that do not move against the skull are looked for where there are as many as this.
+# Minimum number of markers for the search for those that do not move against the skull.
 _ENOUGH_TO_FIND_HELD = 20
-# Pixels and centimetres beyond this are no places.
+# Maximum absolute coordinate in pixels or centimetres.
 _FARTHEST = 1e6
-# Points that start farther from their places on the face than this share of its height are not in its space.
+# Points that start farther from their places on the face than this share of its height are in another space.
 _NEAR = 0.15
 
 Array = NDArray[np.float64]
@@ -55,7 +55,7 @@ class _PointJson(JsonObject, kw_only=True):
     name: str
     anchor: Any = None
     weight: Annotated[float, Meta(ge=0.0, le=_MAX_WEIGHT)] = 1.0
-    # Of two or three numbers, or None.
+    # Each has two or three numbers, or is None.
     positions: Annotated[list[Any], Meta(min_length=1, max_length=_MAX_FRAMES)]
 
 
@@ -65,14 +65,14 @@ class _FeatureJson(JsonObject):
 
 class _TrajectoriesFile(JsonDocument, kw_only=True):
     rate: Annotated[float, Meta(ge=_SLOWEST, le=_MAX_RATE)] = USUAL_RATE
-    # Its numbers, or a view.
+    # A ``CameraJson`` or a ``_ViewJson``.
     camera: Any = None
     points: Annotated[list[Annotated[_PointJson, Meta(title="points")]], Meta(min_length=1, max_length=MAX_MARKERS)]
 
 
 @dataclass(frozen=True, eq=False)
 class _Options:
-    """What is known besides the file; see ``read_trajectories``."""
+    """Arguments of ``read_trajectories``."""
 
     character: Character
     camera: Camera | None
@@ -90,47 +90,49 @@ def read_trajectories(
     points: Sequence[str] | None = None,
     rate: float | None = None,
 ) -> Trajectories:
-    """Return the trajectories in the file ``path``, for the face of ``character``.
+    """Return the trajectories in the file ``path`` for the face of ``character``.
 
     Args:
-        path: JSON, C3D or CSV.
-        character: Whose feature points, vertices and triangles the file speaks of.
-        camera: The camera of a table of pixels; it goes before that of a JSON file.
-        marker_map: Where on the face each point is; without it, points are named for feature points or vertices. With
-            it, places in space are those of a performer, and are laid on the face.
-        points: Names of those to take; all of the map or of the file if None.
-        rate: Frames per second, if not what the file says.
+        path: JSON, C3D or CSV file.
+        character: Character with the feature points, vertices and triangles that the file refers to.
+        camera: Camera of a table of pixels; it overrides that of a JSON file.
+        marker_map: Places of the points on the face; None if the points are named for feature points or vertices. With
+            a map, positions in space are those of a performer and are aligned with the face.
+        points: Names of the points to use; None for all of the map or of the file.
+        rate: Frames per second, overriding the file.
 
     Raises:
-        FacePoserError: If the file cannot be used, naming it, the place and the remedy.
+        FacePoserError: If the file cannot be used; the message names the file, the place and the remedy.
     """
     options = _Options(character, camera, marker_map, points, rate)
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise FacePoserError(
-            f"Trajectories cannot be read from '{path}'; give a file that ends in .csv, .json or .c3d."
+            f"Trajectories cannot be read from '{path}'; give a file with the suffix .csv, .json or .c3d."
         )
     if suffix == ".json":
         if marker_map is not None:
-            raise FacePoserError(f"'{path}' says itself where its points are; leave the marker map out.")
+            raise FacePoserError(f"'{path}' contains the places of its points; leave the marker map out.")
         trajectories = read_json(
             path, "trajectories", lambda data: trajectories_from_json(data, character, camera, rate), _MAX_BYTES
         )
         if trajectories.camera is None:
             places = trajectories.points.positions(character.vertices, character.triangles)
-            _check_near(path, trajectories.positions, places, character, "give them in the face's centimetres")
+            _check_near(
+                path, trajectories.positions, places, character, "give the positions in centimetres on the face"
+            )
         else:
-            _check_before(path, trajectories.camera, character)
+            _check_in_front(path, trajectories.camera, character)
         return trajectories if points is None else trajectories.subset(_known(points, trajectories.names, path))
     if suffix == ".csv":
-        table = _pixels(path)
+        table = _pixel_table(path)
         if table is not None:
-            return _in_picture(path, table, options)
-    return _in_space(path, read_markers(path), options)
+            return _trajectories_in_image(path, table, options)
+    return _trajectories_in_space(path, read_markers(path), options)
 
 
 def read_camera(path: Path, character: Character) -> Camera:
-    """Return the camera in the JSON file ``path``, or the view of ``character`` that it names.
+    """Return the camera in the JSON file ``path``, or the view of ``character`` named there.
 
     Raises:
         FacePoserError: If the file cannot be read or has no camera.
@@ -144,10 +146,10 @@ def read_camera(path: Path, character: Character) -> Camera:
 
 
 def camera_from_json(data: Any, where: str, character: Character) -> Camera:
-    """Return the camera that ``data`` describes: its numbers, or a view that frames ``character`` and a size.
+    """Return the camera described by ``data``: its parameters, or a view that frames ``character`` with an image size.
 
     Raises:
-        FacePoserError: If it is wrong; ``where`` names the place.
+        FacePoserError: If the data is invalid; the message names the place, which starts with ``where``.
     """
     if not (isinstance(data, dict) and "view" in data):
         return convert(data, codec.CameraJson, where).camera()
@@ -160,10 +162,10 @@ def camera_from_json(data: Any, where: str, character: Character) -> Camera:
 def trajectories_from_json(
     data: Any, character: Character, camera: Camera | None = None, rate: float | None = None
 ) -> Trajectories:
-    """Return the trajectories that ``data`` describes; ``camera`` and ``rate`` go before what it says itself.
+    """Return the trajectories described by ``data``; ``camera`` and ``rate`` override those in it.
 
     Raises:
-        FacePoserError: If something in it is wrong, naming the place.
+        FacePoserError: If the data is invalid; the message names the place.
     """
     check_header(data, FORMAT, VERSION)
     form = convert(data, _TrajectoriesFile)
@@ -174,13 +176,14 @@ def trajectories_from_json(
     for i, point in enumerate(form.points):
         where = f"points[{i}]"
         if point.name in names:
-            raise FacePoserError(f"{where}.name must be text that no other point has.")
+            raise FacePoserError(f"{where}.name is already the name of another point; choose a unique name.")
         names.append(point.name)
         anchors.append(_anchor(point, where, character))
         columns.append(_column(point.positions, camera is not None, f"{where}.positions"))
         if len(columns[-1]) != len(columns[0]):
             raise FacePoserError(
-                f"{where} has {len(columns[-1])} positions, points[0] has {len(columns[0])}; give one or null a frame."
+                f"{where} has {len(columns[-1])} positions, but points[0] has {len(columns[0])}; give one or null per "
+                "frame."
             )
     positions = np.stack(columns, axis=1)
     if not np.isfinite(positions).any():
@@ -195,7 +198,7 @@ def trajectories_from_json(
 
 
 def trajectories_to_json(trajectories: Trajectories) -> dict[str, Any]:
-    """Return the trajectories as a JSON file has them; weights that differ from frame to frame are not kept."""
+    """Return the trajectories as written in a JSON file; weights per frame are reduced to those of the first frame."""
     data: dict[str, Any] = {"format": FORMAT, "version": VERSION, "rate": float(trajectories.rate)}
     if trajectories.camera is not None:
         data["camera"] = codec.camera_to_json(trajectories.camera)
@@ -219,21 +222,21 @@ def _anchor(point: _PointJson, where: str, character: Character) -> SurfacePoint
     if point.anchor is None:
         found = _vertex_named(point.name, character)
         if found is None:
-            raise FacePoserError(f"{where} has no anchor, and its name is no feature point of {character.name}.")
+            raise FacePoserError(f"{where} has no anchor, and its name is not a feature point of {character.name}.")
         return found
     if isinstance(point.anchor, dict) and "feature" in point.anchor:
         name = convert(point.anchor, _FeatureJson, f"{where}.anchor").feature
         found = _vertex_named(name, character)
         if found is None:
             raise FacePoserError(
-                f"{where}.anchor.feature is {shown(name)}, which is no feature point of {character.name}."
+                f"{where}.anchor.feature is {shown(name)}, which is not a feature point of {character.name}."
             )
         return found
     return convert(point.anchor, codec.AnchorJson, f"{where}.anchor").anchor()
 
 
-def _column(positions: list[Any], in_picture: bool, where: str) -> NDArray[np.float64]:
-    if in_picture:
+def _column(positions: list[Any], in_image: bool, where: str) -> NDArray[np.float64]:
+    if in_image:
         pixels = convert(positions, list[codec.Pixel | None], where)
         return np.array([(np.nan,) * 2 if row is None else row for row in pixels])
     places = convert(positions, list[codec.Triple | None], where)
@@ -244,14 +247,14 @@ def _anchor_named(name: str, character: Character, path: Path) -> int:
     vertex = _vertex_named(name, character)
     if vertex is None:
         raise FacePoserError(
-            f"'{path}' has {name}, which is no feature point of {character.name}; call points 8.3, 'left mouth corner' "
-            "or 'vertex 12', say which to take with --points, or give their places with --markers."
+            f"'{path}' has the point {name}, which is not a feature point of {character.name}; name points like 8.3, "
+            "'left mouth corner' or 'vertex 12', choose points with --points, or give their places with --markers."
         )
     return vertex
 
 
 def _vertex_named(name: str, character: Character) -> int | None:
-    """Return the vertex of the feature point with this number or title, or the vertex with this number."""
+    """Return the vertex of the feature point with this number or title, or the vertex with this index."""
     if name in character.feature_points:
         return int(character.feature_points[name])
     for number, title in character.feature_titles.items():
@@ -262,15 +265,15 @@ def _vertex_named(name: str, character: Character) -> int | None:
     return vertex if 0 <= vertex < len(character.vertices) else None
 
 
-def _known(wanted: Sequence[str], names: Sequence[str], path: Path) -> tuple[str, ...]:
-    for name in wanted:
+def _known(requested: Sequence[str], names: Sequence[str], path: Path) -> tuple[str, ...]:
+    for name in requested:
         if name not in names:
             known = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
-            raise FacePoserError(f"'{path}' has no point {name}; those to choose from are {known}.")
-    return tuple(dict.fromkeys(wanted))
+            raise FacePoserError(f"'{path}' has no point {name}; its points are {known}.")
+    return tuple(dict.fromkeys(requested))
 
 
-def _pixels(path: Path) -> MarkerTable | None:
+def _pixel_table(path: Path) -> MarkerTable | None:
     """Return the table of pixels in ``path``, or None if its points have three coordinates."""
     try:
         table = parse_marker_csv(path, pixels=True)
@@ -280,25 +283,25 @@ def _pixels(path: Path) -> MarkerTable | None:
     return table if table.positions.shape[2] == 2 else None
 
 
-def _in_picture(path: Path, table: MarkerTable, options: "_Options") -> Trajectories:
+def _trajectories_in_image(path: Path, table: MarkerTable, options: "_Options") -> Trajectories:
     if options.camera is None:
-        raise FacePoserError(f"'{path}' has places in a picture; give the camera that made it (--camera).")
-    _check_before(path, options.camera, options.character)
+        raise FacePoserError(f"'{path}' contains pixels; give the camera of the images with --camera.")
+    _check_in_front(path, options.camera, options.character)
     names, anchors = _places(path, table.names, options)
     positions = table.positions[:, [table.names.index(name) for name in names]]
     return _checked(path, names, anchors, positions, options.rate or _known_rate(table.rate), options.camera)
 
 
-def _in_space(path: Path, motion: MarkerMotion, options: "_Options") -> Trajectories:
+def _trajectories_in_space(path: Path, motion: MarkerMotion, options: "_Options") -> Trajectories:
     if options.marker_map is not None:
         check_names(motion, options.marker_map)
     names, anchors = _places(path, motion.names, options)
     character = options.character
     places = anchors.positions(character.vertices, character.triangles)
     if options.marker_map is None:
-        # In the space of the face, whose unit is the centimetre.
+        # Without a map, positions are in the space of the face, in centimetres.
         positions = motion.subset(names).positions * (motion.unit_scale or 1.0)
-        _check_near(path, positions, places, character, "give a marker map with --markers to have them laid on it")
+        _check_near(path, positions, places, character, "give a marker map with --markers to align them with it")
     else:
         find_held = len(options.marker_map.places) >= _ENOUGH_TO_FIND_HELD
         mapped = options.marker_map.subset(names)
@@ -314,36 +317,36 @@ def _known_rate(rate: float | None) -> float | None:
     return nearest if abs(nearest - rate) < _ROUNDED * nearest else rate
 
 
-def _check_before(path: Path, camera: Camera, character: Character) -> None:
+def _check_in_front(path: Path, camera: Camera, character: Character) -> None:
     if not (camera.to_camera(character.vertices)[:, 2] > 0.0).all():
         raise FacePoserError(
-            f"The camera of '{path}' has the face of {character.name} behind it or all around it; check its rotation and "
+            f"The face of {character.name} is not in front of the camera of '{path}'; check its rotation and "
             "translation."
         )
 
 
 def _check_near(path: Path, positions: Array, places: Array, character: Character, remedy: str) -> None:
-    off = np.linalg.norm(positions - places, axis=2)
-    known = off[np.isfinite(off)]
+    distances = np.linalg.norm(positions - places, axis=2)
+    known = distances[np.isfinite(distances)]
     if known.size and np.median(known) > _NEAR * character.height:
         raise FacePoserError(
-            f"The points in '{path}' lie {np.median(known):.3g} cm from their places on {character.name}, so they are "
+            f"The points in '{path}' are {np.median(known):.3g} cm from their places on {character.name}, so they are "
             f"not in its space; {remedy}."
         )
 
 
 def _places(path: Path, names: Sequence[str], options: "_Options") -> tuple[tuple[str, ...], SurfacePoints]:
-    """Return the names of the points to take, and where these are on the face."""
+    """Return the names of the points to use, and their places on the face."""
     character, marker_map = options.character, options.marker_map
-    wanted = tuple(names) if marker_map is None else tuple(marker_map.places)
+    chosen = tuple(names) if marker_map is None else tuple(marker_map.places)
     if options.points is not None:
-        wanted = _known(options.points, wanted, path)
+        chosen = _known(options.points, chosen, path)
     if marker_map is None:
-        return wanted, SurfacePoints.of([_anchor_named(name, character, path) for name in wanted])
-    for name in wanted:
+        return chosen, SurfacePoints.of([_anchor_named(name, character, path) for name in chosen])
+    for name in chosen:
         _known([name], names, path)
-    chosen = marker_map.subset(wanted)
-    return wanted, chosen.surface_points(character.vertices, character.triangles, character.feature_points)
+    chosen_map = marker_map.subset(chosen)
+    return chosen, chosen_map.surface_points(character.vertices, character.triangles, character.feature_points)
 
 
 def _checked(
@@ -355,19 +358,19 @@ def _checked(
     camera: Camera | None,
 ) -> Trajectories:
     if len(positions) > _MAX_FRAMES:
-        raise FacePoserError(f"'{path}' has {len(positions)} frames, {_MAX_FRAMES} are read; cut it into parts.")
+        raise FacePoserError(f"'{path}' has {len(positions)} frames, more than the maximum of {_MAX_FRAMES}; split it.")
     if not np.isfinite(positions).all(axis=2).any():
-        raise FacePoserError(f"No point is seen in any frame of '{path}'; check the file.")
+        raise FacePoserError(f"No point is visible in any frame of '{path}'; check the file.")
     far = np.argwhere(np.abs(positions) > _FARTHEST)
     if len(far):
         frame, point, axis = far[0].tolist()
         raise FacePoserError(
-            f"'{path}' has {names[point]} at {positions[frame, point, axis]:.6g} in its frame {frame + 1}, and places "
-            f"go to {_FARTHEST:.0e}; mend it, or leave the cell blank."
+            f"'{path}' has {names[point]} at {positions[frame, point, axis]:.6g} in frame {frame + 1}, beyond the "
+            f"limit of {_FARTHEST:.0e}; correct the value or leave the cell blank."
         )
     if rate is not None and not _SLOWEST <= rate <= _MAX_RATE:
         raise FacePoserError(
-            f"'{path}' has {rate:.6g} frames a second by its times, which should be seconds; say how many with --rate."
+            f"The times in '{path}' give {rate:.6g} frames per second; they must be in seconds, or give --rate."
         )
     try:
         return Trajectories(names, anchors, positions, rate or USUAL_RATE, camera)

@@ -1,1 +1,1 @@
-"""Reading and writing files safely: atomic writes, user folders, JSON documents."""
+"""Files: atomic writes, folders of the user, file names and JSON documents."""

@@ -1,4 +1,4 @@
-"""Files and folders that are written atomically: the old content stays until the new one is complete."""
+"""Atomic writes of files and folders: the old content remains until the new one is complete."""
 
 import os
 import re
@@ -11,20 +11,20 @@ from pathlib import Path
 from faceposer.errors import FacePoserError
 
 _TEMPORARY = re.compile(r"\..+\.(\d+)\.tmp")
-# Longest name of a file on common systems, in bytes; a temporary file has a longer one than the file.
+# Maximum length of a file name on common systems, in bytes; temporary files have longer names than their files.
 _LONGEST_NAME = 255
 
 
 @contextmanager
 def atomic_file(path: Path, kind: str, durable: bool = True) -> Iterator[Path]:
-    """Yield a temporary path beside ``path`` that replaces it at the end of the block, unless the block raises.
+    """Yield a temporary path next to ``path`` that replaces it at the end of the block, unless the block raises.
 
-    What killed programs left there of the same file is removed.
+    Temporary files of the same path left by crashed programs are removed.
 
     Args:
         path: The file; its folder must exist.
         kind: Noun for messages, such as "session".
-        durable: Wait until the content is on the disk (fsync), so that it also survives a power failure.
+        durable: True to wait until the content is on the disk (fsync), so that it survives a power failure.
 
     Raises:
         FacePoserError: If the file cannot be written.
@@ -48,15 +48,14 @@ def atomic_file(path: Path, kind: str, durable: bool = True) -> Iterator[Path]:
 
 @contextmanager
 def atomic_files(paths: Sequence[Path], kind: str) -> Iterator[list[Path]]:
-    """Yield temporary paths beside ``paths`` that replace all of them at the end of the block, or none.
+    """Yield temporary paths next to ``paths`` that replace all of them at the end of the block, or none.
 
     Args:
-        paths: The files, at least one, in the order in which they are replaced; their folders must exist. The last is
-            the one that messages name.
+        paths: The files, at least one, in the order of replacement; their folders must exist. Messages name the last.
         kind: Noun for messages, such as "mesh".
 
     Raises:
-        FacePoserError: If one of the files cannot be written; the old ones are then back in their places.
+        FacePoserError: If a file cannot be written; the old files are then restored.
     """
     temporaries = [_temporary(path) for path in paths]
     olds = [path.with_name(f"{path.name}.old") for path in paths]
@@ -80,7 +79,7 @@ def atomic_files(paths: Sequence[Path], kind: str) -> Iterator[list[Path]]:
 
 
 def _replace_all(paths: Sequence[Path], temporaries: Sequence[Path], backups: Sequence[Path]) -> None:
-    """Move ``temporaries`` to ``paths``; after a failure the old files, kept as ``backups``, are restored."""
+    """Move ``temporaries`` to ``paths``; after a failure, the old files are restored from ``backups``."""
     replaced: list[tuple[Path, Path]] = []
     try:
         for path, temporary, backup in zip(paths, temporaries, backups, strict=True):
@@ -99,7 +98,7 @@ def _replace_all(paths: Sequence[Path], temporaries: Sequence[Path], backups: Se
 
 
 def _keep(path: Path, backup: Path) -> None:
-    """Let the file ``path`` have the second name ``backup``, or copy it where the file system has no links."""
+    """Create a hard link ``backup`` to the file ``path``, or a copy if the file system does not support links."""
     try:
         os.link(path, backup, follow_symlinks=False)
     except (OSError, NotImplementedError):
@@ -108,15 +107,15 @@ def _keep(path: Path, backup: Path) -> None:
 
 @contextmanager
 def atomic_folder(path: Path, kind: str = "folder") -> Iterator[Path]:
-    """Yield a temporary folder beside ``path``, which must be new or empty, that becomes ``path`` at the end.
+    """Yield a temporary folder next to ``path``, which must be new or empty, that becomes ``path`` at the end.
 
     Raises:
-        FacePoserError: If ``path`` holds something, or cannot be written.
+        FacePoserError: If ``path`` is not an empty folder, or if it cannot be written.
     """
     temporary = _temporary(path)
     try:
         if path.exists() and (not path.is_dir() or any(path.iterdir())):
-            raise FacePoserError(f"'{path}' is there and not an empty folder; give the name of a new one.")
+            raise FacePoserError(f"'{path}' exists and is not an empty folder; give the name of a new one.")
         _remove_stale(path)
         temporary.mkdir()
         yield temporary
@@ -131,7 +130,7 @@ def atomic_folder(path: Path, kind: str = "folder") -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str, kind: str, durable: bool = True) -> None:
-    """Write ``text`` to ``path`` in UTF-8, atomically; ``kind`` and ``durable`` as for ``atomic_file``.
+    """Write ``text`` to ``path`` in UTF-8, atomically; for ``kind`` and ``durable`` see ``atomic_file``.
 
     Raises:
         FacePoserError: If the file cannot be written.
@@ -141,34 +140,34 @@ def write_text(path: Path, text: str, kind: str, durable: bool = True) -> None:
 
 
 def check_apart(path: Path | None, *inputs: Path | str | None) -> None:
-    """Refuse an output ``path`` that is one of the ``inputs``, which would be lost; what is None does not count.
+    """Check that an output ``path`` is not one of the ``inputs``, which it would overwrite; None is ignored.
 
     Raises:
-        FacePoserError: If it is.
+        FacePoserError: If it is an input.
     """
     if path is None or not path.exists():
         return
     for source in inputs:
         if source is not None and Path(source).exists() and path.samefile(source):
-            raise FacePoserError(f"'{path}' is what is read; give the output another name.")
+            raise FacePoserError(f"'{path}' is also an input; give the output another name.")
 
 
 def check_output(path: Path, *suffixes: str) -> None:
-    """Refuse an output that could not be written, or ends in none of ``suffixes``, before any work is done for it.
+    """Check that an output can be written and has one of the ``suffixes``, before any work is done for it.
 
     Raises:
         FacePoserError: If the file could not be written.
     """
     if path.suffix.lower() not in suffixes:
         quoted = [f"'{suffix}'" for suffix in suffixes]
-        endings = " or ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))
-        raise FacePoserError(f"The output '{path}' must end in {endings}.")
+        choices = " or ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))
+        raise FacePoserError(f"The output '{path}' must end in {choices}.")
     if path.is_dir():
         raise FacePoserError(f"The output '{path}' is a folder; give the name of a file.")
     if not path.parent.is_dir():
-        raise FacePoserError(f"The folder '{path.parent}' of the output does not exist; make it first.")
+        raise FacePoserError(f"The folder '{path.parent}' of the output does not exist; create it first.")
     if not os.access(path.parent, os.W_OK):
-        raise FacePoserError(f"The folder '{path.parent}' of the output cannot be written to; choose another.")
+        raise FacePoserError(f"The folder '{path.parent}' of the output is not writable; choose another.")
 
 
 def _cannot(kind: str, path: Path, error: OSError) -> str:
@@ -176,19 +175,19 @@ def _cannot(kind: str, path: Path, error: OSError) -> str:
 
 
 def _temporary(path: Path) -> Path:
-    """Return the path of the temporary file or folder of this process for ``path``."""
+    """Return the path of this process's temporary file or folder for ``path``."""
     tail = f".{os.getpid()}.tmp"
     room = _LONGEST_NAME - len(tail) - 1
     name = path.name.encode("utf-8", "surrogateescape")
-    # A name too long for its temporary file is cut; one too long for the system fails when it takes its place.
+    # A name too long for its temporary file is cut; one too long for the system fails at the replacement.
     short = name[:room].decode("utf-8", "ignore") if len(name) > room else path.name
     return path.with_name(f".{short}{tail}")
 
 
 def _remove_stale(path: Path) -> None:
-    """Remove temporary files and folders of ``path`` whose program is gone."""
+    """Remove temporary files and folders of ``path`` whose process has ended."""
     if _TEMPORARY.fullmatch(path.parent.name):
-        # A temporary folder of our own, in which a sequence of thousands of files would be looked through for each.
+        # Inside a temporary folder, a sequence of thousands of files would scan the folder for each of them.
         return
     prefix = f".{path.name}."
     with suppress(OSError), os.scandir(path.parent) as entries:
@@ -204,7 +203,7 @@ def _remove_stale(path: Path) -> None:
 
 
 def _is_running(pid: int) -> bool:
-    """Whether a process ``pid`` may exist; on Windows, where asking could end it, always true."""
+    """Return True if a process ``pid`` may exist; always on Windows, where the check could end the process."""
     if sys.platform == "win32" or not 0 < pid < 2**31:
         return True
     try:
@@ -225,7 +224,7 @@ def _sync(path: Path, flags: int) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Have the system write a folder's entries to the disk, where it can."""
+    """Flush the entries of a folder to the disk, if supported."""
     # Windows cannot open folders, and some network drives cannot sync them.
     with suppress(OSError):
         _sync(folder, os.O_RDONLY)

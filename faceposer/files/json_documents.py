@@ -1,4 +1,4 @@
-"""JSON documents: bounded reading of files, and conversion to declared types that names the path of what is wrong."""
+"""JSON documents: reading with size limits, and conversion to declared types with messages that name the place."""
 
 import json
 import reprlib
@@ -15,7 +15,7 @@ from faceposer.errors import FacePoserError
 
 T = TypeVar("T")
 
-#: How deep lists and objects may lie in each other.
+#: Maximum nesting depth of lists and objects.
 DEEPEST = 64
 _BRACKETS = b"[]{}"
 _ALL_ELSE = bytes(set(range(256)) - set(_BRACKETS + b'"'))
@@ -25,27 +25,27 @@ _SHORT.maxother = _SHORT.maxstring = 40
 
 
 class JsonObject(msgspec.Struct, forbid_unknown_fields=True):
-    """Base of the declared types of JSON objects: keys that are no field are refused, those without default required.
+    """Base of the declared types of JSON objects: unknown keys are errors, and keys without a default are required.
 
-    A subclass may check what its fields' types cannot say in ``__post_init__``, and raise ``JsonError``. Where a
-    sentence about a field should not be made from its type, ``msgspec.Meta`` has a ``description``, such as "a word",
-    and a ``title``, the plural for lists of it.
+    A subclass may validate its fields in ``__post_init__`` and raise ``JsonError``. ``msgspec.Meta`` may override the
+    text derived from the type of a field with a ``description``, such as "a word", and with a ``title``, the plural for
+    lists of it.
     """
 
 
 class JsonDocument(JsonObject):
-    """Base of the declared types of whole files; ``check_header`` looks at the header."""
+    """Base of the declared types of whole files; ``check_header`` validates the header."""
 
     format: Any
     version: Any
 
 
 class JsonError(ValueError):
-    """An object's fields do not go together; raised by ``__post_init__`` of a ``JsonObject``.
+    """Inconsistent fields of an object; raised by ``__post_init__`` of a ``JsonObject``.
 
     Args:
-        reason: What follows the object's path, or that of its ``key``, in a sentence: "must be shorter".
-        key: The field that it is about.
+        reason: Predicate of a sentence about the object or its ``key``, such as "must be shorter".
+        key: The field concerned.
     """
 
     def __init__(self, reason: str, key: str = "") -> None:
@@ -54,22 +54,22 @@ class JsonError(ValueError):
 
 
 class UnreadableError(FacePoserError):
-    """The system does not let a file be read; what it holds may be as it should."""
+    """A file could not be read; its content may be valid."""
 
 
 def read_json(path: Path, kind: str, parse: Callable[[Any], T], max_bytes: int = 2**20, unique_keys: bool = False) -> T:
-    """Return what ``parse`` makes of the JSON in the file ``path``: UTF-8, with or without a byte order mark.
+    """Return the result of ``parse`` for the JSON in the file ``path``: UTF-8, with or without a byte order mark.
 
     Args:
         path: A regular file.
         kind: Noun for messages, such as "session".
-        parse: Raises ``FacePoserError`` with a sentence about the content.
-        max_bytes: The largest file that is read.
-        unique_keys: Refuse an object with a key twice, of which else the last counts.
+        parse: Converts the data; raises ``FacePoserError`` with a sentence about the content.
+        max_bytes: Maximum size of the file.
+        unique_keys: True to reject objects with duplicate keys; else the last value counts.
 
     Raises:
-        UnreadableError: If the system does not let the file be read.
-        FacePoserError: If the file cannot be used, naming the file and the place in it.
+        UnreadableError: If the file cannot be read.
+        FacePoserError: If the content is invalid; the message names the file and the place in it.
     """
     try:
         data = _loads(_bytes(path, max_bytes), unique_keys)
@@ -93,7 +93,7 @@ def read_json(path: Path, kind: str, parse: Callable[[Any], T], max_bytes: int =
 
 
 def check_header(data: Any, name: str, version: int) -> None:
-    """Raise ``FacePoserError`` unless ``data`` is an object whose "format" and "version" are these."""
+    """Raise ``FacePoserError`` unless ``data`` is an object with this "format" and "version"."""
     if not isinstance(data, dict) or data.get("format") != name:
         raise FacePoserError(f'the file has no "format": "{name}".')
     found = data.get("version")
@@ -102,15 +102,15 @@ def check_header(data: Any, name: str, version: int) -> None:
 
 
 def convert(data: Any, form: type[T], where: str = "") -> T:
-    """Return ``data``, as JSON has it, converted to the declared type ``form``.
+    """Return ``data``, as parsed from JSON, converted to the declared type ``form``.
 
     Args:
-        data: Of dictionaries, lists, texts, numbers, flags and None.
+        data: Dictionaries, lists, strings, numbers, booleans and None.
         form: A ``JsonObject``, or another type that msgspec can convert to.
         where: Path of ``data`` in its file, such as "constraints[3]"; "" for the whole file.
 
     Raises:
-        FacePoserError: If it does not fit, in a sentence that begins with the path of what is wrong.
+        FacePoserError: If it does not match; the message starts with the path of the wrong value.
     """
     try:
         return msgspec.convert(data, form)
@@ -119,24 +119,24 @@ def convert(data: Any, form: type[T], where: str = "") -> T:
 
 
 def given(value: T | msgspec.UnsetType) -> T | None:
-    """Return the ``value`` of an optional key, or None if the file does not have it."""
+    """Return the ``value`` of an optional key, or None if it is missing in the file."""
     return None if isinstance(value, msgspec.UnsetType) else value
 
 
 def shown(value: Any) -> str:
-    """Return ``value`` short enough for a sentence, as JSON has it where that is short."""
+    """Return ``value`` abbreviated for a message, in JSON notation where possible."""
     text = json.dumps(value) if value is None or isinstance(value, bool) else _SHORT.repr(value)
     return text if len(text) <= 40 else text[:37] + "..."
 
 
 class _RefusedError(Exception):
-    """The file is not read, for the reason of the message."""
+    """The file is rejected for the reason in the message."""
 
 
 def _bytes(path: Path, max_bytes: int) -> bytes:
     status = path.stat()
     if not stat.S_ISREG(status.st_mode):
-        raise _RefusedError("it is no regular file")
+        raise _RefusedError("it is not a regular file")
     if status.st_size > max_bytes:
         raise _RefusedError(f"it is larger than {max_bytes / 2**20:.3g} MB")
     with path.open("rb") as file:
@@ -144,19 +144,19 @@ def _bytes(path: Path, max_bytes: int) -> bytes:
 
 
 def _loads(content: bytes, unique_keys: bool) -> Any:
-    # Python's own parser and not msgspec's: it names the line of an error, and can find keys that are there twice.
+    # The parser of Python, not of msgspec: it reports the line of an error and detects duplicate keys.
     text = content.decode("utf-8-sig")
-    # Without escaped quotes, every other part between quotes is outside of texts.
+    # Once escaped quotes are removed, every other part between quotes is outside of strings.
     plain = content.replace(b"\\\\", b"").replace(b'\\"', b"").translate(None, _ALL_ELSE)
     brackets = np.frombuffer(b"".join(plain.split(b'"')[::2]), dtype=np.uint8)
     opening = (brackets == ord("[")) | (brackets == ord("{"))
     if np.cumsum(np.where(opening, 1, -1)).max(initial=0) > DEEPEST:
         raise RecursionError
-    return json.loads(text, parse_constant=_Constant, object_pairs_hook=_without_repetition if unique_keys else None)
+    return json.loads(text, parse_constant=_Constant, object_pairs_hook=_unique_pairs if unique_keys else None)
 
 
 class _Constant:
-    """NaN, Infinity or -Infinity, which JSON does not have; no declared type takes it."""
+    """NaN, Infinity or -Infinity, which are not valid JSON; no declared type accepts it."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -165,19 +165,19 @@ class _Constant:
         return self._name
 
 
-def _without_repetition(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _unique_pairs(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     result = dict(pairs)
     if len(result) < len(pairs):
         names = [name for name, _ in pairs]
-        raise _RefusedError(f'"{next(name for name in names if names.count(name) > 1)}" is there twice')
+        raise _RefusedError(f'the key "{next(name for name in names if names.count(name) > 1)}" occurs twice')
     return result
 
 
-# Sentences
+# Messages
 
 
 def _problem(data: Any, form: Any, where: str) -> str:
-    """Return what is wrong with ``data`` that does not fit ``form``, without full stop."""
+    """Return a description, without full stop, of the first value in ``data`` that does not match ``form``."""
     form = _alternative(form, data)
     bare, meta = _split(form)
     place = where or "the file"
@@ -223,7 +223,7 @@ def _problem_of_object(data: dict[str, Any], form: type[msgspec.Struct], where: 
         if isinstance(error.__cause__, JsonError):
             return f"{start}{error.__cause__.key} {error}" if error.__cause__.key else f"{place} {error}"
         return f"{place}: {error}"
-    raise AssertionError(f"{place} fits")  # the caller has seen that it does not
+    raise AssertionError(f"{place} matches its type")  # the caller has checked that it does not
 
 
 def _fits(data: Any, form: Any) -> bool:
@@ -235,7 +235,7 @@ def _fits(data: Any, form: Any) -> bool:
 
 
 def _alternative(form: Any, data: Any) -> Any:
-    """Return that of the alternatives in ``form`` whose parts ``data`` may have, or ``form``."""
+    """Return the alternative of the union ``form`` with the same JSON type as ``data``, or ``form``."""
     bare, meta = _split(form)
     if get_origin(bare) not in (Union, UnionType):
         return form
@@ -251,7 +251,7 @@ def _alternative(form: Any, data: Any) -> Any:
 
 
 def _split(form: Any) -> tuple[Any, msgspec.Meta]:
-    """Return the type itself and what its annotation says."""
+    """Return the bare type and its annotation."""
     if get_origin(form) is not Annotated:
         return form, msgspec.Meta()
     bare, *notes = get_args(form)
@@ -269,13 +269,13 @@ def _lengths(form: Any, meta: msgspec.Meta) -> tuple[int, int | None]:
 
 
 def _phrase(form: Any) -> str:
-    """Return what a value of the type ``form`` is called: "a number from 0 to 1"."""
+    """Return a description of the values of the type ``form``, such as "a number from 0 to 1"."""
     form, meta = _split(form)
     kind = get_origin(form) or form
     if meta.description is not None:
         return meta.description
     if kind in (Union, UnionType):
-        return " or ".join(_phrase(one) for one in get_args(form) if one is not msgspec.UnsetType)
+        return " or ".join(_phrase(option) for option in get_args(form) if option is not msgspec.UnsetType)
     if kind is Literal:
         return f"one of {', '.join(map(repr, get_args(form)))}"
     if kind in (int, float):
@@ -285,7 +285,7 @@ def _phrase(form: Any) -> str:
         return f"{'an object' if kind is dict else 'a list'} of {_count(*_lengths(form, meta))}{of}"
     if kind is str:
         count = _count(*_lengths(form, meta))
-        return f"a text of {count}letters" if count else "a text"
+        return f"a text of {count}characters" if count else "a text"
     if _is_object(form):
         return f"an object with the keys {_quoted(f.name for f in msgspec.structs.fields(form) if f.required)}"
     return {bool: "true or false", NoneType: "null"}.get(form, "something else")

@@ -1,4 +1,4 @@
-"""Names of files to write: with one suffix, the one that decides what is written."""
+"""Names of output files, with exactly one suffix."""
 
 import re
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from faceposer.errors import FacePoserError
 
-# Suffixes by which people and programs tell files apart; "v1.2 smile" has none of them.
+# Suffixes of common file types; the dot in "v1.2 smile" is not one of them.
 _KNOWN = {
     *(".abc", ".blend", ".bvh", ".c3d", ".dae", ".fbx", ".glb", ".gltf", ".ma", ".max", ".mb", ".mtl", ".obj", ".ply"),
     *(".stl", ".usd", ".usda", ".usdc", ".usdz", ".vrm", ".ztl"),
@@ -17,19 +17,19 @@ _KNOWN = {
 
 
 def save_path(path: Path, chosen: str, others: Sequence[str] = ()) -> Path:
-    """Return ``path`` as it is to be written: with one suffix, at its end.
+    """Return ``path`` as a name for writing, with exactly one suffix.
 
-    A suffix of ``chosen`` or ``others`` at the end of the name decides; that of another kind of file is replaced by
-    ``chosen``, and a name without a suffix gets it. Suffixes are never doubled: face.obj.obj is face.obj. What follows
-    a dot and is no suffix of a known kind of file stays part of the name, as in "v1.2 smile".
+    A suffix of ``chosen`` or ``others`` at the end of the name is kept; that of another file type is replaced by
+    ``chosen``, which is also added to a name without a suffix. Repeated suffixes are reduced: face.obj.obj becomes
+    face.obj. Text after a dot that is not a known suffix remains part of the name, as in "v1.2 smile".
 
     Args:
-        path: As it was typed.
-        chosen: The suffix, with its dot, that was chosen; "" for a folder, whose name has none.
-        others: Suffixes that may be written instead.
+        path: The path as entered.
+        chosen: The chosen suffix, with its dot; "" for a folder.
+        others: Other suffixes that may be written.
 
     Raises:
-        FacePoserError: If nothing is left of the name without its suffixes.
+        FacePoserError: If the name consists only of suffixes.
     """
     known = _KNOWN | {chosen, *others}
     name = path.name.rstrip(". ")
@@ -39,10 +39,10 @@ def save_path(path: Path, chosen: str, others: Sequence[str] = ()) -> Path:
     while Path(f"_{stem}").suffix.lower() in known - {""}:
         stem = stem[: -len(Path(f"_{stem}").suffix)].rstrip(". ")
     if not re.search(r"[^. ]", stem):
-        raise FacePoserError(f"'{path.name}' is no name of a file; type one before the suffix.")
+        raise FacePoserError(f"'{path.name}' is not a file name; enter a name before the suffix.")
     return path.with_name(stem + kept)
 
 
 def suffix_replaced(path: Path, saved: Path) -> bool:
-    """Whether ``saved``, which ``save_path`` gave for ``path``, has lost a suffix of ``path``."""
+    """Return True if ``saved``, the result of ``save_path`` for ``path``, lacks a suffix of ``path``."""
     return not saved.name.startswith(path.name.rstrip(". "))

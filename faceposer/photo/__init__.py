@@ -1,1 +1,1 @@
-"""Posing a face after a photo: the picture, the pins on it and the camera that took it."""
+"""Posing from a photo: the image, its pins and its camera."""

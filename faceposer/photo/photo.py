@@ -1,4 +1,4 @@
-"""A photo beside the face: its pins, the camera that took it and how it is shown (docs/photo.md)."""
+"""Reference photos: pins, camera and display of an image next to the face (docs/photo.md)."""
 
 import os
 from dataclasses import dataclass, replace
@@ -35,7 +35,7 @@ class _PinJson(JsonObject, kw_only=True):
         if (self.point is UNSET) == (self.anchor is UNSET):
             raise JsonError("must have one of the keys 'point' and 'anchor'")
         if self.rest is not UNSET and self.anchor is UNSET:
-            raise JsonError("must have the key 'rest' with an 'anchor' alone")
+            raise JsonError("may have the key 'rest' only with the key 'anchor'")
 
     def pin(self) -> "Pin":
         if self.anchor is not UNSET:
@@ -47,9 +47,9 @@ PinsJson = Annotated[list[Annotated[_PinJson, Meta(title="pins")]], Meta(max_len
 
 
 class PhotoJson(JsonObject, kw_only=True):
-    """A photo in a session's file; see ``Photo``."""
+    """A photo in a session file; see ``Photo``."""
 
-    path: Annotated[str, Meta(min_length=1, description="the path of a picture")]
+    path: Annotated[str, Meta(min_length=1, description="the path of an image")]
     size: codec.PictureSize
     pins: PinsJson = field(default_factory=list)
     camera: codec.CameraJson | UnsetType = UNSET
@@ -59,9 +59,9 @@ class PhotoJson(JsonObject, kw_only=True):
     visible: bool = True
 
     def __post_init__(self) -> None:
-        """Check that the camera is the photo's, and that no place is pinned twice."""
+        """Check that the camera has the size of the photo, and that no place is pinned twice."""
         if self.camera is not UNSET and self.camera.size != self.size:
-            raise JsonError("is of a picture of another size than the photo", "camera")
+            raise JsonError("must have the size of the photo", "camera")
         check_places(self.pins, "pins")
 
     def photo(self) -> "Photo":
@@ -75,23 +75,23 @@ PhotosJson = Annotated[list[Annotated[PhotoJson, Meta(title="photos")]], Meta(ma
 
 
 def check_places(pins: list[_PinJson], key: str) -> None:
-    """Raise ``JsonError`` if two of ``pins``, the value of ``key``, are of one place."""
+    """Raise ``JsonError`` if two of ``pins``, the value of ``key``, have the same place."""
     seen: set[Place] = set()
     for i, pin in enumerate(pins):
         place = pin.pin().place
         if place in seen:
-            raise JsonError("pins a place that another one pins already", f"{key}[{i}]")
+            raise JsonError("has the same place as an earlier pin", f"{key}[{i}]")
         seen.add(place)
 
 
 @dataclass(frozen=True)
 class Pin:
-    """A place of the face and where the photo shows it.
+    """A place of the face with its position in the photo.
 
     Attributes:
         place: Name of a feature point, a surface point, or the index of a vertex.
-        pixel: (u, v) in the photo, from its top left.
-        rest: Where a place that has no name lies on the neutral face, in a file; None while the pin is edited.
+        pixel: (u, v) in the photo, from its top left corner.
+        rest: Position on the neutral face of a place without a name, in a file; None in memory.
     """
 
     place: Place
@@ -99,7 +99,7 @@ class Pin:
     rest: tuple[float, float, float] | None = dataclass_field(default=None, compare=False)
 
     def with_rest(self, model: FaceModel) -> "Pin":
-        """Return the pin as a file keeps it, with its rest position unless it has a name."""
+        """Return the pin with its rest position for a file, unless its place has a name."""
         if isinstance(self.place, str):
             return replace(self, rest=None)
         positions = SurfacePoints.of([self.place]).positions(model.character.vertices, model.triangles)
@@ -107,7 +107,7 @@ class Pin:
         return replace(self, rest=(x, y, z))
 
     def to_json(self) -> dict[str, Any]:
-        """Return the pin as files have it."""
+        """Return the pin as written in files."""
         if isinstance(self.place, str):
             return {"point": self.place, "pixel": list(self.pixel)}
         data = {"anchor": codec.anchor_to_json(self.place), "pixel": list(self.pixel)}
@@ -116,17 +116,17 @@ class Pin:
 
 @dataclass(frozen=True)
 class Photo:
-    """A picture that the face is posed after.
+    """A reference photo for posing.
 
     Attributes:
-        path: Of its file, from everywhere while it is edited, and in a session as seen from where that lies.
-        size: Width and height in pixels, upright as the file's EXIF data says.
-        pins: In the order in which they were set, no place twice.
-        camera: The camera that took it, in the photo's pixels, as far as the pins tell; None before it was sought.
-        focal: Its focal length in pixels, where it is known; else it is found with the camera.
-        opacity: Of what lies in front, 0 to 1: the photo, or else the face.
-        front: Whether the photo lies before the face.
-        visible: Whether it is shown.
+        path: Path of the image: absolute in memory, in a session file relative to its folder where possible.
+        size: Width and height in pixels, with the orientation of the EXIF data applied.
+        pins: Pins in order of creation, at most one per place.
+        camera: Camera of the photo in its pixels, estimated from the pins; None before the first estimate.
+        focal: Focal length in pixels if known; None to estimate it with the camera.
+        opacity: Opacity of the layer in front, 0 to 1: the photo or the face.
+        front: True if the photo is in front of the face.
+        visible: True if the photo is displayed.
     """
 
     path: str
@@ -140,7 +140,7 @@ class Photo:
 
     @property
     def name(self) -> str:
-        """Name of its file."""
+        """Name of the image file."""
         return Path(self.path).name
 
     def pin_of(self, place: Place) -> int | None:
@@ -148,7 +148,7 @@ class Photo:
         return next((i for i, pin in enumerate(self.pins) if pin.place == place), None)
 
     def with_pin(self, pin: Pin) -> "Photo":
-        """Return the photo with ``pin``, in the stead of one of the same place."""
+        """Return the photo with ``pin`` added, replacing one of the same place."""
         index = self.pin_of(pin.place)
         if index is None:
             return replace(self, pins=(*self.pins, pin))
@@ -159,11 +159,11 @@ class Photo:
         return replace(self, pins=(*self.pins[:index], *self.pins[index + 1 :]))
 
     def with_rest(self, model: FaceModel) -> "Photo":
-        """Return the photo as a session's file keeps it, with the rest positions of its pins."""
+        """Return the photo with the rest positions of its pins, for a session file."""
         return replace(self, pins=tuple(pin.with_rest(model) for pin in self.pins))
 
     def to_json(self) -> dict[str, Any]:
-        """Return the photo as a session has it."""
+        """Return the photo as written in a session file."""
         data: dict[str, Any] = {
             "path": self.path,
             "size": list(self.size),
@@ -179,6 +179,6 @@ class Photo:
         return data
 
 
-def whole_path(path: str, folder: Path) -> str:
-    """Return ``path`` as seen from ``folder``, from everywhere."""
+def absolute_path(path: str, folder: Path) -> str:
+    """Return ``path``, relative to ``folder``, as an absolute path."""
     return os.path.normpath((folder / Path(path).expanduser()).absolute())

@@ -1,4 +1,4 @@
-"""The file of pins that ``faceposer photo`` reads (docs/photo.md)."""
+"""The pins file read by ``faceposer photo`` (docs/photo.md)."""
 
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ def read_pins(path: Path) -> tuple[Pin, ...]:
     """Return the pins in the file ``path``.
 
     Raises:
-        FacePoserError: If the file cannot be read or is not such a file, naming the place.
+        FacePoserError: If the file cannot be read or is not a pins file; the message names the place.
     """
     return read_json(path, "pins", _pins_from_json, _MAX_BYTES)
 

@@ -1,4 +1,4 @@
-"""Which places of the face one pins in a photo, in which order, and what each of them tells."""
+"""Places of the face to pin in photos: their order, and their use for camera and expression."""
 
 from dataclasses import dataclass
 
@@ -6,10 +6,10 @@ from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.photo import Place
 
-#: Feature points that tell where the camera stands: most hardly move with the expression, and the
-#: first four already lie far apart.
+#: Feature points that determine the camera: most hardly move with the expression, and the first four are already
+#: far apart.
 ALIGNING = ("3.7", "3.12", "9.3", "2.1", "3.11", "3.8", "9.15", "8.3", "8.4", "10.5", "10.6")
-#: Feature points that tell the expression, and hardly more of the camera.
+#: Feature points that determine the expression, with little influence on the camera.
 EXPRESSIVE = (
     "8.1",
     "8.2",
@@ -28,10 +28,10 @@ EXPRESSIVE = (
     "3.5",
     "3.6",
 )
-#: The order in which one is led from point to point.
+#: Order of the guided pins.
 GUIDED = ALIGNING + EXPRESSIVE
 
-# How much a pin tells of the camera: what moves with the expression tells little.
+# Weight of a pin in the estimation of the camera, by its rigidity.
 _RIGID = {
     **dict.fromkeys(("3.7", "3.8", "3.11", "3.12"), 1.0),
     **dict.fromkeys(("9.1", "9.2", "9.3", "9.4", "9.5", "9.12", "9.15"), 1.0),
@@ -46,26 +46,26 @@ _REGION_WEIGHTS = {"nose": 1.0, "ear_left": 1.0, "ear_right": 1.0, "forehead": 0
 
 @dataclass(frozen=True)
 class Pair:
-    """Two feature points whose distance tells the expression, held against one that does not change with it.
+    """Two feature points whose distance depends on the expression, with a constant distance for comparison.
 
     Attributes:
-        ends: The two.
-        measure: Two whose distance is the same in all expressions: it tells how large this person's feature is.
+        ends: Names of the two points.
+        measure: Names of two points whose distance is the same in all expressions: it gives the size of the feature.
     """
 
     ends: tuple[str, str]
     measure: tuple[str, str]
 
 
-#: The opening of the mouth and of the eyes.
+#: Openings of the mouth and of the eyes.
 OPENINGS = (
     Pair(("2.2", "2.3"), ("3.7", "3.12")),
     Pair(("3.1", "3.3"), ("3.7", "3.11")),
     Pair(("3.2", "3.4"), ("3.12", "3.8")),
 )
-#: Each pupil, by which one sees where the eyes look, with the corners of its eye.
+#: Each pupil, which shows the gaze, with the corners of its eye.
 PUPILS = (("3.5", ("3.7", "3.11")), ("3.6", ("3.12", "3.8")))
-#: Points that a person has higher or lower, nearer or farther apart than another by nature, one group after another.
+#: Groups of points whose position relative to the face varies between people.
 GROUPS = (
     ("8.3", "8.4", "8.1", "8.2", "8.5", "8.6", "8.7", "8.8", "8.9", "8.10", "2.2", "2.3", "2.4", "2.5"),
     ("4.1", "4.2", "4.3", "4.4", "4.5", "4.6"),
@@ -74,12 +74,12 @@ GROUPS = (
 
 
 def guided(character: Character) -> list[str]:
-    """Return the feature points that ``character`` has of those that one is led to, in order."""
+    """Return the feature points of the guided order that ``character`` has."""
     return [name for name in GUIDED if name in character.feature_points]
 
 
 def anchor_of(place: Place, character: Character) -> Place | None:
-    """Return ``place`` as the index of a vertex or a surface point, or None where ``character`` lacks it."""
+    """Return ``place`` as a vertex index or a surface point, or None if ``character`` lacks it."""
     if isinstance(place, str):
         vertex = character.feature_points.get(place)
         return None if vertex is None else int(vertex)
@@ -89,7 +89,7 @@ def anchor_of(place: Place, character: Character) -> Place | None:
 
 
 def rigidity(place: Place, model: FaceModel) -> float:
-    """Return how much a pin of ``place`` tells of the camera, 0 to 1."""
+    """Return the rigidity of ``place``, 0 to 1: the weight of its pin in the estimation of the camera."""
     if isinstance(place, str):
         return _RIGID.get(place, _LOOSE)
     character = model.character

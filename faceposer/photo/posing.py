@@ -1,9 +1,9 @@
-"""The expression of a photo, from its pins: what pulls at the face, with what is only this person's build set apart.
+"""The expression of a photo, as constraints from its pins, with allowance for the person's build.
 
-A person's mouth lies lower, or the brows are higher, than the character's by nature. Of one photo nobody can tell that
-from an expression for certain, so each group of features may lie elsewhere as a whole, at a price, and each pin counts
-less than one that was set by dragging the character's own face (Lau et al. 2009, section 7: photos allow for quick
-prototyping, not for a detailed correspondence).
+A person's mouth may be lower, or the brows higher, than the character's. A single photo cannot separate this from an
+expression, so each group of features may be offset as a whole, at a cost, and each pin weighs less than one that was
+dragged on the face of the character (Lau et al. 2009, section 7: photos allow for quick prototyping, not for a detailed
+correspondence).
 """
 
 from collections.abc import Mapping
@@ -28,19 +28,19 @@ from faceposer.solve.problem import SPREAD, PoseProblem
 
 Array = NDArray[np.float64]
 
-# An ordinary view shows the head at this many pixels; pins count as much as if they had been set there.
+# Height of the head in pixels in an ordinary view: pins weigh as much as if they had been set there.
 _HEAD_PX = 540.0
-# Shares of the head's height by which people differ: where a feature lies in its group, and where the group lies.
+# Variation between people, as shares of the head's height: of a feature in its group, and of the group.
 _FEATURE_SPREAD = 0.004
 _GROUP_SPREAD = 0.018
-# Of openings, in pixels of an ordinary view: they depend little on the person.
+# Of openings, in pixels of an ordinary view: they vary little between people.
 _OPENING_SPREAD_PX = 4.0
 _ROUNDS = 8
 _GAZE_ROUNDS = 5
 
 
 def constraint_camera(photo: Photo, model: FaceModel) -> Camera:
-    """Return the photo's camera with pixels as large as an ordinary view has them.
+    """Return the photo's camera with the resolution of an ordinary view.
 
     Raises:
         ValueError: If the photo has no camera yet.
@@ -65,15 +65,15 @@ def expression_constraints(
     prior: Prior = "regions",
     spread: float = SPREAD,
 ) -> tuple[Constraint, ...]:
-    """Return what lets the face take the expression of ``photo``: points and distances under the photo's camera.
+    """Return constraints for the expression of ``photo``: points and distances under the photo's camera.
 
     Args:
-        photo: With its camera.
-        model: The face.
-        start: The pose before anything pulls, shape (r,); the neutral face if None.
-        prior_weight: As the session has it.
-        prior: As the session has it.
-        spread: As the session has it.
+        photo: Photo with its camera.
+        model: The face model.
+        start: Pose without constraints, shape (r,); None for the neutral face.
+        prior_weight: Weight of the prior in the session.
+        prior: Kind of the prior in the session.
+        spread: Spread in the session.
 
     Raises:
         ValueError: If the photo has no camera yet.
@@ -93,7 +93,7 @@ def expression_constraints(
         for place in places
         if (anchor := anchor_of(place, model.character)) is not None and not isinstance(anchor, str)
     ]
-    named = {place: at for place, at in pixels.items() if isinstance(place, str)}
+    named = {place: pixel for place, pixel in pixels.items() if isinstance(place, str)}
     others = [*_openings(model, camera, named), *_gaze(model, camera, named)]
     groups = [[i for i, place in enumerate(places) if place in group] for group in GROUPS]
     targets = np.array([point.target for point in points]).reshape(-1, 2)
@@ -103,12 +103,12 @@ def expression_constraints(
     for _ in range(_ROUNDS):
         problem = PoseProblem(model, [*shifted, *others], start, prior_weight, prior=prior, spread=spread)
         p = solve(problem, p).coefficients
-        off = [targets[i] - camera.project(model.positions_at(point.points, p))[0] for i, point in enumerate(points)]
+        errors = [targets[i] - camera.project(model.positions_at(point.points, p))[0] for i, point in enumerate(points)]
         for group in groups:
             if not group:
                 continue
-            middle = np.mean([off[i] for i in group], axis=0)
-            offset = middle * group_variance / (group_variance + variance / len(group))
+            mean_error = np.mean([errors[i] for i in group], axis=0)
+            offset = mean_error * group_variance / (group_variance + variance / len(group))
             for i in group:
                 u, v = (targets[i] - offset).tolist()
                 shifted[i] = replace(points[i], target=(u, v))
@@ -116,43 +116,44 @@ def expression_constraints(
 
 
 def _gaze(model: FaceModel, camera: Camera, pixels: Mapping[str, Array]) -> list[Constraint]:
-    """Return where the eyes look, for pins at ``pixels`` of ``camera``, (2,) each, if there are any of pupils.
+    """Return a gaze constraint for pins of pupils at ``pixels`` of ``camera``, (2,) each, if there are any.
 
-    What counts is where a pupil lies between the corners of its eye, by the width of that eye.
+    It matches the position of each pupil between the corners of its eye, relative to the width of the eye.
     """
     character = model.character
-    vertices, wanted = [], []
+    vertices, targets = [], []
     for pupil, corners in PUPILS:
         if not all(name in pixels and name in character.feature_points for name in (pupil, *corners)):
             continue
-        ours = camera.project(character.vertices[[int(character.feature_points[name]) for name in corners]])
-        theirs = np.array([pixels[name] for name in corners])
-        width = float(np.linalg.norm(theirs[0] - theirs[1]))
+        own_corners = camera.project(character.vertices[[int(character.feature_points[name]) for name in corners]])
+        photo_corners = np.array([pixels[name] for name in corners])
+        width = float(np.linalg.norm(photo_corners[0] - photo_corners[1]))
         if width > 1e-6:
-            scale = float(np.linalg.norm(ours[0] - ours[1])) / width
+            scale = float(np.linalg.norm(own_corners[0] - own_corners[1])) / width
             vertices.append(int(character.feature_points[pupil]))
-            wanted.append(ours.mean(axis=0) + scale * (pixels[pupil] - theirs.mean(axis=0)))
+            targets.append(own_corners.mean(axis=0) + scale * (pixels[pupil] - photo_corners.mean(axis=0)))
     if not vertices or not any(name.startswith("eyeLook") for name in character.shape_names):
         return []
     points = SurfacePoints.at_vertices(vertices)
 
-    def seen(angles: Array) -> Array:
+    def project_pupils(angles: Array) -> Array:
         pose = GazeConstraint((float(angles[0]), float(angles[1]))).moved_start(model, model.neutral())
         return camera.project(model.positions_at(points, pose)).ravel()
 
     most = np.array([MOST_YAW, MOST_PITCH])
     angles: Array = np.zeros(2)
     for _ in range(_GAZE_ROUNDS):
-        # Differences are taken towards the middle, for at its limit an eye turns no farther.
-        towards = np.where(angles > 0.0, -1.0, 1.0)
-        slopes = [(seen(angles + towards * axis) - seen(angles)) * (towards @ axis) for axis in np.eye(2)]
-        step = np.linalg.lstsq(np.stack(slopes, axis=1), np.ravel(wanted) - seen(angles), rcond=1e-6)[0]
+        # Differences towards the middle, because an eye does not turn beyond its limits.
+        signs = np.where(angles > 0.0, -1.0, 1.0)
+        pupils = project_pupils(angles)
+        slopes = [(project_pupils(angles + signs * axis) - pupils) * (signs @ axis) for axis in np.eye(2)]
+        step = np.linalg.lstsq(np.stack(slopes, axis=1), np.ravel(targets) - pupils, rcond=1e-6)[0]
         angles = np.clip(angles + step, -most, most)
     return [GazeConstraint((float(angles[0]), float(angles[1])))]
 
 
 def _openings(model: FaceModel, camera: Camera, pixels: Mapping[str, Array]) -> list[Constraint]:
-    """Return how far mouth and eyes are open, for pins at ``pixels`` of ``camera``, (2,) each, by feature point."""
+    """Return distance constraints for the openings of mouth and eyes, for ``pixels`` of ``camera``, (2,) each."""
     character = model.character
     found: list[Constraint] = []
     for pair in OPENINGS:
@@ -160,11 +161,11 @@ def _openings(model: FaceModel, camera: Camera, pixels: Mapping[str, Array]) -> 
             continue
         vertices = [int(character.feature_points[name]) for name in (*pair.ends, *pair.measure)]
         neutral = camera.project(character.vertices[vertices[2:]].astype(np.float64))
-        ours = float(np.hypot(*(neutral[0] - neutral[1])))
-        theirs = float(np.hypot(*(pixels[pair.measure[0]] - pixels[pair.measure[1]])))
-        apart = float(np.hypot(*(pixels[pair.ends[0]] - pixels[pair.ends[1]])))
+        own_measure = float(np.hypot(*(neutral[0] - neutral[1])))
+        photo_measure = float(np.hypot(*(pixels[pair.measure[0]] - pixels[pair.measure[1]])))
+        distance = float(np.hypot(*(pixels[pair.ends[0]] - pixels[pair.ends[1]])))
         weight = SIGMA_PX**2 / _OPENING_SPREAD_PX**2
-        if theirs > 1e-6:
+        if photo_measure > 1e-6:
             anchors = (vertices[0], vertices[1])
-            found.append(DistanceConstraint(anchors, apart * ours / theirs, camera, weight=weight))
+            found.append(DistanceConstraint(anchors, distance * own_measure / photo_measure, camera, weight=weight))
     return found

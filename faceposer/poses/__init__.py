@@ -1,1 +1,1 @@
-"""A library of named poses, kept as plain files in a folder."""
+"""The pose library: named poses in files of a folder."""

@@ -1,6 +1,6 @@
-"""Poses on a face: at any strength, as a whole or by region, mirrored and flipped.
+"""Application of poses to a face: at any strength, to the whole face or to regions, mirrored and flipped.
 
-Flip: left and right change places. Mirror: one side becomes the image of the other.
+Flip: exchange left and right. Mirror: replace one side by the image of the other.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -22,9 +22,9 @@ Array = NDArray[np.float64]
 Region = Literal["brows", "eyes", "cheeks", "mouth"]
 Side = Literal["both", "left", "right"]
 Blend = Literal["replace", "add"]
-#: The regions that a pose can be applied to, cheeks with the nose and the mouth with jaw and tongue.
+#: Regions that a pose can be applied to; "cheeks" includes the nose, "mouth" the jaw and the tongue.
 REGIONS: tuple[Region, ...] = ("brows", "eyes", "cheeks", "mouth")
-#: Least and greatest strength: -100 and 200 %.
+#: Minimum and maximum strength: -100 and 200 %.
 LEAST_STRENGTH, GREATEST_STRENGTH = -1.0, 2.0
 
 _WORDS: dict[Region, tuple[str, ...]] = {
@@ -34,34 +34,32 @@ _WORDS: dict[Region, tuple[str, ...]] = {
     "mouth": ("mouth", "jaw", "tongue", "lip", "chin"),
 }
 _KNOWN = frozenset((*ARKIT_SHAPES, *SPLIT_SHAPES))
-# Shapes that push to a side: they belong to neither.
+# Shapes with a side in their name that move both sides.
 _SIDEWAYS = ("jawLeft", "jawRight", "mouthLeft", "mouthRight")
-# Shapes of the eyes that turn towards the nose and away from it: what mirrored would make a squint.
+# Eye shapes towards and away from the nose: mirrored, they would make the eyes squint.
 _GAZE_SIDEWAYS = ("eyeLookIn", "eyeLookOut")
-# Shares of the head's height and of the vertices: how far a vertex may lie from the image of its partner, and how many
-# must have one.
+# The maximum distance of a vertex from the image of its partner, as a share of the head's height, and the minimum share
+# of vertices with a partner.
 _TOLERANCE, _PAIRED = 0.003, 0.9
 
 
 def weights_on(pose: Pose, character: Character) -> Array | None:
-    """Return the weights of ``pose`` in the order of the ``character``'s shapes, shape (S,), or None if it does not fit.
+    """Return the weights of ``pose`` in the order of the ``character``'s shapes, shape (S,), or None without a match.
 
-    Shapes with ARKit's names mean the same on every face, whole or in halves. All others belong to the character that the
-    pose was made on.
+    Shapes with ARKit's names have the same meaning on every character, whole or split in halves. All others apply only
+    to the character that the pose was made on.
     """
     given: dict[str, float] = {}
     for name, weight in pose.weights.items():
         if name in _KNOWN or (pose.character == character.name and name in character.shape_names):
-            given.update(_as_the_rig_has_it(name, weight, pose.weights, character.shape_names))
+            given.update(_in_rig_shapes(name, weight, pose.weights, character.shape_names))
     if pose.weights and not given:
         return None
     return np.array([given.get(name, 0.0) for name in character.shape_names])
 
 
-def _as_the_rig_has_it(
-    name: str, weight: float, weights: Mapping[str, float], rig: Collection[str]
-) -> dict[str, float]:
-    """Return ``name`` with its weight under the names that the ``rig`` has for it, halves for a whole and back."""
+def _in_rig_shapes(name: str, weight: float, weights: Mapping[str, float], rig: Collection[str]) -> dict[str, float]:
+    """Return the weight of the shape ``name`` by the names of the ``rig``: the same, its halves, or its whole."""
     if name in rig:
         return {name: weight}
     halves = halves_of(name)
@@ -74,7 +72,7 @@ def _as_the_rig_has_it(
 
 
 def region_of(shape: str) -> Region | None:
-    """Return the region that the shape of this name moves, or None for none of them, as ears."""
+    """Return the region moved by the shape of this name, or None, for instance for ears."""
     lower = shape.lower()
     for region, words in _WORDS.items():
         if any(lower.startswith(word) for word in words):
@@ -86,7 +84,7 @@ def region_of(shape: str) -> Region | None:
 
 
 def side_of(shape: str) -> Side:
-    """Return the side of the face that the shape of this name belongs to; "both" for one without a side."""
+    """Return the side of the face moved by the shape of this name; "both" for one without a side."""
     words = shape.lower().replace("_", " ").split()
     for side in ("left", "right"):
         if side in words or (shape.endswith(side.title()) and shape not in _SIDEWAYS):
@@ -94,15 +92,15 @@ def side_of(shape: str) -> Side:
     return "both"
 
 
-def chosen_shapes(character: Character, regions: Iterable[Region] | None, side: Side) -> NDArray[np.bool_]:
-    """Return which of the ``character``'s shapes move these regions, None for the whole face, on this side, shape (S,).
+def shape_mask(character: Character, regions: Iterable[Region] | None, side: Side) -> NDArray[np.bool_]:
+    """Return a mask of the ``character``'s shapes in ``regions``, None for all, on this side, shape (S,).
 
-    A shape without a side, such as the jaw's, moves both sides and belongs to none alone.
+    Shapes without a side, such as those of the jaw, are excluded unless the side is "both".
     """
-    wanted = None if regions is None else frozenset(regions)
+    chosen = None if regions is None else frozenset(regions)
     return np.array(
         [
-            (wanted is None or region_of(name) in wanted) and (side == "both" or side_of(name) == side)
+            (chosen is None or region_of(name) in chosen) and (side == "both" or side_of(name) == side)
             for name in character.shape_names
         ],
         dtype=bool,
@@ -118,29 +116,29 @@ def applied(
     side: Side = "both",
     blend: Blend = "replace",
 ) -> Array:
-    """Return the face ``start``, shape (r,), with ``pose`` applied, shape (r,).
+    """Return the pose ``start``, shape (r,), with ``pose`` applied, shape (r,).
 
     Args:
-        model: The face.
-        start: The pose that it has.
-        pose: What is applied.
-        strength: 0 leaves the face, 1 gives the pose itself, 2 goes as far again, -1 goes the opposite way.
-        regions: Which regions it reaches; None for the whole face.
-        side: Which side it reaches.
-        blend: "replace" goes from the start towards the pose, "add" puts the pose on top of the start.
+        model: The face model.
+        start: Current pose.
+        pose: Pose to apply.
+        strength: 0 for the start, 1 for the pose, 2 for twice its displacement, -1 for the opposite.
+        regions: Affected regions; None for the whole face.
+        side: Affected side.
+        blend: "replace" to interpolate from the start to the pose, "add" to add the pose to the start.
 
     Raises:
-        FacePoserError: If the pose does not fit the face, or the strength is out of range.
+        FacePoserError: If the pose does not fit the character, or if the strength is out of range.
     """
     if not LEAST_STRENGTH <= strength <= GREATEST_STRENGTH:
-        raise FacePoserError(f"The strength of a pose goes from -1 to 2, not {strength:g}.")
+        raise FacePoserError(f"The strength of a pose must be from -1 to 2, not {strength:g}.")
     weights = weights_on(pose, model.character)
     if weights is None:
         raise FacePoserError(misfit(pose, model.character))
     before = np.asarray(start, dtype=np.float64)
-    chosen = chosen_shapes(model.character, regions, side)
+    chosen = shape_mask(model.character, regions, side)
     if chosen.all():
-        # In coefficients, so that the start is left behind to the last digit.
+        # Computed in coefficients, so that at strength 1 nothing of the start remains.
         target = model.coefficients_of(weights)
         return before + strength * (target - before if blend == "replace" else target)
     change = weights - model.weights_of(before) if blend == "replace" else weights
@@ -148,14 +146,14 @@ def applied(
 
 
 def misfit(pose: Pose, character: Character) -> str:
-    """Return why ``pose`` does not fit ``character``, in a sentence."""
+    """Return a message on why ``pose`` does not fit ``character``."""
     if all(name in _KNOWN for name in pose.weights):
         return f"The pose '{pose.name}' needs ARKit's shapes, which '{character.title}' does not have."
-    return f"The pose '{pose.name}' was made on '{pose.character}' and fits no other face."
+    return f"The pose '{pose.name}' was made on '{pose.character}' and does not fit other characters."
 
 
 def pose_of(model: FaceModel, p: ArrayLike, name: str, tags: tuple[str, ...] = ()) -> Pose:
-    """Return the face ``p``, shape (r,), as a pose called ``name``."""
+    """Return the pose ``p``, shape (r,), under the given name."""
     weights = dict(zip(model.character.shape_names, model.weights_of(p).tolist(), strict=True))
     return Pose(name, weights, model.character.name, tags)
 
@@ -164,10 +162,10 @@ def pose_of(model: FaceModel, p: ArrayLike, name: str, tags: tuple[str, ...] = (
 
 
 def flipped_pose(model: FaceModel, pose: Pose) -> Pose:
-    """Return ``pose`` with left and right exchanged, as the face has it.
+    """Return ``pose`` with left and right exchanged, for the character of ``model``.
 
     Raises:
-        FacePoserError: If it does not fit the face, or that has no left and right.
+        FacePoserError: If it does not fit the character, or if the character has no left and right.
     """
     neutral = model.neutral()
     weights = pose_of(model, flipped(model, applied(model, neutral, pose)), pose.name).weights
@@ -175,10 +173,10 @@ def flipped_pose(model: FaceModel, pose: Pose) -> Pose:
 
 
 def flipped(model: FaceModel, p: ArrayLike) -> Array:
-    """Return the face ``p``, shape (r,), with left and right exchanged, shape (r,).
+    """Return the pose ``p``, shape (r,), with left and right exchanged, shape (r,).
 
     Raises:
-        FacePoserError: If the face has no left and right: neither by the names of its shapes nor by its form.
+        FacePoserError: If the character has no left and right, by the names of its shapes or by symmetry.
     """
     weights = model.weights_of(p)
     if _is_named(model.character):
@@ -188,12 +186,12 @@ def flipped(model: FaceModel, p: ArrayLike) -> Array:
 
 
 def mirrored(model: FaceModel, p: ArrayLike, source: Literal["left", "right"] = "left") -> Array:
-    """Return the face ``p``, shape (r,), with the other side as the image of the side ``source``, shape (r,).
+    """Return the pose ``p``, shape (r,), with the side opposite to ``source`` as its mirror image, shape (r,).
 
-    What pushes jaw and mouth to a side becomes nothing; the eyes go on looking where they look.
+    Sideways shapes of jaw and mouth are set to zero; the gaze remains unchanged.
 
     Raises:
-        FacePoserError: If the face has no left and right: neither by the names of its shapes nor by its form.
+        FacePoserError: If the character has no left and right, by the names of its shapes or by symmetry.
     """
     weights = model.weights_of(p)
     character = model.character
@@ -218,35 +216,34 @@ def _is_named(character: Character) -> bool:
 
 
 def _partners(character: Character) -> NDArray[np.intp]:
-    """Return the index of the shape across from each, shape (S,); its own where it has none."""
+    """Return the index of the mirror partner of each shape, shape (S,), or its own if it has none."""
     names = list(character.shape_names)
-    across = []
+    partners = []
     for i, name in enumerate(names):
         other = name
         for ending, opposite in (("Left", "Right"), ("Right", "Left")):
             if name.endswith(ending):
                 other = name.removesuffix(ending) + opposite
-        across.append(names.index(other) if other in names else i)
-    return np.array(across, dtype=np.intp)
+        partners.append(names.index(other) if other in names else i)
+    return np.array(partners, dtype=np.intp)
 
 
 @lru_cache(maxsize=2)
 def _images(model: FaceModel) -> tuple[Array, Array]:
-    """Return matrices on the weights, each (S, S): the flip, and the mirror image of the left on the right.
+    """Return matrices on the weights, each (S, S): the flip, and the mirroring of the left side to the right.
 
-    Both give the weights whose shapes come nearest, in the sum of squared distances, to the displacements as they are
-    in the mirror.
+    Their weights are the least-squares fit of the shapes to the mirrored displacements.
     """
     character = model.character
     mirror = SurfaceMirror(character.vertices, character.triangles, _TOLERANCE * character.height)
     partner = mirror.vertices
     paired = partner >= 0
     if paired.mean() < _PAIRED:
-        raise FacePoserError(f"'{character.title}' is not symmetric enough to have its left and right exchanged.")
+        raise FacePoserError(f"'{character.title}' is not symmetric enough to exchange left and right.")
     shapes = character.shapes.astype(np.float64)
     images = np.where(paired[:, None], shapes[:, partner] * (-1.0, 1.0, 1.0), shapes)
     x = character.vertices[:, 0].astype(np.float64)
-    # On the plane of symmetry, both sides count half.
+    # Near the plane of symmetry, the sides are blended.
     of_left = np.clip(0.5 + x / (2.0 * _TOLERANCE * character.height), 0.0, 1.0)[None, :, None]
     halves = of_left * shapes + (1.0 - of_left) * images
     flat = shapes.reshape(len(shapes), -1)

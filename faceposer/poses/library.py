@@ -1,4 +1,4 @@
-"""A folder of poses: one JSON file for each, and a picture of the same name beside it."""
+"""Folders of poses: one JSON file per pose, and a thumbnail of the same name next to it."""
 
 import re
 import unicodedata
@@ -15,12 +15,12 @@ from faceposer.resources import asset_path
 SUFFIX, PICTURE_SUFFIX = ".json", ".png"
 _MOST_POSES = 2000
 _LONGEST_STEM = 60
-# Names that Windows keeps for devices, whatever their suffix.
+# Names reserved for devices on Windows, with any suffix.
 _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)
 
 
 class PoseExistsError(FacePoserError):
-    """A pose of that name is there already; nothing was written."""
+    """A pose of that name already exists; nothing was written."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,9 @@ class Entry:
 
     Attributes:
         path: The file.
-        pose: What is in it, or None if it cannot be used.
-        problem: Why not, in a sentence, or "".
-        shipped: Whether it came with the program, which then keeps it as it is.
+        pose: The pose, or None if the file is invalid.
+        problem: Message on an invalid file, or "".
+        shipped: True for a read-only pose of the program.
     """
 
     path: Path
@@ -41,32 +41,32 @@ class Entry:
 
     @property
     def title(self) -> str:
-        """The pose's name, or the file's where there is none."""
+        """Name of the pose, or of the file if it is invalid."""
         return self.path.name if self.pose is None else self.pose.name
 
     @property
     def picture(self) -> Path:
-        """Where its picture is, if it has one."""
+        """Path of the thumbnail, which may not exist."""
         return self.path.with_suffix(PICTURE_SUFFIX)
 
 
 class PoseLibrary:
-    """The poses in one folder, which need not exist until something is saved."""
+    """The poses in one folder, which is created when a pose is saved."""
 
     def __init__(self, folder: Path) -> None:
-        """Look into ``folder``."""
+        """Use ``folder``."""
         self.folder = folder
 
     @property
     def stamp(self) -> int:
-        """Changes when a file comes, goes or is replaced."""
+        """Time stamp that changes when a file is added, removed or replaced."""
         try:
             return self.folder.stat().st_mtime_ns
         except OSError:
             return 0
 
     def entries(self) -> list[Entry]:
-        """Return what is in the folder, by name; files that cannot be read say why.
+        """Return the entries of the folder by name; invalid files have a message.
 
         Raises:
             FacePoserError: If there are too many files, or the folder cannot be listed.
@@ -74,7 +74,7 @@ class PoseLibrary:
         return sorted(_entries(self.folder, False), key=lambda entry: (entry.title.casefold(), entry.path.name))
 
     def find(self, name: str) -> Entry:
-        """Return the pose called ``name``, capitals aside.
+        """Return the pose with this name, ignoring case.
 
         Raises:
             FacePoserError: If there is none.
@@ -82,26 +82,26 @@ class PoseLibrary:
         return found(self.entries(), name, f"in '{self.folder}'")
 
     def path_of(self, name: str) -> Path:
-        """Return the file that a pose called ``name`` has."""
+        """Return the path of the file for a pose with this name."""
         return self.folder / f"{safe_stem(name)}{SUFFIX}"
 
     def save(self, pose: Pose, overwrite: bool = False) -> Path:
-        """Write ``pose`` and return its file; a picture of what it replaces is gone.
+        """Write ``pose`` and return its file; the thumbnail of a replaced pose is deleted.
 
         Raises:
-            PoseExistsError: If there is one of that name, unless it is to be replaced by ``overwrite``.
+            PoseExistsError: If the name is taken and ``overwrite`` is False.
             FacePoserError: If the file cannot be written.
         """
         path = self.path_of(pose.name)
         if path.exists() and not overwrite:
             raise PoseExistsError(
-                f"'{self.folder}' has a pose '{pose.name}' already; choose another name, or replace it."
+                f"'{self.folder}' already has a pose '{pose.name}'; choose another name, or replace it."
             )
         self.update(path, pose)
         return path
 
     def update(self, path: Path, pose: Pose) -> None:
-        """Write ``pose`` to ``path``; the picture of what was there is gone.
+        """Write ``pose`` to ``path``; the thumbnail of the replaced pose is deleted.
 
         Raises:
             FacePoserError: If the file cannot be written.
@@ -111,10 +111,10 @@ class PoseLibrary:
             path.with_suffix(PICTURE_SUFFIX).unlink(missing_ok=True)
 
     def rename(self, path: Path, name: str, overwrite: bool = False) -> Path:
-        """Give the pose in the file ``path`` another name and return its new file; its picture goes with it.
+        """Rename the pose in the file ``path`` and return its new file; the thumbnail is moved as well.
 
         Raises:
-            PoseExistsError: If another has that name, unless it is to be replaced by ``overwrite``.
+            PoseExistsError: If the name is taken and ``overwrite`` is False.
             FacePoserError: If a file cannot be read or written.
         """
         renamed = read_pose(path).renamed(name)
@@ -133,10 +133,10 @@ class PoseLibrary:
         return target
 
     def delete(self, path: Path) -> None:
-        """Remove the file ``path`` and its picture.
+        """Delete the file ``path`` and its thumbnail.
 
         Raises:
-            FacePoserError: If it cannot be removed.
+            FacePoserError: If it cannot be deleted.
         """
         try:
             path.unlink()
@@ -146,33 +146,33 @@ class PoseLibrary:
 
 
 def own_folder() -> Path:
-    """Return the folder of the user's poses, unless another is chosen; it need not exist."""
+    """Return the default folder of the user's poses, which may not exist."""
     return data_folder() / "poses"
 
 
 def starter_poses() -> list[Entry]:
-    """Return the poses that come with the program: expressions, then visemes, for all its characters."""
+    """Return the poses of the program for all its characters: expressions, then visemes."""
     root = asset_path("poses")
     return [entry for folder in (root, *sorted(root.glob("*/"))) for entry in _entries(folder, True)]
 
 
 def found(entries: list[Entry], name: str, where: str) -> Entry:
-    """Return the pose called ``name`` among ``entries``, capitals aside.
+    """Return the pose with this name among ``entries``, ignoring case.
 
     Raises:
-        FacePoserError: If there is none; ``where`` says where it was looked for.
+        FacePoserError: If there is none; the message contains ``where``, such as "in 'folder'".
     """
-    wanted = name.strip().casefold()
+    key = name.strip().casefold()
     for entry in entries:
-        if entry.pose is not None and entry.title.casefold() == wanted:
+        if entry.pose is not None and entry.title.casefold() == key:
             return entry
     names = [entry.title for entry in entries if entry.pose is not None]
-    listed = f"; there are {', '.join(names[:24])}{'...' if len(names) > 24 else ''}" if names else ""
+    listed = f"; the poses are {', '.join(names[:24])}{'...' if len(names) > 24 else ''}" if names else ""
     raise FacePoserError(f"There is no pose '{name}' {where}{listed}.")
 
 
 def safe_stem(name: str) -> str:
-    """Return a file name without suffix for a pose called ``name``, good on every system."""
+    """Return a file name without suffix for a pose with this name, valid on every system."""
     text = unicodedata.normalize("NFC", name).strip()
     stem = re.sub(r"[^\w-]+", "-", text).strip("-_")[:_LONGEST_STEM].strip("-_").lower()
     return f"pose-{stem}" if not stem or _DEVICES.fullmatch(stem) else stem
@@ -184,7 +184,7 @@ def _entries(folder: Path, shipped: bool) -> list[Entry]:
     except OSError as error:
         raise FacePoserError(f"The folder '{folder}' cannot be listed: {error.strerror}.") from error
     if len(paths) > _MOST_POSES:
-        raise FacePoserError(f"The folder '{folder}' has {len(paths)} files; poses are kept to {_MOST_POSES} a folder.")
+        raise FacePoserError(f"The folder '{folder}' has {len(paths)} files, more than the maximum of {_MOST_POSES}.")
     entries = []
     for path in paths:
         try:

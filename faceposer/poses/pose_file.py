@@ -1,4 +1,4 @@
-"""The file of a pose: weights of shapes by name, so that it fits every face with those shapes (docs/poses.md)."""
+"""Pose files: shape weights by name, which fit every character with these shapes (docs/poses.md)."""
 
 import json
 from collections.abc import Mapping
@@ -14,11 +14,11 @@ from faceposer.files.json_documents import JsonDocument, JsonError, check_header
 
 FORMAT = "faceposer.pose"
 VERSION = 1
-#: Letters of a name, of a tag, and of a note.
+#: Maximum number of characters of a name or a tag, and of a note.
 LONGEST_NAME, LONGEST_NOTE = 80, 400
 _MAX_WEIGHTS, _MAX_TAGS = 2000, 32
 _MAX_WEIGHT = 1e6
-# Decimals of a weight: a hundred thousandth of a shape moves no point by a micrometre.
+# Decimals of a weight: the rounding error of 1e-6 of a shape is far below a micrometre.
 _DECIMALS = 6
 
 _Weight = Annotated[float, Meta(ge=-_MAX_WEIGHT, le=_MAX_WEIGHT)]
@@ -36,7 +36,7 @@ class _PoseFile(JsonDocument, kw_only=True):
         texts = {"subject": self.subject, "note": self.note} | {f"tags[{i}]": tag for i, tag in enumerate(self.tags)}
         for key, text in texts.items():
             if not text.isprintable():
-                raise JsonError("must be on one line, of letters that can be seen", key)
+                raise JsonError("must be a single line of printable characters", key)
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,10 @@ class Pose:
     """A named pose.
 
     Attributes:
-        name: What people call it.
-        weights: Weight of each shape by its name; shapes that are left out have 0.
+        name: Displayed name.
+        weights: Weight of each shape by its name; missing shapes have weight 0.
         character: Name of the character that it was made on.
-        tags: Words to find it by; "expression" and "viseme" also put it into the groups of these names.
+        tags: Search terms; "expression" and "viseme" also assign it to these groups.
         note: A sentence about it, or "".
     """
 
@@ -68,7 +68,7 @@ class Pose:
         return replace(self, name=checked_name(name))
 
     def to_json(self) -> dict[str, Any]:
-        """Return the pose as its file has it."""
+        """Return the pose as written in a file."""
         data: dict[str, Any] = {"format": FORMAT, "version": VERSION, "name": self.name, "subject": self.character}
         if self.tags:
             data["tags"] = list(self.tags)
@@ -79,10 +79,10 @@ class Pose:
 
     @classmethod
     def from_json(cls, data: Any) -> "Pose":
-        """Return the pose that ``data`` describes.
+        """Return the pose described by ``data``.
 
         Raises:
-            FacePoserError: If anything is unknown, missing or of the wrong kind, naming its place.
+            FacePoserError: If a key is unknown, missing or of the wrong type; the message names it.
         """
         check_header(data, FORMAT, VERSION)
         form = convert(data, _PoseFile)
@@ -90,14 +90,14 @@ class Pose:
 
 
 def checked_name(name: Any) -> str:
-    """Return ``name`` without spaces around it.
+    """Return ``name`` without surrounding spaces.
 
     Raises:
-        FacePoserError: If it is empty, too long, or no line of text.
+        FacePoserError: If it is empty, too long, or not a single line of printable text.
     """
     text = name.strip() if isinstance(name, str) else ""
     if not 0 < len(text) <= LONGEST_NAME or not text.isprintable():
-        raise FacePoserError(f"A pose needs a name of 1 to {LONGEST_NAME} letters on one line.")
+        raise FacePoserError(f"The name of a pose must be a single line of 1 to {LONGEST_NAME} characters.")
     return text
 
 
@@ -105,11 +105,11 @@ def read_pose(path: Path) -> Pose:
     """Return the pose in the file ``path``.
 
     Raises:
-        FacePoserError: If the file cannot be read or is not such a file, naming the place.
+        FacePoserError: If the file cannot be read or is not a pose file; the message names the place.
     """
     return read_json(path, "pose", Pose.from_json)
 
 
 def pose_text(pose: Pose) -> str:
-    """Return the content of the file of ``pose``."""
+    """Return the content of the file for ``pose``."""
     return json.dumps(pose.to_json(), indent=1, ensure_ascii=False) + "\n"

@@ -1,1 +1,1 @@
-"""The document that a user edits: its history, its file and its background solves."""
+"""The edited document with its undo history, its file and the background solver."""

@@ -1,8 +1,8 @@
-"""Keeps what is not saved yet in a journal on the disk, and finds the journals of programs that were killed.
+"""Autosave: a journal of the unsaved work, and the recovery of journals after a crash.
 
-Each running program has a journal of its own (docs/autosave.md) and holds a lock beside it. The system releases the
-lock when the program ends in whatever way. A journal whose lock is free is an orphan: only a program that did not end
-by itself leaves one behind.
+Each running program writes its own journal (docs/autosave.md) and holds a lock next to it. The system releases the lock
+when the program ends for any reason. A journal with a free lock is an orphan: only a program that did not end normally
+leaves one.
 """
 
 import json
@@ -32,15 +32,15 @@ from faceposer.session.solver_worker import Worker
 
 FORMAT = "faceposer.autosave"
 VERSION = 1
-# Seconds from a committed step to its place on the disk: several steps in a row are one write.
+# Seconds from a committed step to the write: consecutive steps are written together.
 DEBOUNCE = 0.25
-# Seconds after which a journal that could not be written is tried again.
+# Seconds before a failed write is retried.
 _RETRY = 10.0
 _MAX_BYTES = 64 * 2**20
 
 
 def autosave_dir() -> Path:
-    """Return the folder of the journals; it need not exist."""
+    """Return the folder of the journals, which may not exist."""
     return state_folder() / "autosave"
 
 
@@ -49,44 +49,44 @@ def _now() -> datetime:
 
 
 class Journal:
-    """This program's journal: there while something is not saved, gone otherwise."""
+    """The journal of this program: a file that exists while there is unsaved work."""
 
     def __init__(
         self, folder: Path, clock: Callable[[], float] = time.monotonic, now: Callable[[], datetime] = _now
     ) -> None:
-        """Keep a journal in ``folder``; it, the lock and the journal are made when there is something to keep.
+        """Set up a journal in ``folder``; the folder, the lock and the journal are created with the first write.
 
         Args:
-            folder: Where the journals of all programs lie.
-            clock: Seconds, from any beginning.
-            now: Date and time, with the time zone.
+            folder: Folder of the journals of all programs.
+            clock: Monotonic time in seconds.
+            now: Date and time with time zone.
         """
         self._folder = folder
         self._clock = clock
         self._now = now
         self._lock: FileLock | None = None
-        self._held: tuple[Document, Path | None] | None = None
+        self._written: tuple[Document, Path | None] | None = None
         self._due = math.inf
         self._not_before = -math.inf
 
     @property
     def path(self) -> Path | None:
-        """The journal's file, or None as long as there was nothing to keep."""
+        """The file of the journal, or None before the first write."""
         return None if self._lock is None else self._lock.path.with_suffix(".json")
 
     @property
     def patience(self) -> float:
-        """For how many seconds there is nothing to write."""
+        """Seconds until the next write is due."""
         return max(self._due - self._clock(), 0.0)
 
     def follow(self, session: Session, camera: Camera | None = None) -> None:
-        """Write what ``session`` has committed and not saved once it is due; if there is nothing such, keep nothing.
+        """Write the committed but unsaved work of ``session`` when due; remove the journal if there is none.
 
         Raises:
-            FacePoserError: If the journal cannot be written or removed; later calls try again.
+            FacePoserError: If the journal cannot be written or removed; later calls retry.
         """
         unsaved = session.unsaved
-        changed = self._held is not None if unsaved is None else self._held != (unsaved, session.path)
+        changed = self._written is not None if unsaved is None else self._written != (unsaved, session.path)
         if not changed:
             self._due = math.inf
             return
@@ -98,7 +98,7 @@ class Journal:
             self.flush(session, camera)
 
     def flush(self, session: Session, camera: Camera | None = None) -> None:
-        """Bring the disk up to date at once; ``camera`` is the view to remember, if any.
+        """Write or remove the journal at once; ``camera`` is the current view, if any.
 
         Raises:
             FacePoserError: If the journal cannot be written or removed.
@@ -108,13 +108,13 @@ class Journal:
             self._remove()
         else:
             data = _to_json(session, unsaved, camera, self._now())
-            # Waiting for the disk would be felt, and the data of a killed program reaches it anyway.
+            # No fsync: it would stall the window, and the data outlives a killed program without it.
             write_text(self._own_path(), json.dumps(data) + "\n", "journal", durable=False)
-            self._held = (unsaved, session.path)
+            self._written = (unsaved, session.path)
         self._due, self._not_before = math.inf, -math.inf
 
     def close(self, keep: bool) -> None:
-        """End; with ``keep`` leave the journal to be found by the next program, else remove all that was written."""
+        """Close the journal; with ``keep``, leave the file for the next program, else remove all files."""
         removed = not keep
         if removed:
             try:
@@ -122,7 +122,7 @@ class Journal:
             except FacePoserError:
                 removed = False
         if self._lock is not None:
-            self._lock.release(remove=removed or self._held is None)
+            self._lock.release(remove=removed or self._written is None)
             self._lock = None
 
     def _remove(self) -> None:
@@ -132,16 +132,16 @@ class Journal:
                 path.unlink(missing_ok=True)
         except OSError as error:
             raise FacePoserError(f"The journal '{path}' cannot be removed: {error.strerror}.") from error
-        self._held = None
+        self._written = None
 
     def _own_path(self) -> Path:
-        """Return the path of the journal, whose lock is held from now on."""
+        """Return the path of the journal, taking its lock on the first call."""
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             while self._lock is None:
                 self._lock = take_lock(self._folder / f"{os.getpid()}-{secrets.token_hex(6)}.lock")
         except OSError as error:
-            raise FacePoserError(f"No journal can be kept in '{self._folder}': {error.strerror}.") from error
+            raise FacePoserError(f"No journal can be written in '{self._folder}': {error.strerror}.") from error
         return self._lock.path.with_suffix(".json")
 
 
@@ -149,12 +149,12 @@ def _to_json(session: Session, document: Document, camera: Camera | None, now: d
     if camera is not None:
         document = replace(document, camera=camera)
     if not document.solved and session.mode == "live":
-        # The pose lags behind the constraints; who reads the journal solves for them.
+        # The pose is older than the constraints: it is solved when the journal is opened.
         document = replace(document, coefficients=None)
     path = None if session.path is None else session.path.absolute()
     character = Path(document.character)
     if character.suffix.lower() == ".npz" and not (path is not None and (path.parent / character).is_file()):
-        # Named as seen from where the program was started.
+        # The path is relative to the current folder.
         document = replace(document, character=str(character.expanduser().absolute()))
     return {
         "format": FORMAT,
@@ -167,14 +167,14 @@ def _to_json(session: Session, document: Document, camera: Camera | None, now: d
 
 @dataclass(frozen=True, eq=False)
 class Orphan:
-    """What a program that was killed had not saved. Its lock is held, so that no other program offers it too.
+    """The unsaved work of a crashed program. Its lock is held, so that no other program recovers it as well.
 
     Attributes:
-        journal: The file that holds it.
-        document: The work.
-        path: The session file that it belongs to; None if it was never saved.
-        saved_at: When it was written, in universal time.
-        lock: The journal's lock.
+        journal: Path of the journal.
+        document: The unsaved document.
+        path: Its session file; None if it was never saved.
+        saved_at: Time of the last write, in UTC.
+        lock: Lock of the journal.
     """
 
     journal: Path
@@ -185,22 +185,22 @@ class Orphan:
 
     @property
     def name(self) -> str:
-        """The file's name, or that of the character."""
+        """Name of the session file, or of the character if there is none."""
         return self.path.name if self.path is not None else Path(self.document.character).stem
 
     @property
     def outdated(self) -> bool:
-        """Whether the session file was written after the journal."""
+        """True if the session file is newer than the journal."""
         try:
             return self.path is not None and self.path.stat().st_mtime > self.saved_at.timestamp()
         except OSError:
             return False
 
     def open(self, worker: Worker | None = None) -> Session:
-        """Return a session with the work, which counts as not saved; ``worker`` solves for it.
+        """Return a session with the recovered document, marked as unsaved; ``worker`` is its solver.
 
         Raises:
-            FacePoserError: If its character cannot be opened or no longer fits.
+            FacePoserError: If the character cannot be opened or does not fit.
         """
         session = session_of(self.document, self.path, worker)
         session.mark_unsaved()
@@ -210,7 +210,7 @@ class Orphan:
         """Delete the journal.
 
         Raises:
-            FacePoserError: If that is not possible.
+            FacePoserError: If the journal cannot be deleted.
         """
         try:
             self.journal.unlink(missing_ok=True)
@@ -220,28 +220,28 @@ class Orphan:
         self.lock.release(remove=True)
 
     def release(self) -> None:
-        """Leave the journal for later."""
+        """Release the lock and keep the journal for later."""
         self.lock.release()
 
 
 @dataclass(frozen=True)
-class Found:
-    """What earlier programs left behind.
+class FoundJournals:
+    """Journals of earlier programs.
 
     Attributes:
-        orphans: Newest first.
-        damaged: Journals that nobody can read, by the names that they have now.
+        orphans: Journals with recoverable work, newest first.
+        damaged: Unreadable journals, under their new names.
     """
 
     orphans: tuple[Orphan, ...]
     damaged: tuple[Path, ...]
 
 
-def find_orphans(folder: Path) -> Found:
-    """Return the journals in ``folder`` of programs that do not run any more, and hold their locks.
+def find_orphans(folder: Path) -> FoundJournals:
+    """Return the journals in ``folder`` left by programs that no longer run, and take their locks.
 
-    What cannot be read is renamed, so that nobody stumbles over it again; what a killed program left beside its journal
-    is removed. A folder that cannot be read holds nothing.
+    Unreadable journals are renamed, so that they are reported once; temporary files of a crashed program are removed.
+    A folder that cannot be read yields no journals.
     """
     orphans: list[Orphan] = []
     damaged: list[Path] = []
@@ -255,11 +255,11 @@ def find_orphans(folder: Path) -> Found:
             if orphan is not None:
                 orphans.append(orphan)
     orphans.sort(key=lambda orphan: orphan.saved_at, reverse=True)
-    return Found(tuple(orphans), tuple(damaged))
+    return FoundJournals(tuple(orphans), tuple(damaged))
 
 
 def _claim(journal: Path, lock: FileLock, damaged: list[Path]) -> Orphan | None:
-    """Return what ``journal`` holds; without anything to offer, give the lock back and add to ``damaged``."""
+    """Return the work in ``journal``; without any, release the lock, and rename and record a damaged journal."""
     orphan = None
     left = False
     try:
@@ -301,10 +301,10 @@ class _JournalFile(JsonDocument, kw_only=True):
 
 
 def _read(journal: Path, lock: FileLock) -> Orphan | None:
-    """Return what ``journal`` holds, or None if there is none or a newer program wrote it.
+    """Return the work in ``journal``, or None if the file is missing or written by a newer version of the program.
 
     Raises:
-        UnreadableError: If the system does not let it be read.
+        UnreadableError: If the file cannot be read.
         FacePoserError: If it is damaged.
     """
     if not journal.exists():

@@ -1,4 +1,4 @@
-"""The characters that the user can choose: those of the program, those imported, and files elsewhere."""
+"""The available characters: installed with the program, imported by the user, and in other files."""
 
 import json
 import zipfile
@@ -20,7 +20,7 @@ Home = Literal["installed", "library", "elsewhere"]
 
 
 def library_folder() -> Path:
-    """Return the folder of the imported characters; it need not exist."""
+    """Return the folder of the imported characters, which may not exist."""
     return data_folder() / "characters"
 
 
@@ -29,9 +29,9 @@ class LibraryEntry:
     """A character that can be opened.
 
     Attributes:
-        name: What opens it: the name of an installed one, or the whole path of a file.
-        title: As the user reads it.
-        home: Whether it came with the program, was imported into the library, or is a file elsewhere.
+        name: Name of an installed character, or the absolute path of its file.
+        title: Displayed title.
+        home: Origin: "installed" with the program, imported into the "library", or a file "elsewhere".
     """
 
     name: str
@@ -43,18 +43,18 @@ class CharacterLibrary:
     """Lists, renames and removes characters."""
 
     def __init__(self, folder: Path | None = None) -> None:
-        """Serve the characters in ``folder``, the user's library if None."""
+        """Manage the characters in ``folder``; None for the user's library."""
         self._folder = folder
         self._titles: dict[Path, tuple[tuple[int, int], str | None]] = {}
         self._installed: list[LibraryEntry] | None = None
 
     @property
     def folder(self) -> Path:
-        """The folder of the library; it need not exist."""
+        """The folder of the library, which may not exist."""
         return library_folder() if self._folder is None else self._folder
 
     def all(self, elsewhere: list[str] | tuple[str, ...] = ()) -> list[LibraryEntry]:
-        """Return the characters that are there: installed, in the library by title, and of the paths ``elsewhere``."""
+        """Return the installed characters, those of the library by title, and those of the paths ``elsewhere``."""
         if self._installed is None:
             self._installed = [LibraryEntry(name, title, "installed") for name, title in available_characters()]
         files = sorted(self.folder.glob(f"*{SUFFIX}")) if self.folder.is_dir() else []
@@ -67,11 +67,11 @@ class CharacterLibrary:
         return [*self._installed, *sorted(own, key=lambda character: character.title.lower()), *others]
 
     def holds(self, path: str | Path) -> bool:
-        """Whether the file ``path`` lies in the library."""
+        """Return True if the file ``path`` is in the library."""
         return Path(path).expanduser().absolute().parent == self.folder.absolute()
 
     def title(self, path: Path) -> str | None:
-        """Return the title of the character in the file ``path``, or None if it is none."""
+        """Return the title of the character in the file ``path``, or None if it is not a character file."""
         try:
             status = path.stat()
         except OSError:
@@ -82,34 +82,34 @@ class CharacterLibrary:
         return self._titles[path][1]
 
     def new_path(self, stem: str) -> Path:
-        """Return the file in the library for a new character, which none has yet; the folder need not exist."""
+        """Return an unused file name in the library for a new character; the folder may not exist."""
         path, number = self.folder / f"{stem}{SUFFIX}", 2
         while path.exists():
             path, number = self.folder / f"{stem}-{number}{SUFFIX}", number + 1
         return path
 
     def make_folder(self) -> None:
-        """Make the folder of the library.
+        """Create the folder of the library.
 
         Raises:
-            FacePoserError: If it cannot be made.
+            FacePoserError: If it cannot be created.
         """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise FacePoserError(f"The folder '{self.folder}' cannot be made: {error.strerror}.") from error
+            raise FacePoserError(f"The folder '{self.folder}' cannot be created: {error.strerror}.") from error
 
     def rename(self, character: LibraryEntry, title: str) -> None:
-        """Give a character of the library another ``title``; its file, by which sessions name it, stays.
+        """Change the title of a character of the library; its file, by which sessions refer to it, keeps its name.
 
         Raises:
-            FacePoserError: If the title is empty or too long, or the file cannot be read or written.
+            FacePoserError: If the title is empty or too long, or if the file cannot be read or written.
         """
         title = title.strip()
         if not title:
-            raise FacePoserError("Give the character a name.")
+            raise FacePoserError("Enter a name for the character.")
         if len(title) > LONGEST_TITLE:
-            raise FacePoserError(f"A name has at most {LONGEST_TITLE} letters.")
+            raise FacePoserError(f"The name of a character has at most {LONGEST_TITLE} characters.")
         if character.home != "library":
             raise FacePoserError("Only imported characters can be renamed.")
         save_character(character.name, replace(load_character(character.name), title=title))
@@ -129,7 +129,7 @@ class CharacterLibrary:
 
 
 def _read_title(path: Path) -> str | None:
-    """Return the title in the file ``path`` without reading its meshes, or None if it is no character."""
+    """Return the title in the file ``path`` without reading its meshes, or None if it is not a character file."""
     with suppress(OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError, RecursionError):
         with np.load(path, allow_pickle=False) as archive:
             meta = json.loads(archive["meta"].tobytes().decode("utf-8"))

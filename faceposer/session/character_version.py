@@ -1,4 +1,4 @@
-"""Identity of a character's mesh, by which a file notices that the character has changed since."""
+"""Fingerprint of a character's mesh, which detects that the character has changed since a session was saved."""
 
 import hashlib
 from collections.abc import Mapping
@@ -20,13 +20,13 @@ Array = NDArray[np.float64]
 Place = tuple[float, float, float]
 
 _MOST_NAMES = 4096
-# Feature points off by more than so many times the median were put elsewhere, and do not count in an alignment.
+# Feature points with an error above this multiple of the median were moved between versions; the alignment skips them.
 _OUTLIER = 4.0
 
 
 @dataclass(frozen=True)
 class PartRuns:
-    """The triangles and the vertices of a part: the first of each, and the one after the last."""
+    """Ranges of the triangles and vertices of a part, as (first, one past the last)."""
 
     triangles: tuple[int, int]
     vertices: tuple[int, int]
@@ -38,7 +38,7 @@ class _RunsJson(JsonObject):
 
 
 class CharacterVersionJson(JsonObject):
-    """The version in a session's file; see ``CharacterVersion``."""
+    """A ``CharacterVersion`` in a session file."""
 
     vertices: codec.Index
     triangles: codec.Index
@@ -49,7 +49,7 @@ class CharacterVersionJson(JsonObject):
     shapes: Annotated[tuple[str, ...], Meta(max_length=_MOST_NAMES, description="a list of names")]
 
     def version(self) -> "CharacterVersion":
-        """Return the version."""
+        """Return the parsed version."""
         return CharacterVersion(
             self.vertices,
             self.triangles,
@@ -63,15 +63,15 @@ class CharacterVersionJson(JsonObject):
 
 @dataclass(frozen=True)
 class CharacterVersion:
-    """What a session stores of the mesh that its constraints were made on.
+    """Fingerprint of the mesh that the constraints of a session refer to.
 
     Attributes:
         vertices: Number of vertices.
         triangles: Number of triangles.
-        faces: SHA-256 of the vertex ids of all triangles, in hexadecimal digits.
-        parts: Runs of each part, by its name.
+        faces: SHA-256 of the vertex indices of all triangles, in hexadecimal digits.
+        parts: Ranges of each part, by its name.
         feature_points: Rest position of each feature point, in the character's unit, by its MPEG-4 name.
-        box: Least and greatest rest coordinates.
+        box: Bounds of the rest mesh, as (minimum, maximum).
         shapes: Names of the shapes, in the order of stored weights.
     """
 
@@ -85,11 +85,11 @@ class CharacterVersion:
 
     @classmethod
     def of(cls, character: Character) -> "CharacterVersion":
-        """Return the version of ``character`` that is loaded."""
+        """Return the version of a loaded ``character``."""
         return _version_of(character)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the version as a session's file has it."""
+        """Return the version as written in a session file."""
         return {
             "vertices": self.vertices,
             "triangles": self.triangles,
@@ -104,12 +104,12 @@ class CharacterVersion:
         }
 
     def same_topology(self, other: "CharacterVersion") -> bool:
-        """Whether vertices and triangles are numbered alike in both, so that places can be taken over by number."""
-        mine = (self.vertices, self.triangles, self.faces, dict(self.parts))
-        return mine == (other.vertices, other.triangles, other.faces, dict(other.parts))
+        """Return True if vertices and triangles have the same numbering, so that surface points stay valid."""
+        topology = (self.vertices, self.triangles, self.faces, dict(self.parts))
+        return topology == (other.vertices, other.triangles, other.faces, dict(other.parts))
 
     def parts_of(self, points: SurfacePoints) -> list[str | None]:
-        """Return the name of the part that each of ``points`` lies on, or None."""
+        """Return the name of the part that contains each of ``points``, or None."""
         names: list[str | None] = [None] * len(points)
         for name, runs in self.parts.items():
             vertices = -1 - points.faces
@@ -120,22 +120,24 @@ class CharacterVersion:
         return names
 
     def alignment_to(self, other: "CharacterVersion") -> Similarity:
-        """Return the turn, scale and shift that lay this version on ``other``.
+        """Return the similarity transform that aligns this version with ``other``.
 
-        They are fitted to the feature points that both have, without those that were put elsewhere in between; where
-        these are too few, the boxes around both are laid on each other.
+        It is fitted to the common feature points, except those that moved between the versions; with too few of them,
+        the bounding boxes are aligned.
         """
         names = sorted(self.feature_points.keys() & other.feature_points.keys())
-        here = np.array([self.feature_points[name] for name in names]).reshape(-1, 3)
-        there = np.array([other.feature_points[name] for name in names]).reshape(-1, 3)
-        if np.array_equal(here, there) and self.box == other.box:
+        source = np.array([self.feature_points[name] for name in names]).reshape(-1, 3)
+        target = np.array([other.feature_points[name] for name in names]).reshape(-1, 3)
+        if np.array_equal(source, target) and self.box == other.box:
             return Similarity(np.eye(3), np.zeros(3), np.asarray(1.0))
-        if not _aligns(here, there):
+        if not _determines_alignment(source, target):
             return self._box_alignment(other)
-        found = rigid_alignment(here, there, scale=True)
-        off = np.linalg.norm(found.apply(here) - there, axis=1)
-        kept = off <= _OUTLIER * np.median(off) + 1e-9
-        return rigid_alignment(here[kept], there[kept], scale=True) if _aligns(here[kept], there[kept]) else found
+        fitted = rigid_alignment(source, target, scale=True)
+        errors = np.linalg.norm(fitted.apply(source) - target, axis=1)
+        kept = errors <= _OUTLIER * np.median(errors) + 1e-9
+        if not _determines_alignment(source[kept], target[kept]):
+            return fitted
+        return rigid_alignment(source[kept], target[kept], scale=True)
 
     def _box_alignment(self, other: "CharacterVersion") -> Similarity:
         (low, high), (other_low, other_high) = np.array(self.box), np.array(other.box)
@@ -144,8 +146,8 @@ class CharacterVersion:
         return Similarity(np.eye(3), (other_low + other_high - scale * (low + high)) / 2.0, np.asarray(scale))
 
 
-def _aligns(here: Array, there: Array) -> bool:
-    return len(here) >= 3 and bool(determines_rotation(here) & determines_rotation(there))
+def _determines_alignment(source: Array, target: Array) -> bool:
+    return len(source) >= 3 and bool(determines_rotation(source) & determines_rotation(target))
 
 
 @lru_cache(maxsize=4)

@@ -1,4 +1,4 @@
-"""What a user makes: a character, constraints and a pose, and the JSON file that holds them (docs/session-format.md)."""
+"""The document: character, constraints, pose and animation, and its JSON file (docs/session-format.md)."""
 
 import json
 import os
@@ -30,18 +30,18 @@ VERSION = 1
 _MAX_BYTES = 64 * 2**20
 _MAX_PRIOR_WEIGHT = 1000.0
 _MAX_CONSTRAINTS = 10_000
-# A list of numbers over several lines, as an indented file has it.
+# A list of numbers over several lines, as the indented output has it.
 _NUMBERS = re.compile(r"\[\s+([-+.eE\d]+(?:,\s+[-+.eE\d]+)*)\s+\]")
 
 
 @dataclass(frozen=True, eq=False)
 class MadeOn:
-    """What a file says of the character that its session was made on.
+    """The version of the character that a session file refers to, and its poses as shape weights.
 
     Attributes:
-        version: Its version.
-        weights: Weights of its shapes in the pose, shape (S,), or None.
-        start_weights: Weights of its shapes in the start pose, shape (S,), or None.
+        version: Version of the character.
+        weights: Shape weights of the pose, shape (S,), or None.
+        start_weights: Shape weights of the start pose, shape (S,), or None.
     """
 
     version: CharacterVersion
@@ -51,29 +51,28 @@ class MadeOn:
 
 @dataclass(frozen=True, eq=False)
 class Document:
-    """One state of the user's work; every edit makes a new one.
+    """An immutable state of the user's work; every edit creates a new one.
 
     Attributes:
-        character: Name of a shipped character, or the path of a character's file: from everywhere while it is edited, and in
-            a file as seen from where that lies.
-        constraints: In the order in which they were made.
+        character: Name of an installed character, or path of a character file: absolute in memory, relative to the
+            folder of the session file in that file.
+        constraints: In order of creation.
         prior_weight: Weight of the prior, at least 0.
         coefficients: The pose, shape (r,), read-only; None for the neutral face.
-        start: The pose of the face before any constraint pulls at it, shape (r,), read-only; None for the neutral
-            face. A file without constraints need not say it: there the pose is the pose to start from.
-        prior: "regions" to judge the face region by region, "whole" to judge it as one, "plain" to judge it by the
-            mixture as it was learned, start or no start.
-        spread: How much of the face follows a pull, from 0, as little as explains it, to 1, the whole face.
-        solved: Whether the pose is what the constraints ask for, or they still wait to be solved.
-        camera: The view under which the document was last seen, or None.
-        photos: That the face is posed after; their paths are like that of the character.
-        keyframes: The animation, or None without one.
-        frame: The frame of the animation that is shown, counted from 0.
-        animated: Whether the pose and the start are just what the animation has at that frame, so that there is
-            nothing to lose in going to another one.
-        contact: Whether the face is shown and exported after the contact step (docs/contact.md).
-        made_on: In a file, the version of the character that all was made on, and the weights of its poses; None while
-            it is edited, and in files that do not say.
+        start: The pose without constraints, shape (r,), read-only; None for the neutral face. A file without
+            constraints may omit it: its pose is then the start.
+        prior: "regions" for a prior per region of the face, "whole" for one of the whole face, "plain" for the learned
+            mixture, independent of the start.
+        spread: Share of the face that follows a constraint, from 0, as little as possible, to 1, the whole face.
+        solved: True if the pose is the solution for the constraints, False if they have changed since.
+        camera: Last view of the document, or None.
+        photos: Reference photos; their paths are relative or absolute like that of the character.
+        keyframes: The animation, or None.
+        frame: Current frame of the animation, counted from 0.
+        animated: True if pose and start are those of the animation at that frame, so that a frame change loses nothing.
+        contact: True if the face is displayed and exported after the contact step (docs/contact.md).
+        made_on: In a file, the version of the character and its poses as shape weights; None in memory, and in files
+            without them.
     """
 
     character: str
@@ -93,51 +92,50 @@ class Document:
     made_on: MadeOn | None = None
 
     def posed(self, coefficients: ArrayLike) -> "Document":
-        """Return the document with the pose that was solved for it, shape (r,)."""
+        """Return the document with the solved pose ``coefficients``, shape (r,)."""
         pose = np.array(coefficients, dtype=np.float64)
         pose.setflags(write=False)
         return replace(self, coefficients=pose, solved=True, animated=False)
 
     def animated_at(self, frame: int, coefficients: ArrayLike) -> "Document":
-        """Return the document at ``frame`` with the pose, shape (r,), that its animation has there, unconstrained."""
+        """Return the document at ``frame`` with the pose of its animation there, shape (r,), without constraints."""
         document = replace(self, constraints=(), frame=frame).starting_from(coefficients).posed(coefficients)
         return replace(document, animated=True)
 
     def starting_from(self, start: ArrayLike | None) -> "Document":
-        """Return the document with another pose to start from, shape (r,); None for the neutral face."""
+        """Return the document with the start pose ``start``, shape (r,); None for the neutral face."""
         pose = None if start is None else np.array(start, dtype=np.float64)
         if pose is not None:
             pose.setflags(write=False)
         return replace(self, start=pose, animated=False)
 
     def with_constraint(self, index: int, constraint: Constraint) -> "Document":
-        """Return the document with constraint ``index`` exchanged."""
+        """Return the document with constraint ``index`` replaced."""
         return replace(self, constraints=(*self.constraints[:index], constraint, *self.constraints[index + 1 :]))
 
     def same_input(self, other: "Document") -> bool:
-        """Whether both hold the same work: photos, contact, the animation at whatever frame, and else the same face."""
-        keys = self.keyframes is other.keyframes or (
+        """Return True if both hold the same work: the same face, photos, contact and animation, at any frame."""
+        same_keys = self.keyframes is other.keyframes or (
             self.keyframes is not None and self.keyframes.same(other.keyframes)
         )
-        # What the animation has at two frames differs, and is no work.
-        mine = replace(self, start=other.start) if self.animated and other.animated else self
-        same = self.photos == other.photos and self.contact == other.contact
-        return keys and same and mine.same_face(other)
+        # Poses taken from the animation at two frames differ, but are no edits.
+        aligned = replace(self, start=other.start) if self.animated and other.animated else self
+        same_view = self.photos == other.photos and self.contact == other.contact
+        return same_keys and same_view and aligned.same_face(other)
 
     def same_face(self, other: "Document") -> bool:
-        """Whether both ask for the same face: character, constraints and all of the prior agree."""
-        ours = (self.character, self.constraints, self.prior_weight, self.prior, self.spread)
+        """Return True if both define the same face: character, constraints, start and prior are equal."""
+        mine = (self.character, self.constraints, self.prior_weight, self.prior, self.spread)
         theirs = (other.character, other.constraints, other.prior_weight, other.prior, other.spread)
-        return ours == theirs and _same(self.start, other.start)
+        return mine == theirs and _same_pose(self.start, other.start)
 
-    def rests_like(self, other: "Document") -> bool:
-        """Whether nothing pulls in either and both start from the same pose under one prior, which is then the pose."""
-        return (
-            not (self.constraints or other.constraints) and self.prior == other.prior and _same(self.start, other.start)
-        )
+    def same_unconstrained_pose(self, other: "Document") -> bool:
+        """Return True if both have no constraints, but the same start pose and prior, and therefore the same pose."""
+        unconstrained = not (self.constraints or other.constraints)
+        return unconstrained and self.prior == other.prior and _same_pose(self.start, other.start)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the document as its file has it."""
+        """Return the document as written in a file."""
         data: dict[str, Any] = {
             "format": FORMAT,
             "version": VERSION,
@@ -171,18 +169,18 @@ class Document:
             if made_on is not None and made_on.weights is not None:
                 data["weights"] = codec.weights_to_json(made_on.weights)
             if start is None and not self.constraints and self.prior != "regions":
-                # The prior alone moves the face away from where it starts.
+                # The prior alone moves the face away from its start.
                 start = np.zeros_like(self.coefficients)
-        if start is not None and (self.constraints or not _same(start, self.coefficients)):
+        if start is not None and (self.constraints or not _same_pose(start, self.coefficients)):
             data["start"] = start.tolist()
             if made_on is not None and made_on.start_weights is not None:
                 data["start_weights"] = codec.weights_to_json(made_on.start_weights)
         return data
 
     def stamped(self, model: FaceModel) -> "Document":
-        """Return the document as a file keeps it: with what another version of the character ``model`` needs of it.
+        """Return the document with the data that makes its file usable with other versions of its character ``model``.
 
-        That is the version of the mesh, the rest positions of all places, and the weights of all poses.
+        These are the version of the mesh, the rest positions of all surface points, and the shape weights of all poses.
         """
 
         def weights(pose: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
@@ -205,7 +203,7 @@ class Document:
         """Return the document that ``data`` describes.
 
         Raises:
-            FacePoserError: If anything is unknown, missing or of the wrong kind, naming its place.
+            FacePoserError: If a key is unknown, missing or of the wrong type; the message names it.
         """
         check_header(data, FORMAT, VERSION)
         form = convert(data, _SessionFile)
@@ -235,10 +233,10 @@ class Document:
         return replace(document, made_on=MadeOn(form.character.version(), weights, start_weights))
 
     def resolved(self, model: FaceModel) -> "Document":
-        """Return the document with all that its file leaves out looked up on the face that editing starts from.
+        """Return the document with the data that its file omits, computed from the start pose.
 
         Raises:
-            FacePoserError: If the constraints or the pose do not fit the face.
+            FacePoserError: If the constraints or the pose do not fit the character.
         """
         keys = () if self.keyframes is None else self.keyframes.keys
         poses = [("coefficients", self.coefficients), ("start", self.start)]
@@ -246,8 +244,8 @@ class Document:
         for name, pose in poses:
             if pose is not None and len(pose) != model.n_coefficients:
                 raise FacePoserError(
-                    f"{name} has {len(pose)} numbers where the character '{self.character}' has "
-                    f"{model.n_coefficients}; remove the key to start from the neutral face."
+                    f"{name} has {len(pose)} numbers, but the character '{self.character}' has {model.n_coefficients} "
+                    "coefficients; remove the key to start from the neutral face."
                 )
         start = model.neutral() if self.start is None else self.start
         constraints = []
@@ -260,25 +258,25 @@ class Document:
         return replace(self, constraints=tuple(constraints), photos=photos)
 
 
-def whole_character(character: str, folder: Path) -> str:
-    """Return ``character``, if it is the path of a file, as seen from ``folder``, from everywhere."""
+def absolute_character(character: str, folder: Path) -> str:
+    """Return ``character`` with the path of a character file, relative to ``folder``, made absolute."""
     if not _is_file(character):
         return character
     return os.path.normpath((folder / Path(character).expanduser()).absolute())
 
 
 def character_from(character: str, folder: Path) -> str:
-    """Return how a session in ``folder`` names ``character``.
+    """Return the reference to ``character`` in a session file in ``folder``.
 
-    A file in the folder, beneath it, or in a folder beside it is named from there, with slashes, so that both can be
-    moved together; any other by its whole path. ``character`` itself is a name, a whole path, or as seen from the current
-    folder.
+    A character file in the folder, below it or in a sibling folder gets a relative path with slashes, so that both can
+    be moved together; any other gets an absolute path. ``character`` is a name, or a path, absolute or relative to the
+    current folder.
     """
     return path_from(character, folder) if _is_file(character) else character
 
 
 def path_from(path: str, folder: Path) -> str:
-    """Return how a session in ``folder`` names the file ``path``, as ``character_from`` does."""
+    """Return the reference to the file ``path`` in a session file in ``folder``; see ``character_from``."""
     whole = os.path.normpath(Path(path).expanduser().absolute())
     try:
         relative = Path(os.path.relpath(whole, folder.absolute()))
@@ -312,8 +310,8 @@ class _SessionFile(JsonDocument, kw_only=True):
     character: CharacterVersionJson | UnsetType = UNSET
 
 
-def _same(one: NDArray[np.float64] | None, other: NDArray[np.float64] | None) -> bool:
-    """Whether both are the same pose; None is the neutral face, which is zeros in a file."""
+def _same_pose(one: NDArray[np.float64] | None, other: NDArray[np.float64] | None) -> bool:
+    """Return True if both are the same pose; None is the neutral face, zeros in a file."""
     if one is None or other is None:
         return one is other or not np.any(other if one is None else one)
     return one is other or np.array_equal(one, other)
@@ -323,13 +321,13 @@ def read_document(path: Path) -> Document:
     """Return the document in the session file ``path``.
 
     Raises:
-        FacePoserError: If the file cannot be read or is not such a file, naming the place.
+        FacePoserError: If the file cannot be read or is not a session file; the message names the place.
     """
     return read_json(path, "session", Document.from_json, _MAX_BYTES)
 
 
 def write_document(path: Path, document: Document) -> None:
-    """Write ``document`` to ``path``, all or nothing; see ``Document.stamped`` for what another version needs of it.
+    """Write ``document`` to ``path`` atomically; ``Document.stamped`` adds the data for other versions.
 
     Raises:
         FacePoserError: If the file cannot be written.

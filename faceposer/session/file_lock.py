@@ -1,4 +1,4 @@
-"""Locks that a running program holds on files: the system releases them when it ends, however it ends."""
+"""Locks on files that the system releases when the program ends for any reason."""
 
 import os
 import sys
@@ -7,19 +7,19 @@ from pathlib import Path
 
 
 class FileLock:
-    """A file that this program holds; nobody else can hold it at the same time."""
+    """An exclusive lock on a file, held by this program."""
 
     def __init__(self, path: Path, descriptor: int) -> None:
-        """Hold ``path``, open and locked as ``descriptor``; ``take_lock`` makes these."""
+        """Wrap the open and locked ``descriptor`` of ``path``; see ``take_lock``."""
         self.path = path
         self._descriptor: int | None = descriptor
 
     def release(self, remove: bool = False) -> None:
-        """Let others have the lock, or with ``remove`` delete its file; nothing happens the second time."""
+        """Release the lock, and delete the file with ``remove``; further calls have no effect."""
         if self._descriptor is None:
             return
         descriptor, self._descriptor = self._descriptor, None
-        # Deleted while it is held, so that nobody gets a lock on a file that is about to go; Windows cannot do that.
+        # Delete before the release, so that nobody locks a file about to be deleted; Windows does not allow this.
         if remove and sys.platform != "win32":
             _delete(self.path)
         os.close(descriptor)
@@ -28,16 +28,16 @@ class FileLock:
 
 
 def take_lock(path: Path) -> FileLock | None:
-    """Return a lock on the file ``path``, which is made if it does not exist, or None if another program holds it.
+    """Return a lock on the file ``path``, created if missing, or None if another program holds the lock.
 
     Raises:
-        OSError: If the file cannot be made, or files in this place cannot be locked.
+        OSError: If the file cannot be created, or if its file system does not support locks.
     """
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
         try:
             held = _lock(descriptor)
-            # Between opening and locking its last holder may have deleted it: then it is another file's turn.
+            # The last holder may have deleted the file between opening and locking: retry with a new one.
             current = held and _is_at(descriptor, path)
         except BaseException:
             os.close(descriptor)
@@ -50,7 +50,7 @@ def take_lock(path: Path) -> FileLock | None:
 
 
 def _lock(descriptor: int) -> bool:
-    """Lock an open file and return whether that was possible at once."""
+    """Lock an open file without waiting; return True on success."""
     if sys.platform == "win32":
         import msvcrt
 

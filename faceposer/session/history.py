@@ -1,4 +1,4 @@
-"""Undo and redo as snapshots of immutable documents."""
+"""Undo and redo with snapshots of immutable documents."""
 
 from dataclasses import dataclass
 
@@ -9,24 +9,24 @@ _LIMIT = 1000
 
 @dataclass(frozen=True)
 class Entry:
-    """A document and what the user did to come to it."""
+    """A document and the label of the step that led to it."""
 
     label: str
     document: Document
 
 
 class History:
-    """The documents that undo and redo walk through; they are small and shared, so that a snapshot costs nothing."""
+    """The undo history. Snapshots are cheap: documents are small and share their data."""
 
     def __init__(self, document: Document) -> None:
-        """Begin with ``document``, which cannot be undone."""
+        """Start with ``document``, which cannot be undone."""
         self._entries = [Entry("", document)]
         self._head = 0
 
     def commit(self, label: str, document: Document, merges: bool = False) -> None:
-        """Add ``document`` after the head and drop what was undone; ``label`` says what the user did.
+        """Add ``document`` after the head and discard the undone steps; ``label`` names the step.
 
-        With ``merges`` it takes the place of a head with the same label, if nothing was undone since.
+        With ``merges``, it replaces a head with the same label, unless a step has been undone since.
         """
         if merges and 0 < self._head == len(self._entries) - 1 and self._entries[self._head].label == label:
             self._entries[self._head] = Entry(label, document)
@@ -34,8 +34,8 @@ class History:
         self._entries = [*self._entries[: self._head + 1], Entry(label, document)][-_LIMIT:]
         self._head = len(self._entries) - 1
 
-    def amend_head(self, document: Document) -> None:
-        """Exchange the head's document: the same edit, better solved."""
+    def replace_head(self, document: Document) -> None:
+        """Replace the document of the head: the same step with a better solution."""
         self._entries[self._head] = Entry(self._entries[self._head].label, document)
 
     @property
@@ -45,25 +45,25 @@ class History:
 
     @property
     def depth(self) -> int:
-        """How many steps lead to the head."""
+        """Number of steps that lead to the head."""
         return self._head
 
     @property
     def undo_label(self) -> str | None:
-        """What undo would take back, or None."""
+        """Label of the step that undo reverts, or None."""
         return self._entries[self._head].label if self._head > 0 else None
 
     @property
     def redo_label(self) -> str | None:
-        """What redo would do again, or None."""
+        """Label of the step that redo repeats, or None."""
         return self._entries[self._head + 1].label if self._head + 1 < len(self._entries) else None
 
     def undo(self) -> Document:
-        """Step back and return the document there; the first one stays."""
+        """Step back and return the new head; the first document remains."""
         self._head = max(self._head - 1, 0)
         return self.head
 
     def redo(self) -> Document:
-        """Step forward and return the document there; the last one stays."""
+        """Step forward and return the new head; the last document remains."""
         self._head = min(self._head + 1, len(self._entries) - 1)
         return self.head

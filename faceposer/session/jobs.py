@@ -1,4 +1,4 @@
-"""Long work beside the frames of the window: progress, cancellation, result and error, in a thread or in steps."""
+"""Long-running work in a thread or in steps of the frame loop, with progress, cancellation, result and error."""
 
 import threading
 import time
@@ -10,16 +10,16 @@ from faceposer.progress import CancelledError, Progress
 T = TypeVar("T")
 R_co = TypeVar("R_co", covariant=True)
 
-# Seconds between two wakings of the frame loop: progress may come a thousand times a second.
+# Seconds between two wake-ups of the frame loop: progress may be reported a thousand times a second.
 _WAKE_EVERY = 0.07
 
 
 class Job(Protocol[R_co]):
-    """A piece of long work.
+    """A long-running task.
 
     Attributes:
-        stage: What it does now.
-        share: How much of that is done, 0 to 1; 0 where that is unknown.
+        stage: Description of the current stage.
+        share: Progress of the stage, 0 to 1; 0 if unknown.
     """
 
     stage: str
@@ -27,103 +27,103 @@ class Job(Protocol[R_co]):
 
     @property
     def result(self) -> R_co | None:
-        """What came of it, or None as long as there is nothing."""
+        """The result, or None before the end."""
         ...
 
     @property
     def error(self) -> Exception | None:
-        """What ended it early, or None; no error where it was cancelled."""
+        """The exception that ended the job, or None; a cancelled job has no error."""
         ...
 
     @property
     def done(self) -> bool:
-        """Whether it has ended, in whatever way."""
+        """True if the job has ended for any reason."""
         ...
 
     @property
     def cancelled(self) -> bool:
-        """Whether the user has cancelled it."""
+        """True if the user has cancelled the job."""
         ...
 
     @property
     def seconds(self) -> float:
-        """How long it has gone on."""
+        """Elapsed time."""
         ...
 
     def advance(self, until: float) -> None:
-        """Go on until the clock ``time.perf_counter`` says ``until``, unless it goes on by itself."""
+        """Advance until ``time.perf_counter`` reaches ``until``; threads ignore the call."""
 
     def cancel(self) -> None:
-        """Let it end soon, with nothing kept."""
+        """Cancel the job, which ends soon without a result."""
 
     def join(self) -> None:
-        """Wait until it has ended."""
+        """Wait until the job has ended."""
 
 
 class ThreadJob(Generic[T]):
-    """A job in a thread of its own.
+    """A job in its own thread.
 
     Attributes:
-        stage: What it does now.
-        share: How much of that is done, 0 to 1.
-        result: What came of it, or None.
-        error: What ended it early, or None.
+        stage: Description of the current stage.
+        share: Progress of the stage, 0 to 1.
+        result: The result, or None.
+        error: The exception that ended the job, or None.
     """
 
     def __init__(self, work: Callable[[Progress], T], wake: Callable[[], None], stage: str = "") -> None:
-        """Begin ``work``, which reports to the progress that it is given.
+        """Start ``work``.
 
         Args:
-            work: Returns the result; what it raises is the job's error.
-            wake: Called from the thread when there is news.
-            stage: What it does before its first report.
+            work: Function that returns the result and reports its progress; an exception becomes the job's error.
+            wake: Called from the thread when progress, result or error have changed.
+            stage: Description before the first report.
         """
         self.stage, self.share = stage, 0.0
         self.result: T | None = None
         self.error: Exception | None = None
         self._work, self._wake = work, wake
         self._cancelled = threading.Event()
-        self._begun = time.monotonic()
+        self._started = time.monotonic()
         self._woken = 0.0
         self._thread = threading.Thread(target=self._run, name="job")
         self._thread.start()
 
     @property
     def done(self) -> bool:
-        """Whether it has ended, in whatever way."""
+        """True if the job has ended for any reason."""
         return not self._thread.is_alive()
 
     @property
     def cancelled(self) -> bool:
-        """Whether the user has cancelled it."""
+        """True if the user has cancelled the job."""
         return self._cancelled.is_set()
 
     @property
     def seconds(self) -> float:
-        """How long it has gone on."""
-        return time.monotonic() - self._begun
+        """Elapsed time."""
+        return time.monotonic() - self._started
 
     def advance(self, until: float) -> None:
-        """Do nothing: the thread goes on by itself."""
+        """Do nothing: the thread runs by itself."""
 
     def cancel(self) -> None:
-        """Let it end at its next report, with nothing kept."""
+        """Cancel the job, which ends at its next report without a result."""
         self._cancelled.set()
 
     def join(self) -> None:
-        """Wait until it has ended."""
+        """Wait until the job has ended."""
         self._thread.join()
 
     def _run(self) -> None:
         try:
-            self.result = self._work(Progress(self._show, self._cancelled.is_set))
+            self.result = self._work(Progress(self._report, self._cancelled.is_set))
         except CancelledError:
             pass
         except Exception as error:  # reported in the window, not here
             self.error = error
         self._wake()
 
-    def _show(self, stage: str, share: float) -> None:
+    def _report(self, stage: str, share: float) -> None:
         self.stage, self.share = stage, share
         now = time.monotonic()
         if now - self._woken > _WAKE_EVERY:
@@ -132,41 +132,41 @@ class ThreadJob(Generic[T]):
 
 
 class StepJob(Generic[T]):
-    """A job that the frame loop advances, as where frames are drawn by the window's own OpenGL context.
+    """A job advanced by the frame loop, such as rendering in the OpenGL context of the window.
 
     Attributes:
-        stage: What it does.
-        share: How much of it is done, 0 to 1.
-        result: What came of it, or None.
-        error: What ended it early, or None.
+        stage: Description of the work.
+        share: Progress, 0 to 1.
+        result: The result, or None.
+        error: The exception that ended the job, or None.
     """
 
     def __init__(self, steps: Generator[float, None, None], result: T, stage: str = "") -> None:
-        """Advance ``steps``, which yields the share that is done; ``result`` is what comes of them all."""
+        """Advance the generator ``steps``, which yields its progress; ``result`` is the result after the last step."""
         self.stage, self.share = stage, 0.0
         self.result: T | None = None
         self.error: Exception | None = None
         self._steps, self._outcome = steps, result
-        self._begun = time.monotonic()
+        self._started = time.monotonic()
         self._done = self._cancelled = False
 
     @property
     def done(self) -> bool:
-        """Whether it has ended, in whatever way."""
+        """True if the job has ended for any reason."""
         return self._done
 
     @property
     def cancelled(self) -> bool:
-        """Whether the user has cancelled it."""
+        """True if the user has cancelled the job."""
         return self._cancelled
 
     @property
     def seconds(self) -> float:
-        """How long it has gone on."""
-        return time.monotonic() - self._begun
+        """Elapsed time."""
+        return time.monotonic() - self._started
 
     def advance(self, until: float) -> None:
-        """Do at least one step, and more until the clock ``time.perf_counter`` says ``until``."""
+        """Run at least one step, and more until ``time.perf_counter`` reaches ``until``."""
         while not self._done:
             try:
                 self.share = next(self._steps)
@@ -178,11 +178,11 @@ class StepJob(Generic[T]):
                 return
 
     def cancel(self) -> None:
-        """End it; closing the generator lets it clear away what it has begun."""
+        """Cancel the job; closing the generator lets it clean up."""
         if not self._done:
             self._cancelled = self._done = True
             self._steps.close()
 
     def join(self) -> None:
-        """Cancel it: nobody advances it any more."""
+        """Cancel the job, since nothing advances it any more."""
         self.cancel()

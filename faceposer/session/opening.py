@@ -1,4 +1,4 @@
-"""Opens what a user names: a character, or a session with its character."""
+"""Opening characters and sessions by name or path."""
 
 import difflib
 from contextlib import suppress
@@ -9,22 +9,22 @@ from pathlib import Path
 from faceposer.errors import FacePoserError
 from faceposer.model.character_file import available_characters, load_character
 from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.photo.photo import whole_path
-from faceposer.session.document import Document, read_document, whole_character
-from faceposer.session.rebinding import rebound
+from faceposer.photo.photo import absolute_path
+from faceposer.session.document import Document, absolute_character, read_document
+from faceposer.session.rebinding import rebind
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
 
 
 def load_model(character: str) -> FaceModel:
-    """Return the face model of the character with this name or path, remembering the last two as long as they stay.
+    """Return the face model of the character with this name or path; the last two are cached until they change.
 
     Raises:
-        FacePoserError: If there is no such character or its file is damaged.
+        FacePoserError: If there is no such character or if its file is damaged.
     """
     stamp: tuple[int, ...] = ()
     if character.lower().endswith(".npz"):
-        # A file may have been written anew since.
+        # Detects a file that was rewritten.
         with suppress(OSError):
             status = Path(character).expanduser().stat()
             stamp = (status.st_mtime_ns, status.st_size, status.st_ino)
@@ -40,7 +40,7 @@ def open_session(what: str, worker: Worker | None = None) -> Session:
     """Return a session for ``what``: the name or path of a character, or the path of a session file.
 
     Raises:
-        FacePoserError: If it cannot be found or read, or does not fit together.
+        FacePoserError: If it cannot be found or read, or if the session does not fit its character.
     """
     path = Path(what)
     if path.suffix.lower() == ".json":
@@ -50,27 +50,29 @@ def open_session(what: str, worker: Worker | None = None) -> Session:
         if what not in names:
             close = difflib.get_close_matches(what, names, 1)
             guess = f" Did you mean '{close[0]}'?" if close else ""
-            raise FacePoserError(f"'{what}' is no character ({', '.join(names)}) and no session file (.json).{guess}")
-    return Session(load_model(what), Document(whole_character(what, Path())), worker)
+            raise FacePoserError(
+                f"'{what}' is neither a character ({', '.join(names)}) nor a session file (.json).{guess}"
+            )
+    return Session(load_model(what), Document(absolute_character(what, Path())), worker)
 
 
 def session_of(document: Document, path: Path | None, worker: Worker | None = None) -> Session:
-    """Return a session for ``document`` with the character that it names.
+    """Return a session for ``document`` with its character.
 
     Args:
-        document: What to edit.
-        path: The session file that it belongs to, if any; it names its character as seen from where that lies.
-        worker: Solves.
+        document: Document to edit.
+        path: Its session file, if any; relative paths in the document start at the folder of this file.
+        worker: Solver; None to solve in the caller's thread.
 
     Raises:
-        FacePoserError: If the character cannot be found or read, or does not fit.
+        FacePoserError: If the character cannot be found or read, or if the document does not fit it.
     """
     folder = Path() if path is None else path.parent
-    character = whole_character(document.character, folder)
-    photos = tuple(replace(photo, path=whole_path(photo.path, folder)) for photo in document.photos)
+    character = absolute_character(document.character, folder)
+    photos = tuple(replace(photo, path=absolute_path(photo.path, folder)) for photo in document.photos)
     try:
         model = load_model(character)
-        rebinding = rebound(replace(document, character=character, photos=photos), model)
+        rebinding = rebind(replace(document, character=character, photos=photos), model)
         return Session(model, rebinding.document, worker, path, rebinding.remark)
     except FacePoserError as error:
         if path is None:

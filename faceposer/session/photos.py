@@ -1,4 +1,4 @@
-"""Photos in a document: what goes along when a camera is found anew, and the expression that pins tell."""
+"""Edits of a document's photos: constraints that follow a photo's camera, and the expression given by its pins."""
 
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
@@ -17,51 +17,51 @@ from faceposer.solve.constraints.registry import Constraint
 
 
 def with_photo(document: Document, index: int, photo: Photo) -> Document:
-    """Return ``document`` with photo ``index`` exchanged; what was drawn through its camera goes along with it."""
+    """Return ``document`` with photo ``index`` replaced; constraints drawn in its view move with its camera."""
     before, after = document.photos[index].camera, photo.camera
     photos = (*document.photos[:index], photo, *document.photos[index + 1 :])
     constraints = document.constraints
     if before is not None and after is not None and before != after:
-        constraints = tuple(_followed(constraint, before, after) for constraint in constraints)
+        constraints = tuple(_moved_with_camera(constraint, before, after) for constraint in constraints)
     return replace(document, photos=photos, constraints=constraints)
 
 
-def _followed(constraint: Constraint, before: Camera, after: Camera) -> Constraint:
-    """Return ``constraint`` under ``after`` if it was drawn under ``before``: on the photo it stays."""
+def _moved_with_camera(constraint: Constraint, before: Camera, after: Camera) -> Constraint:
+    """Return ``constraint`` under the camera ``after`` if it was drawn under ``before``: its pixels are unchanged."""
     camera = constraint.camera
     if camera is None or not camera.same_viewpoint(before):
         return constraint
     focal = camera.focal * after.focal / before.focal
     drawn: Any = constraint
-    moved = replace(camera, rotation=after.rotation, translation=after.translation, focal=focal)
-    followed: Constraint = replace(drawn, camera=moved)
-    return followed
+    new_camera = replace(camera, rotation=after.rotation, translation=after.translation, focal=focal)
+    moved: Constraint = replace(drawn, camera=new_camera)
+    return moved
 
 
 def with_expression(document: Document, model: FaceModel, photo: Photo) -> Document:
-    """Return ``document`` with what the pins of ``photo`` tell of the expression instead of what they told before.
+    """Return ``document`` with the constraints given by the pins of ``photo`` in place of their earlier ones.
 
     Raises:
         ValueError: If the photo has no camera yet.
     """
     pinned = {anchor_of(pin.place, model.character) for pin in photo.pins}
-    told = expression_constraints(photo, model, document.start, document.prior_weight, document.prior, document.spread)
-    kept = [constraint for constraint in document.constraints if not _told(constraint, photo, pinned)]
-    # The eyes look one way.
+    added = expression_constraints(photo, model, document.start, document.prior_weight, document.prior, document.spread)
+    kept = [constraint for constraint in document.constraints if not _is_from_pin(constraint, photo, pinned)]
+    # A document has at most one gaze constraint: a locked one is kept, any other is replaced.
     if any(isinstance(constraint, GazeConstraint) for constraint in kept if constraint.locked):
-        told = tuple(constraint for constraint in told if not isinstance(constraint, GazeConstraint))
-    elif any(isinstance(constraint, GazeConstraint) for constraint in told):
+        added = tuple(constraint for constraint in added if not isinstance(constraint, GazeConstraint))
+    elif any(isinstance(constraint, GazeConstraint) for constraint in added):
         kept = [constraint for constraint in kept if not isinstance(constraint, GazeConstraint)]
-    return replace(document, constraints=(*kept, *told))
+    return replace(document, constraints=(*kept, *added))
 
 
-def _told(constraint: Constraint, photo: Photo, pinned: AbstractSet[object]) -> bool:
-    """Whether ``constraint`` came from a pin of ``photo``: it was drawn through its camera, at ``pinned`` places."""
+def _is_from_pin(constraint: Constraint, photo: Photo, pinned: AbstractSet[object]) -> bool:
+    """Return True if ``constraint`` was made from pins of ``photo``: under its camera, at ``pinned`` places."""
     if isinstance(constraint, PointConstraint):
         anchors: tuple[object, ...] = (constraint.anchor,)
     elif isinstance(constraint, DistanceConstraint):
         anchors = constraint.anchors
     else:
         return False
-    through = photo.camera is not None and constraint.camera.same_viewpoint(photo.camera)
-    return through and not constraint.locked and pinned >= set(anchors)
+    in_photo = photo.camera is not None and constraint.camera.same_viewpoint(photo.camera)
+    return in_photo and not constraint.locked and pinned >= set(anchors)

@@ -1,4 +1,4 @@
-"""Names for places on the face, so that a list of points reads "left mouth corner" and not "triangle 10085"."""
+"""Readable names of places on the face for lists of constraints: "left mouth corner", not "triangle 10085"."""
 
 from itertools import pairwise
 from typing import Any
@@ -12,13 +12,13 @@ from faceposer.solve.constraints.registry import Constraint
 
 Array = NDArray[np.float64]
 
-# Shares of the head's height. Nearer to a feature point than the first, a place has its name; nearer to a brow or a lid
-# than the second, which are lines between feature points, it is that; nearer than the third, a feature point of another
-# part of the face names it; farther than the fourth from all vertices with a region, it has none.
+# Shares of the head's height. A place closer than _NEAR to a feature point has its name; closer than _ON_LINE to a brow
+# or lid, a line between feature points, the name of that; closer than _AROUND to a feature point of another part of the
+# face, again its name; farther than _STRAY from all vertices with a region, none.
 _NEAR, _ON_LINE, _AROUND, _STRAY = 0.03, 0.035, 0.05, 0.08
-# Nearer than this share, a place is that feature point.
+# A place closer than this share is identified with the feature point.
 _AT = 0.004
-#: Distances that have a name, by the feature points between which they are measured.
+#: Distances with a name, by the feature points of their ends.
 MEASURES: dict[str, tuple[str, str]] = {
     "mouth height": ("2.2", "2.3"),
     "mouth width": ("8.3", "8.4"),
@@ -27,11 +27,11 @@ MEASURES: dict[str, tuple[str, str]] = {
     "right eye height": ("3.2", "3.4"),
     "right eye width": ("3.8", "3.12"),
 }
-# Farther from all lips than this share, nothing is of the mouth.
+# Vertices farther from all lips than this share are not part of the mouth.
 _MOUTH = 0.15
-# How many vertices say in which region a place is.
+# Number of nearest vertices that vote on the region of a place.
 _VOTERS = 7
-# Brows and lids, by the feature points that they run through.
+# Brows and lids, by the feature points along them.
 _LINES: dict[str, tuple[str, ...]] = {
     "left brow": ("4.5", "4.3", "4.1"),
     "right brow": ("4.6", "4.4", "4.2"),
@@ -40,17 +40,17 @@ _LINES: dict[str, tuple[str, ...]] = {
     "left lower lid": ("3.7", "3.9", "3.11"),
     "right lower lid": ("3.12", "3.10", "3.8"),
 }
-# Outer corner of the eye, and outer end of the brow: beside them, before the ear, is the temple.
+# Outer corner of the eye and outer end of the brow; the temple is outside of both, in front of the ear.
 _TEMPLES: dict[str, tuple[str, str]] = {"left temple": ("3.7", "4.5"), "right temple": ("3.12", "4.6")}
-# Regions that reach into the temple, whose own name would mislead there.
+# Regions that extend into the temple, where their own names would mislead.
 _AROUND_TEMPLE = ("cheek", "forehead", "scalp", "brow", "lids", "face")
 
 
 class PointNames:
-    """Names the places of one character."""
+    """Names of the places on one character."""
 
     def __init__(self, character: Character) -> None:
-        """Prepare for ``character``."""
+        """Prepare the names for ``character``."""
         self._character = character
         self._ids = ids = [name for name in character.feature_points if name in character.feature_titles]
         self._titles = [character.feature_titles[name] for name in ids]
@@ -60,14 +60,14 @@ class PointNames:
         by_size = sorted(character.regions.items(), key=lambda item: len(item[1]), reverse=True)
         self._region_of: dict[int, str] = {}
         for region, vertices in by_size:
-            sound = vertices[self._plausible(region, vertices)]
-            self._region_of.update(dict.fromkeys(sound.tolist(), region))
+            plausible = vertices[self._plausible(region, vertices)]
+            self._region_of.update(dict.fromkeys(plausible.tolist(), region))
         self._known: dict[SurfacePoint | int, str] = {}
         self._labelled = np.array(sorted(self._region_of), dtype=np.int64)
         self._tree: Any = None
 
     def _plausible(self, region: str, vertices: NDArray[np.integer]) -> NDArray[np.bool_]:
-        """Return which of ``vertices`` can be of ``region``, shape (n,): the mouth is nowhere but at the lips."""
+        """Return a mask of the ``vertices`` that can belong to ``region``, shape (n,): the mouth is near the lips."""
         mouth = [i for i, name in enumerate(self._ids) if name.split(".")[0] == "8"]
         if not mouth or region.replace("_", " ").split()[0] not in ("mouth", "lip"):
             return np.ones(len(vertices), dtype=bool)
@@ -76,11 +76,11 @@ class PointNames:
         return near
 
     def of(self, constraint: Constraint) -> str:
-        """Return the name of the place that ``constraint`` speaks of."""
+        """Return the name of the place of ``constraint``."""
         return constraint.place(self)
 
     def pair(self, anchors: tuple[SurfacePoint | int, SurfacePoint | int]) -> str:
-        """Return what people call the distance between two places."""
+        """Return the name of the distance between two places."""
         first, second = (self._nearest(anchor) for anchor in anchors)
         for title, (one, other) in MEASURES.items():
             if {first, second} == {one, other}:
@@ -88,7 +88,7 @@ class PointNames:
         return f"{self.name(anchors[0])} to {self.name(anchors[1])}"
 
     def area(self, points: SurfacePoints) -> str:
-        """Return what people call the area that ``points`` cover: the regions with most of them."""
+        """Return the name of the area covered by ``points``: the regions with most of them."""
         counts: dict[str, int] = {}
         for corner in points.corners(self._character.triangles)[:, 0].tolist():
             region = self._region_of.get(corner)
@@ -102,7 +102,7 @@ class PointNames:
         return ", ".join(plain[:3]) or "nothing"
 
     def _nearest(self, point: SurfacePoint | int) -> str | None:
-        """Return the feature point that lies at ``point``, or None."""
+        """Return the feature point at ``point``, or None."""
         position = surface_positions(self._character.vertices, self._character.triangles, [point])[0]
         if not len(self._positions):
             return None
@@ -111,7 +111,7 @@ class PointNames:
         return self._ids[nearest] if distances[nearest] < _AT * self._character.height else None
 
     def name(self, point: SurfacePoint | int) -> str:
-        """Return what people call the place ``point``, a surface point or the index of a vertex."""
+        """Return the name of ``point``, a surface point or the index of a vertex."""
         if point not in self._known:
             self._known[point] = self._find(point)
         return self._known[point]
@@ -136,7 +136,7 @@ class PointNames:
         line = self._line(position)
         if line is not None:
             return line
-        # Points of eyes and brows stand for them alone: a place beside them is something else.
+        # Feature points of eyes and brows name only themselves, not their surroundings.
         if distance < _AROUND * height and self._ids[nearest].split(".")[0] not in ("3", "4"):
             return self._titles[nearest]
         region = self._region(position)
@@ -147,11 +147,11 @@ class PointNames:
         return temple or _readable(region)
 
     def _region(self, position: Array) -> str:
-        """Return the region around ``position``: that of most of the nearest vertices, some of which may stray."""
+        """Return the region of ``position`` by a vote of the nearest vertices, since single ones may be mislabelled."""
         if not len(self._labelled):
             return "face"
         if self._tree is None:
-            # Here and not above: the window's first frame needs none, and loading it takes time.
+            # Imported late: it loads slowly, and the first frame of the window does not need it.
             from scipy.spatial import cKDTree
 
             self._tree = cKDTree(self._character.vertices[self._labelled])
@@ -160,7 +160,7 @@ class PointNames:
         if distances[0] > _STRAY * self._character.height:
             return "face"
         regions = [self._region_of[int(self._labelled[index])] for index in indices]
-        # Of equals the nearest.
+        # A tie goes to the nearest vertex.
         return max(dict.fromkeys(regions), key=regions.count)
 
     def _place(self, feature: str) -> Array | None:
@@ -168,7 +168,7 @@ class PointNames:
         return None if vertex is None else np.asarray(self._character.vertices[vertex], dtype=np.float64)
 
     def _line(self, position: Array) -> str | None:
-        """Return the brow or lid on which ``position`` lies, or None."""
+        """Return the brow or lid at ``position``, or None."""
         best, found = _ON_LINE * self._character.height, None
         for title, features in _LINES.items():
             places = [place for feature in features if (place := self._place(feature)) is not None]
@@ -181,7 +181,7 @@ class PointNames:
         return found
 
     def _between_eyes(self, position: Array) -> bool:
-        """Whether ``position`` lies between the eyes, not lower than their inner corners."""
+        """Return True if ``position`` is between the eyes, not below their inner corners."""
         corners = [corner for name in ("3.11", "3.8") if (corner := self._place(name)) is not None]
         if len(corners) < 2:
             return False
@@ -190,16 +190,16 @@ class PointNames:
         return low < float(position[0]) < high and float(position[1]) > level - 0.01 * self._character.height
 
     def _temple(self, position: Array) -> str | None:
-        """Return the temple on which ``position`` lies, from the eye's outer corner back and up, or None."""
+        """Return the temple that contains ``position``, up and back from the outer corner of the eye, or None."""
         height = self._character.height
         for title, (corner, brow) in _TEMPLES.items():
             eye, end = self._place(corner), self._place(brow)
             if eye is None or end is None:
                 continue
             side = 1.0 if eye[0] > 0.0 else -1.0
-            beside = side * position[0] > side * eye[0] + 0.01 * height
+            outside = side * position[0] > side * eye[0] + 0.01 * height
             between = eye[1] - 0.03 * height < position[1] < end[1] + 0.06 * height
-            if beside and between and eye[2] - position[2] < 0.35 * height:
+            if outside and between and eye[2] - position[2] < 0.35 * height:
                 return title
         return None
 
@@ -211,7 +211,7 @@ def _without_side(region: str) -> str:
 
 
 def _readable(region: str) -> str:
-    """Return "left cheek" for "cheek_left", and for "cheek left", as regions of examples are called."""
+    """Return "left cheek" for "cheek_left" or "cheek left"; regions of trained characters have the latter form."""
     words = region.replace("_", " ").split()
     side = [word for word in words if word in ("left", "right", "upper", "lower")]
     return " ".join(side + [word for word in words if word not in side])

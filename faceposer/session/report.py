@@ -1,4 +1,4 @@
-"""What a solve came to, as data for other programs."""
+"""JSON report of a solve."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from faceposer.solve.weight_fit import fit_weights
 
 
 def solve_report(model: FaceModel, document: Document, solution: Solution) -> dict[str, Any]:
-    """Return the report of ``solution`` for ``document``, ready to be written as JSON (docs/session-format.md)."""
+    """Return the report of ``solution`` for ``document``, ready for JSON (docs/session-format.md)."""
     return {
         "energy": solution.energy,
         "iterations": solution.iterations,

@@ -1,4 +1,4 @@
-"""Solves beside the frame: the newest input wins, older ones are given up."""
+"""Background solver: the newest input replaces older ones."""
 
 import threading
 from collections.abc import Callable
@@ -20,11 +20,11 @@ class Job:
     """A document to solve.
 
     Attributes:
-        epoch: Rises when what went before no longer matters (undo, load); results of older epochs are dropped.
-        revision: The session's revision that asked.
-        model: The face.
-        document: Its constraints and prior weight.
-        x0: Coefficients to start from, shape (r,); None for the best of all starts.
+        epoch: Incremented when earlier jobs become obsolete (undo, load); results of older epochs are discarded.
+        revision: Revision of the session at submission.
+        model: The face model.
+        document: Document with the constraints and the prior.
+        x0: Initial coefficients, shape (r,); None to search from several starts.
     """
 
     epoch: int
@@ -36,7 +36,7 @@ class Job:
 
 @dataclass(frozen=True, eq=False)
 class JobResult:
-    """What came of a job: a solution, or the exception that ended it."""
+    """The result of a job: a solution, or the exception that ended it."""
 
     job: Job
     solution: Solution | None
@@ -44,36 +44,36 @@ class JobResult:
 
 
 class Worker(Protocol):
-    """Takes jobs and hands back results."""
+    """A solver that accepts jobs and returns results."""
 
     def submit(self, job: Job) -> None:
-        """Solve ``job`` next, in place of any that waits."""
+        """Solve ``job`` next, replacing a queued one."""
         ...
 
     def prepare(self) -> None:
-        """Get ready for the first job, beside the caller if possible."""
+        """Prepare for the first job, in the background if possible."""
         ...
 
     def poll(self) -> JobResult | None:
-        """Return the newest result that was not yet taken, or None."""
+        """Return the newest result not yet taken, or None."""
         ...
 
     @property
     def busy(self) -> bool:
-        """Whether a job waits or is being solved."""
+        """True if a job is queued or running."""
         ...
 
     def wait_idle(self, timeout: float) -> bool:
-        """Wait until no job waits or runs, at most ``timeout`` seconds; return whether that came to be."""
+        """Wait until no job is queued or running, at most ``timeout`` seconds; return False on timeout."""
         ...
 
     def close(self) -> None:
-        """Give up what runs and end."""
+        """Cancel the running job and stop."""
         ...
 
 
 def run_job(job: Job, should_stop: Callable[[], bool] | None = None) -> JobResult:
-    """Solve ``job`` and return its result; an exception becomes part of it."""
+    """Solve ``job``; an exception becomes part of the result."""
     try:
         document = job.document
         problem = PoseProblem(
@@ -85,12 +85,12 @@ def run_job(job: Job, should_stop: Callable[[], bool] | None = None) -> JobResul
             spread=document.spread,
         )
         return JobResult(job, solve(problem, job.x0, should_stop=should_stop))
-    except Exception as error:  # the frame that polls must learn of it, whatever it is
+    except Exception as error:  # raised again in the thread that polls
         return JobResult(job, None, error)
 
 
 class InlineWorker:
-    """Solves at once, in the caller's thread: for tests and the command line."""
+    """A worker that solves synchronously, for tests and the command line."""
 
     def __init__(self) -> None:
         self._result: JobResult | None = None
@@ -100,10 +100,10 @@ class InlineWorker:
         self._result = run_job(job)
 
     def prepare(self) -> None:
-        """Do nothing: the first job waits for what it needs."""
+        """Do nothing: the first job prepares the solver."""
 
     def poll(self) -> JobResult | None:
-        """Return the newest result that was not yet taken, or None."""
+        """Return the newest result not yet taken, or None."""
         result, self._result = self._result, None
         return result
 
@@ -121,14 +121,14 @@ class InlineWorker:
 
 
 class SolverWorker:
-    """Solves in a thread of its own.
+    """A worker with its own thread.
 
-    One job waits at most: a newer one takes its place. The running solve is let finish its few milliseconds, since a
-    drag that stopped each solve for the next would show none; only a job of a newer epoch ends it early.
+    At most one job is queued; a newer one replaces it. The running solve finishes its few milliseconds, because a drag
+    that stopped each solve for the next would display none; only a job of a newer epoch stops it early.
     """
 
     def __init__(self, on_result: Callable[[], None] | None = None) -> None:
-        """Start the thread; ``on_result`` is called in it after each result, to wake a sleeping frame loop."""
+        """Start the thread, which calls ``on_result`` after each result, for instance to wake the frame loop."""
         self._condition = threading.Condition()
         self._waiting: Job | None = None
         self._running: Job | None = None
@@ -139,34 +139,34 @@ class SolverWorker:
         self._thread.start()
 
     def submit(self, job: Job) -> None:
-        """Solve ``job`` next, in place of any that waits."""
+        """Solve ``job`` next, replacing a queued one."""
         with self._condition:
             self._waiting = job
             self._condition.notify_all()
 
     def prepare(self) -> None:
-        """Get ready for the first job in a thread of its own, so that jobs are taken meanwhile."""
+        """Prepare for the first job in another thread, so that jobs are accepted meanwhile."""
         threading.Thread(target=prepare, name="prepare", daemon=True).start()
 
     def poll(self) -> JobResult | None:
-        """Return the newest result that was not yet taken, or None."""
+        """Return the newest result not yet taken, or None."""
         with self._condition:
             result, self._result = self._result, None
             return result
 
     @property
     def busy(self) -> bool:
-        """Whether a job waits or is being solved."""
+        """True if a job is queued or running."""
         with self._condition:
             return self._waiting is not None or self._running is not None
 
     def wait_idle(self, timeout: float) -> bool:
-        """Wait until no job waits or runs, at most ``timeout`` seconds; return whether that came to be."""
+        """Wait until no job is queued or running, at most ``timeout`` seconds; return False on timeout."""
         with self._condition:
             return self._condition.wait_for(lambda: self._waiting is None and self._running is None, timeout)
 
     def close(self) -> None:
-        """Give up what runs and end the thread."""
+        """Cancel the running job and stop the thread."""
         with self._condition:
             self._closed, self._waiting = True, None
             self._condition.notify_all()

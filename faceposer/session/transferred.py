@@ -1,4 +1,4 @@
-"""A session's face and animation on another face."""
+"""Transfer of a session's pose and animation to another character."""
 
 from dataclasses import replace
 
@@ -14,16 +14,16 @@ from faceposer.transfer.transfer import Transfer
 def transferred(
     document: Document, coefficients: NDArray[np.float64], transfer: Transfer, character: str, target: FaceModel
 ) -> Document:
-    """Return what a session holds, carried over to another face: its pose, and every key of its animation.
+    """Return the pose and all keys of a session, transferred to another character.
 
-    Constraints and photos stay behind, for they were drawn over the face that they are of.
+    Constraints and photos are left out: they refer to the original face.
 
     Args:
-        document: Of the session.
+        document: Document of the session.
         coefficients: Its pose, shape (r,).
-        transfer: From its face to the other.
-        character: Name or file of the other face.
-        target: Its model.
+        transfer: Transfer from its character to the target.
+        character: Name or file of the target character.
+        target: Model of the target character.
     """
     new = Document(
         character,
@@ -39,7 +39,7 @@ def transferred(
         poses: list[NDArray[np.float64]] = []
         for key in keyframes.keys:
             poses.append(transfer.pose(key.pose, poses[-1] if poses else None))
-        keys = tuple(Key.of(key.frame, found) for key, found in zip(keyframes.keys, poses, strict=True))
+        keys = tuple(Key.of(key.frame, moved) for key, moved in zip(keyframes.keys, poses, strict=True))
         keyframes = replace(keyframes, keys=keys)
         new = replace(new, keyframes=keyframes, animated=document.animated and bool(keys))
         if new.animated:

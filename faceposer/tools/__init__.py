@@ -1,1 +1,1 @@
-"""Tools that turn pointer gestures into edits of the session; they know no window system."""
+"""Tools that turn pointer gestures into edits of the session, independent of the window system."""

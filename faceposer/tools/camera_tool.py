@@ -1,4 +1,4 @@
-"""Orbit, pan and zoom, as Blender's and Maya's users know them."""
+"""Orbit, pan and zoom with the mouse conventions of Blender or Maya."""
 
 from typing import Literal
 
@@ -16,7 +16,7 @@ _MAYA: dict[tuple[Button, frozenset[str]], Motion] = {
     ("middle", frozenset({"alt"})): "pan",
     ("right", frozenset({"alt"})): "zoom",
 }
-# Alt works in both, and so does the middle button: neither collides with posing.
+# Alt and the middle button work in both presets: neither collides with posing.
 PRESETS: dict[Navigation, dict[tuple[Button, frozenset[str]], Motion]] = {
     "blender": _BLENDER | _MAYA,
     "maya": _MAYA | {("middle", frozenset()): "pan"},
@@ -26,20 +26,20 @@ _ZOOM_PER_NOTCH = 1.12
 
 
 class CameraTool:
-    """Moves the view; the session and its history stay as they are."""
+    """Moves the view; the session and its history remain unchanged."""
 
     def motion(self, event: PointerEvent, context: ToolContext) -> Motion | None:
-        """Return what dragging from the press ``event`` does to the view by button and modifiers, if anything."""
+        """Return the motion of the view for a drag from the press ``event``, by button and modifiers, or None."""
         if event.button is None:
             return None
         return PRESETS[context.navigation].get((event.button, event.modifiers))
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` moves the view, wherever it lies."""
+        """Return True if the press ``event`` moves the view, at any position."""
         return self.motion(event, context) is not None
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
-        """Follow the pointer; a press that means nothing else orbits."""
+        """Move the view with the pointer; a press without a motion of its own orbits."""
         # on press
         motion = self.motion(event, context) or "orbit"
         before = context.view
@@ -64,7 +64,7 @@ class CameraTool:
             raise
 
     def wheel(self, event: PointerEvent, context: ToolContext) -> None:
-        """Zoom by the wheel, keeping what lies under the pointer there."""
+        """Zoom with the wheel towards the pointer."""
         factor = _ZOOM_PER_NOTCH**event.wheel
         zoomed = context.view.zoomed(factor)
         achieved = context.view.distance / zoomed.distance

@@ -1,4 +1,4 @@
-"""Curves: control points clicked on the face, accepted, and dragged while the face follows (section 4.4)."""
+"""Curves: control points clicked on the face, then dragged to pose it (Lau et al. 2009, section 4.4)."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ class CurveTool(PosingTool):
     """Draws a source curve and edits target curves.
 
     Attributes:
-        points: Control points of a source that is not accepted yet, fixed to the face.
+        points: Control points, fixed to the face, of a source that is not accepted yet.
     """
 
     name = "curve"
@@ -30,20 +30,20 @@ class CurveTool(PosingTool):
     handle_order = 3
 
     def __init__(self, tool_settings: ToolSettings) -> None:
-        """Share ``tool_settings``."""
+        """Use the shared ``tool_settings``."""
         super().__init__(tool_settings)
         self.points: list[SurfacePoint] = []
         self._steps: list[list[SurfacePoint]] = []
 
     def pixels(self, context: ToolContext) -> NDArray[np.float64]:
-        """Return where the view shows the control points of the source that is not accepted yet, shape (n, 2)."""
+        """Return the pixels of the control points of the unaccepted source in the view, shape (n, 2)."""
         if not self.points:
             return np.zeros((0, 2))
         session = context.session
         vertices = session.vertices
         return context.camera.project(SurfacePoints.of(self.points).positions(vertices, session.model.triangles))
 
-    def _own_at(self, position: Pixel, context: ToolContext) -> int | None:
+    def _source_point_at(self, position: Pixel, context: ToolContext) -> int | None:
         """Return the control point of the unaccepted source within reach of ``position``, or None."""
         pixels = self.pixels(context)
         if not len(pixels):
@@ -75,7 +75,7 @@ class CurveTool(PosingTool):
         return None
 
     def _curves(self, context: ToolContext) -> list[tuple[int, CurveConstraint]]:
-        """Return the curves that may be edited with their indices, the selected one first, then the newest."""
+        """Return the editable curves with their indices, the selected one first, then the newest."""
         chosen = self._settings.selection.indices
         found = [
             (i, constraint)
@@ -85,28 +85,28 @@ class CurveTool(PosingTool):
         return sorted(found, key=lambda item: (item[0] not in chosen, -item[0]))
 
     def hits_handle(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` takes hold of a control point."""
+        """Return True if the press ``event`` hits a control point of a target."""
         return event.button == "left" and not event.modifiers and self.handle_at(event.position, context) is not None
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` sets, takes or inserts a control point."""
+        """Return True if the press ``event`` adds, grabs or inserts a control point."""
         if event.button != "left" or event.modifiers:
             return False
         at = event.position
         return (
-            self._own_at(at, context) is not None
+            self._source_point_at(at, context) is not None
             or context.pick(at) is not None
             or self.handle_at(at, context) is not None
             or self.line_at(at, context) is not None
         )
 
     def handle_under(self, position: Pixel, context: ToolContext) -> int | None:
-        """Return the curve whose control point a press at ``position`` would take, or None."""
+        """Return the curve whose control point would be grabbed by a press at ``position``, or None."""
         found = self.handle_at(position, context) if not self.points else None
         return None if found is None else found[0]
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
-        """Set or adjust a control point of the source, or drag one of a target."""
+        """Add or move a control point of the source, or drag one of a target."""
         if not self.points:
             handle, line = self.handle_at(event.position, context), self.line_at(event.position, context)
             if handle is not None:
@@ -117,7 +117,7 @@ class CurveTool(PosingTool):
                 return
         # on press
         before = list(self.points)
-        index = self._own_at(event.position, context)
+        index = self._source_point_at(event.position, context)
         if index is None:
             index = self._add(event.position, context)
         try:
@@ -137,7 +137,7 @@ class CurveTool(PosingTool):
             self._steps.append(before)
 
     def _add(self, position: Pixel, context: ToolContext) -> int | None:
-        """Set a control point on the face, into the curve where it passes near, else at its end."""
+        """Add a control point on the face, inside the curve if it passes nearby, else at its end."""
         point = context.pick(position)
         if point is None or len(self.points) >= MOST_POINTS:
             return None
@@ -150,7 +150,7 @@ class CurveTool(PosingTool):
         return index
 
     def _insert(self, line: tuple[int, float], event: PointerEvent, context: ToolContext) -> Gesture:
-        """Insert a control point into a target and drag it on."""
+        """Insert a control point into a target and drag it."""
         index, parameter = line
         constraint = context.session.document.constraints[index]
         assert isinstance(constraint, CurveConstraint)
@@ -159,7 +159,7 @@ class CurveTool(PosingTool):
     def _drag(
         self, handle: tuple[int, int], event: PointerEvent, context: ToolContext, begun: CurveConstraint | None = None
     ) -> Gesture:
-        """Drag a control point of a target while the face follows; ``begun`` is the curve with a new point in it."""
+        """Drag a control point of a target; ``begun`` is the curve with a newly inserted point."""
         # on press
         index, point = handle
         session, press = context.session, event.position
@@ -185,12 +185,12 @@ class CurveTool(PosingTool):
                 moved = True
                 u, v = (np.subtract(event.position, press) * scale + begun.target[point]).tolist()
                 document = session.document.with_constraint(index, begun.with_target(point, (u, v)))
-                session.replace(mirroring.applied(document, [index]))
+                session.replace(mirroring.with_images(document, [index]))
             if not moved:
                 session.restore()
 
     def accept(self, context: ToolContext) -> bool:
-        """Make the source a constraint whose target is a copy of it; return whether there was a source."""
+        """Turn the source into a constraint with an equal target; return True if there was a source."""
         if not self.points:
             return False
         pixels = self.pixels(context)
@@ -206,16 +206,16 @@ class CurveTool(PosingTool):
         with session.edit("Draw a curve"):
             document, index = session.document, len(session.document.constraints)
             document = replace(document, constraints=(*document.constraints, curve))
-            session.replace(Mirroring(self._settings.symmetry, session).applied(document, [index]))
+            session.replace(Mirroring(self._settings.symmetry, session).with_images(document, [index]))
         self._settings.selection.set(index)
         return True
 
     def remove_at(self, position: Pixel, context: ToolContext) -> bool:
         """Remove the control point within reach of ``position``, or its curve if only two are left."""
-        own = self._own_at(position, context)
-        if own is not None:
+        source_point = self._source_point_at(position, context)
+        if source_point is not None:
             self._steps.append(list(self.points))
-            del self.points[own]
+            del self.points[source_point]
             return True
         handle = self.handle_at(position, context)
         if handle is None:
@@ -227,34 +227,34 @@ class CurveTool(PosingTool):
         try:
             shorter = curve.without_point(point)
             if not len(shorter.points):
-                raise ValueError("nothing of the curve is left")
+                raise ValueError("the curve has no points left")
         except ValueError:
             self._remove(index, "Remove a curve", context)
             return True
-        with session.edit("Remove a point of a curve"):
+        with session.edit("Remove a curve point"):
             mirroring = Mirroring(self._settings.symmetry, session)
-            # What lies across is found while both have all their points.
-            mirroring.find(session.document, index)
+            # The partner must be found while both curves have all their points.
+            mirroring.partner(session.document, index)
             document = session.document.with_constraint(index, shorter)
-            session.replace(mirroring.applied(document, [index]))
+            session.replace(mirroring.with_images(document, [index]))
         return True
 
     def step_back(self) -> bool:
-        """Take back what was done to the source last; return whether there was anything."""
+        """Undo the last change of the source; return True if there was one."""
         if not self._steps:
             return False
         self.points = self._steps.pop()
         return True
 
     def discard(self) -> bool:
-        """Forget the source that is not accepted; return whether there was one."""
+        """Discard the unaccepted source; return True if there was one."""
         had = bool(self.points)
         self.points, self._steps = [], []
         return had
 
     def hint(self, context: ToolContext) -> str:
-        """Return what a press will do."""
+        """Return the effect of a press, for the status bar."""
         if self.points:
             enough = "   ·   Enter: accept" if len(self.points) > 1 else ""
-            return f"Click: the next point   ·   drag a point: adjust it{enough}   ·   Esc: forget"
-        return "Click points of a curve on the face   ·   drag a green point: edit   ·   right click: remove it"
+            return f"Click: add a point   ·   drag a point: move it{enough}   ·   Esc: discard"
+        return "Click points of a curve on the face   ·   drag a green point: move it   ·   right click: remove it"

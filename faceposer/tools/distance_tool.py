@@ -1,4 +1,4 @@
-"""Distances: two points of the face that are drawn together or pulled apart (Lau et al. 2009, section 4.2)."""
+"""Distances between two points of the face, closed or opened by dragging (Lau et al. 2009, section 4.2)."""
 
 from dataclasses import dataclass, replace
 
@@ -18,12 +18,12 @@ Pixel = tuple[float, float]
 
 @dataclass(frozen=True)
 class PairMark:
-    """Where the view shows a distance: its two points on the face, and where its target would have them.
+    """A distance as drawn in the view: its two points and its target length.
 
     Attributes:
-        index: Of the constraint.
-        ends: The two points of the face, shape (2, 2).
-        goal: The ends of a line of the target's length around the same middle, shape (2, 2); None in other views.
+        index: Index of the constraint.
+        ends: Pixels of the two points, shape (2, 2).
+        goal: Ends of a line of the target's length with the same centre, shape (2, 2); None in other views.
     """
 
     index: int
@@ -32,11 +32,11 @@ class PairMark:
 
 
 def pair_mark(index: int, constraint: DistanceConstraint, context: ToolContext) -> PairMark:
-    """Return how the view shows a distance of the session."""
+    """Return the mark of a distance constraint in the view."""
     session, camera = context.session, context.camera
     ends = camera.project(session.model.positions_at(constraint.points, session.coefficients))
     goal = None
-    # Distances are the same in two windows that show the same view at the same size.
+    # Distances match between windows that show the same view at the same size.
     if constraint.camera.transferred((0.0, 0.0), camera) is not None:
         along = ends[1] - ends[0]
         length = float(np.hypot(*along))
@@ -48,13 +48,13 @@ def pair_mark(index: int, constraint: DistanceConstraint, context: ToolContext) 
 
 
 def pair_marks(context: ToolContext) -> list[PairMark]:
-    """Return how the view shows each distance of the session."""
+    """Return the marks of all distance constraints of the session."""
     constraints = enumerate(context.session.document.constraints)
     return [pair_mark(i, c, context) for i, c in constraints if isinstance(c, DistanceConstraint)]
 
 
-def under_this_camera(constraint: DistanceConstraint, context: ToolContext) -> DistanceConstraint:
-    """Return ``constraint`` as the view sees it: in its own view as it is, in another with the distance seen there."""
+def with_view_camera(constraint: DistanceConstraint, context: ToolContext) -> DistanceConstraint:
+    """Return ``constraint`` under the camera of the view; from another viewpoint, with the distance measured there."""
     camera = context.camera
     if constraint.camera == camera:
         return constraint
@@ -65,11 +65,11 @@ def under_this_camera(constraint: DistanceConstraint, context: ToolContext) -> D
 
 
 class DistanceTool(PosingTool):
-    """Joins two points of the face and sets how far apart they appear.
+    """Connects two points of the face and sets their distance in the view.
 
     Attributes:
-        first: The point that the next one is joined to, or None.
-        pointer: Where the pointer is while a line is drawn, or None.
+        first: First point of a new distance, or None.
+        pointer: Position of the pointer while a line is drawn, or None.
     """
 
     name = "distance"
@@ -77,15 +77,15 @@ class DistanceTool(PosingTool):
     handle_order = 2
 
     def __init__(self, tool_settings: ToolSettings) -> None:
-        """Share ``tool_settings``."""
+        """Use the shared ``tool_settings``."""
         super().__init__(tool_settings)
         self.first: SurfacePoint | None = None
         self.pointer: Pixel | None = None
 
     def handle_at(self, position: Pixel, context: ToolContext) -> tuple[int, int] | None:
-        """Return the constraint and the end of it within reach of ``position``, or None.
+        """Return the constraint and its end within reach of ``position``, or None.
 
-        An end that the face hides from this view is out of reach, unless it was joined in this view.
+        An end hidden by the face is out of reach, unless the constraint was made in this view.
         """
         best, found = _REACH * context.ui_scale, None
         for mark in pair_marks(context):
@@ -101,22 +101,22 @@ class DistanceTool(PosingTool):
         return found
 
     def hits_handle(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` takes hold of the end of a distance."""
+        """Return True if the press ``event`` hits an end of a distance."""
         return event.button == "left" and not event.modifiers and self.handle_at(event.position, context) is not None
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` takes hold of a handle or of the face."""
+        """Return True if the press ``event`` hits a handle or the face."""
         if event.button != "left" or event.modifiers:
             return False
         return self.handle_at(event.position, context) is not None or context.pick(event.position) is not None
 
     def handle_under(self, position: Pixel, context: ToolContext) -> int | None:
-        """Return the distance whose end a press at ``position`` would take, or None."""
+        """Return the distance whose end would be grabbed by a press at ``position``, or None."""
         found = self.handle_at(position, context) if self.first is None else None
         return None if found is None else found[0]
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
-        """Drag a handle, or join two points by a drag or by two clicks."""
+        """Drag a handle, or connect two points with a drag or two clicks."""
         handle = self.handle_at(event.position, context) if self.first is None else None
         if handle is not None:
             yield from self._drag(handle, event, context)
@@ -155,7 +155,7 @@ class DistanceTool(PosingTool):
             add_distance((first, second), context, self._settings)
 
     def _drag(self, handle: tuple[int, int], event: PointerEvent, context: ToolContext) -> Gesture:
-        """Pull one end along the line: the other stays, and the distance changes by as much."""
+        """Drag one end along the line; the other end is fixed, and the distance changes by the same amount."""
         # on press
         index, end = handle
         session, press = context.session, event.position
@@ -165,7 +165,7 @@ class DistanceTool(PosingTool):
             constraint = session.document.constraints[index]
             if not isinstance(constraint, DistanceConstraint):
                 return
-            begun = under_this_camera(constraint, context)
+            begun = with_view_camera(constraint, context)
             pixels = begun.pixels(session.model, session.coefficients)
             along = pixels[end] - pixels[1 - end]
             length = float(np.hypot(*along))
@@ -180,12 +180,12 @@ class DistanceTool(PosingTool):
                 moved = True
                 target = max(begun.target + float(np.subtract(event.position, press) @ unit), 0.0)
                 document = session.document.with_constraint(index, replace(begun, target=target))
-                session.replace(mirroring.applied(document, [index]))
+                session.replace(mirroring.with_images(document, [index]))
             if not moved:
                 session.restore()
 
     def remove_at(self, position: Pixel, context: ToolContext) -> bool:
-        """Remove the distance with an end within reach of ``position``; return whether there was one."""
+        """Remove the distance with an end within reach of ``position``; return True if there was one."""
         handle = self.handle_at(position, context)
         if handle is None:
             return False
@@ -193,26 +193,26 @@ class DistanceTool(PosingTool):
         return True
 
     def step_back(self) -> bool:
-        """Forget the first point; return whether there was one."""
+        """Discard the first point; return True if there was one."""
         return self.discard()
 
     def discard(self) -> bool:
-        """Forget the first point; return whether there was one."""
+        """Discard the first point; return True if there was one."""
         had = self.first is not None
         self.first = self.pointer = None
         return had
 
     def hint(self, context: ToolContext) -> str:
-        """Return what a press will do."""
+        """Return the effect of a press, for the status bar."""
         if self.first is not None:
-            return "Click: the second point   ·   Esc: forget the first"
+            return "Click: set the second point   ·   Esc: discard the first"
         return "Drag from one point to another, or click both   ·   drag an end: change the distance"
 
 
 def add_distance(
     anchors: tuple[SurfacePoint | int, SurfacePoint | int], context: ToolContext, tool_settings: ToolSettings
 ) -> None:
-    """Add the distance between two places as it appears now, as one step, and select it; one that is there is kept."""
+    """Add the distance between two places as it appears now, as one step, and select it; an existing one is kept."""
     session = context.session
     for i, constraint in enumerate(session.document.constraints):
         if isinstance(constraint, DistanceConstraint) and set(constraint.anchors) == set(anchors):
@@ -224,5 +224,5 @@ def add_distance(
         document: Document = session.document
         index = len(document.constraints)
         document = replace(document, constraints=(*document.constraints, pair))
-        session.replace(Mirroring(tool_settings.symmetry, session).applied(document, [index]))
+        session.replace(Mirroring(tool_settings.symmetry, session).with_images(document, [index]))
         tool_settings.selection.set(index)

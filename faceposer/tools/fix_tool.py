@@ -1,4 +1,4 @@
-"""Fixed vertices: painted, encircled or clicked, they stay where they are (Lau et al. 2009, section 4.5)."""
+"""Fixed vertices: painted, encircled or clicked, they keep their positions (Lau et al. 2009, section 4.5)."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from faceposer.geometry.picking import SurfacePoints
 from faceposer.geometry.strokes import enclosed
 from faceposer.session.document import Document
 from faceposer.solve.constraints.fixed import FixedConstraint
-from faceposer.tools.symmetry import Mirroring, mirror_of
+from faceposer.tools.symmetry import Mirroring, surface_mirror
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
 Pixel = tuple[float, float]
@@ -17,22 +17,22 @@ Vertices = NDArray[np.int64]
 
 
 class FixTool(PosingTool):
-    """Holds vertices of the face; with Ctrl it lets them go.
+    """Fixes vertices of the face, or releases them with Ctrl.
 
     Attributes:
-        lasso: The line drawn around vertices, or empty.
+        lasso: The line being drawn around vertices, or empty.
     """
 
     name = "fix"
     cursor = "draw"
 
     def __init__(self, tool_settings: ToolSettings) -> None:
-        """Share ``tool_settings``."""
+        """Use the shared ``tool_settings``."""
         super().__init__(tool_settings)
         self.lasso: list[Pixel] = []
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` begins to paint or to encircle."""
+        """Return True if the press ``event`` starts to paint or to encircle."""
         if event.button != "left" or event.modifiers - {"ctrl", "shift"}:
             return False
         return self._settings.options.fix_mode == "lasso" or context.pick(event.position) is not None
@@ -44,11 +44,11 @@ class FixTool(PosingTool):
         encircle = self._settings.options.fix_mode == "lasso"
         candidates, pixels = self._visible(context)
         try:
-            with session.edit("Let vertices go" if erase else "Fix vertices"):
+            with session.edit("Release vertices" if erase else "Fix vertices"):
                 mirroring = Mirroring(self._settings.symmetry, session)
-                begun, index = self._opened(session.document, erase)
+                begun, index = self._growing_constraint(session.document, erase)
                 if index is not None:
-                    mirroring.find(begun, index)
+                    mirroring.partner(begun, index)
                 touched: Vertices = np.zeros(0, dtype=np.int64)
                 while event.kind != "release":
                     if encircle:
@@ -65,7 +65,7 @@ class FixTool(PosingTool):
             self.lasso = []
 
     def _visible(self, context: ToolContext) -> tuple[Vertices, NDArray[np.float64]]:
-        """Return the vertices of the face that can be seen, (n,), and their pixels, (n, 2)."""
+        """Return the visible vertices of the face, (n,), and their pixels, (n, 2)."""
         session = context.session
         triangles = session.model.triangles[session.model.character.solid_triangles]
         vertices = np.unique(triangles).astype(np.int64)
@@ -76,7 +76,7 @@ class FixTool(PosingTool):
         return vertices[seen], pixels[seen]
 
     def _under_brush(self, position: Pixel, pixels: NDArray[np.float64], context: ToolContext) -> NDArray[np.bool_]:
-        """Return which of ``pixels`` lie under the brush, or the nearest where the mesh is coarser than that."""
+        """Return a mask of the ``pixels`` under the brush, or of the nearest one where the mesh is coarser."""
         if not len(pixels):
             return np.zeros(0, dtype=bool)
         distances = np.hypot(*(pixels - position).T)
@@ -84,8 +84,8 @@ class FixTool(PosingTool):
         nearest: NDArray[np.bool_] = distances <= max(radius, min(float(distances.min()), 12.0 * context.ui_scale))
         return nearest
 
-    def _opened(self, document: Document, erase: bool) -> tuple[Document, int | None]:
-        """Return the document and the index of the constraint that grows: the selected one, if it is of this kind."""
+    def _growing_constraint(self, document: Document, erase: bool) -> tuple[Document, int | None]:
+        """Return the document and the index of the constraint to extend, the selected one if it is of this kind."""
         for i in sorted(self._settings.selection.within(len(document.constraints))):
             constraint = document.constraints[i]
             if isinstance(constraint, FixedConstraint) and not constraint.locked:
@@ -104,8 +104,8 @@ class FixTool(PosingTool):
         session = context.session
         if erase:
             if self._settings.symmetry.on:
-                across = mirror_of(session.model).vertices[vertices]
-                vertices = np.union1d(vertices, across[across >= 0])
+                partners = surface_mirror(session.model).vertices[vertices]
+                vertices = np.union1d(vertices, partners[partners >= 0])
             session.replace(_without(begun, vertices))
             return
         if not len(vertices):
@@ -123,34 +123,34 @@ class FixTool(PosingTool):
         else:
             fixed = FixedConstraint(points, positions)
             document, place = replace(begun, constraints=(*begun.constraints, fixed)), len(begun.constraints)
-        session.replace(mirroring.applied(document, [place]))
+        session.replace(mirroring.with_images(document, [place]))
         self._settings.selection.set(place)
 
     def hint(self, context: ToolContext) -> str:
-        """Return what a press will do."""
+        """Return the effect of a press, for the status bar."""
         verb = "Encircle" if self._settings.options.fix_mode == "lasso" else "Paint"
-        return f"{verb} what should stay   ·   Ctrl: let it go   ·   [ ]: brush width"
+        return f"{verb} vertices to fix   ·   Ctrl: release   ·   [ ]: brush width"
 
 
 def _without(document: Document, vertices: Vertices) -> Document:
-    """Return ``document`` with ``vertices`` held by none of its constraints; one that holds nothing more is gone."""
+    """Return ``document`` with ``vertices`` removed from its fixed constraints; empty constraints are removed."""
     constraints = []
     for constraint in document.constraints:
         kept = constraint
         if isinstance(constraint, FixedConstraint) and not constraint.locked:
-            stays = ~np.isin(-1 - constraint.points.faces, vertices)
-            if not stays.any():
+            remaining = ~np.isin(-1 - constraint.points.faces, vertices)
+            if not remaining.any():
                 continue
-            if not stays.all() and constraint.positions is not None:
+            if not remaining.all() and constraint.positions is not None:
                 kept = replace(
-                    constraint, anchors=constraint.anchors.subset(stays), positions=constraint.positions[stays]
+                    constraint, anchors=constraint.anchors.subset(remaining), positions=constraint.positions[remaining]
                 )
         constraints.append(kept)
     return replace(document, constraints=tuple(constraints))
 
 
 def toggle_region(names: tuple[str, ...], context: ToolContext, tool_settings: ToolSettings) -> None:
-    """Hold the regions ``names`` of the face where they are, or let them go if just they are held, as one step."""
+    """Fix the regions ``names`` of the face, or release them if a constraint fixes exactly these, as one step."""
     session = context.session
     regions = session.model.character.regions
     found = [regions[name] for name in names if name in regions]
@@ -161,17 +161,17 @@ def toggle_region(names: tuple[str, ...], context: ToolContext, tool_settings: T
     if index is not None:
         if not session.document.constraints[index].locked:
             tool_settings.selection.set()
-            session.remove_constraints({index}, "Let a region go")
+            session.remove_constraints({index}, "Release a region")
         return
-    held = FixedConstraint(points, session.model.positions_at(points, session.coefficients))
-    with session.edit("Hold a region"):
+    fixed = FixedConstraint(points, session.model.positions_at(points, session.coefficients))
+    with session.edit("Fix a region"):
         document = session.document
-        session.replace(replace(document, constraints=(*document.constraints, held)))
+        session.replace(replace(document, constraints=(*document.constraints, fixed)))
         tool_settings.selection.set(len(document.constraints))
 
 
 def region_held(names: tuple[str, ...], context: ToolContext) -> int | None:
-    """Return the index of the constraint that holds just the regions ``names``, or None."""
+    """Return the index of the constraint that fixes exactly the regions ``names``, or None."""
     regions = context.session.model.character.regions
     found = [regions[name] for name in names if name in regions]
     if not found:

@@ -1,4 +1,4 @@
-"""The handle in front of the face that both eyes follow."""
+"""The gaze target in front of the face, which both eyes follow."""
 
 import math
 from dataclasses import replace
@@ -16,7 +16,7 @@ Pixel = tuple[float, float]
 
 
 def eyes_of(character: Character) -> NDArray[np.float64] | None:
-    """Return the centres of both eyes of the neutral face, shape (2, 3), or None where it has none to turn."""
+    """Return the centres of both eyes of the neutral face, shape (2, 3), or None if it has no movable eyes."""
     if not any(name.startswith("eyeLook") for name in character.shape_names):
         return None
     parts = [part for part in character.parts if part.material == "eye"]
@@ -27,16 +27,16 @@ def eyes_of(character: Character) -> NDArray[np.float64] | None:
 
 
 def pupils_of(character: Character, direction: tuple[float, float]) -> NDArray[np.float64] | None:
-    """Return the middles of the pupils of eyes turned to ``direction`` in degrees, (2, 3), or None without eyes.
+    """Return the pupil centres of eyes turned to ``direction`` in degrees, (2, 3), or None without eyes.
 
-    They lie where a ray from the centre of each eye leaves it.
+    They are the points where a ray from the centre of each eye leaves it.
     """
     centres = eyes_of(character)
     if centres is None:
         return None
     forward = _forward(direction)
     parts = [part for part in character.parts if part.material == "eye"]
-    # The eye is turned, not the ray: an eyeball reaches as far forward whichever way it looks.
+    # The eyeball turns with the ray, so that its extent along the ray is that along z in the neutral face.
     depths = [
         float((character.vertices[slice(*part.vertices)][:, 2] - centre[2]).max())
         for part, centre in zip(parts, centres, strict=True)
@@ -52,7 +52,7 @@ def _forward(direction: tuple[float, float]) -> NDArray[np.float64]:
 
 
 def handle_position(character: Character, direction: tuple[float, float]) -> NDArray[np.float64] | None:
-    """Return where in space the handle is for a ``direction`` in degrees, shape (3,), or None without eyes."""
+    """Return the position of the handle for a ``direction`` in degrees, shape (3,), or None without eyes."""
     eyes = eyes_of(character)
     if eyes is None:
         return None
@@ -60,12 +60,12 @@ def handle_position(character: Character, direction: tuple[float, float]) -> NDA
     return position
 
 
-def direction_under(
+def direction_at_pixel(
     character: Character, camera: Camera, pixel: Pixel, near: NDArray[np.float64]
 ) -> tuple[float, float]:
-    """Return the direction, in degrees, whose handle lies under ``pixel``, of two the one nearer to ``near``, (3,).
+    """Return the direction, in degrees, with its handle under ``pixel``; of two, the one closer to ``near``, (3,).
 
-    The ray of the pixel is met with the sphere that the handle moves on, or comes as near to it as it can.
+    It intersects the ray of the pixel with the sphere of handle positions, or takes the point closest to the sphere.
     """
     eyes = eyes_of(character)
     assert eyes is not None
@@ -82,7 +82,7 @@ def direction_under(
 
 
 class GazeTool(PosingTool):
-    """Lets both eyes follow a handle."""
+    """Turns both eyes to a handle."""
 
     name = "gaze"
     cursor = "press"
@@ -97,22 +97,22 @@ class GazeTool(PosingTool):
         return None
 
     def direction(self, context: ToolContext) -> tuple[float, float]:
-        """Return where the handle is now, in degrees."""
+        """Return the direction of the handle, in degrees."""
         found = self.constraint(context)
         if found is not None:
             return found[1].direction
         return gaze_direction(context.session.model, context.session.coefficients)
 
     def handle(self, context: ToolContext) -> Pixel | None:
-        """Return where the view shows the handle, or None where the face has no eyes to turn."""
+        """Return the pixel of the handle in the view, or None if the face has no movable eyes."""
         position = handle_position(context.session.model.character, self.direction(context))
         if position is None:
             return None
         u, v = context.camera.project(position[None])[0].tolist()
         return (u, v)
 
-    def _reached(self, position: Pixel, context: ToolContext) -> bool:
-        """Whether ``position`` is on the handle, and the face does not hide it there."""
+    def _hits_visible_handle(self, position: Pixel, context: ToolContext) -> bool:
+        """Return True if ``position`` is on the handle and the face does not hide it there."""
         handle = self.handle(context)
         if handle is None or math.dist(position, handle) > _REACH * context.ui_scale:
             return False
@@ -125,29 +125,29 @@ class GazeTool(PosingTool):
         return bool(camera.to_camera(place[None])[0, 2] < camera.to_camera(surface)[0, 2])
 
     def hits_handle(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` takes hold of the handle of a gaze constraint."""
+        """Return True if the press ``event`` hits the handle of a gaze constraint."""
         found = self.constraint(context)
         left = event.button == "left" and not event.modifiers
-        return left and found is not None and not found[1].locked and self._reached(event.position, context)
+        return left and found is not None and not found[1].locked and self._hits_visible_handle(event.position, context)
 
     @property
-    def works_beside(self) -> bool:
-        """Whether a press beside the face does something, too: the handle follows a drag anywhere in the view."""
+    def works_off_face(self) -> bool:
+        """True: the handle follows a drag that starts anywhere in the view."""
         return True
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` begins to turn the eyes, which it does anywhere in the view."""
+        """Return True if the press ``event`` starts to turn the eyes, which is possible anywhere in the view."""
         has_eyes = eyes_of(context.session.model.character) is not None
         return event.button == "left" and not event.modifiers and has_eyes
 
     def handle_under(self, position: Pixel, context: ToolContext) -> int | None:
-        """Return the gaze constraint if a press at ``position`` would take its handle, or None."""
+        """Return the gaze constraint if a press at ``position`` would grab its handle, or None."""
         found = self.constraint(context)
         press = PointerEvent("press", position, "left")
         return found[0] if found is not None and self.hits_handle(press, context) else None
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
-        """Drag the handle while the eyes follow; it moves as the pointer does, wherever that is."""
+        """Drag the handle by the motion of the pointer, which need not start on it."""
         # on press
         session = context.session
         character = session.model.character
@@ -169,7 +169,7 @@ class GazeTool(PosingTool):
                 near = handle_position(character, begun.direction)
                 assert near is not None
                 u, v = (np.asarray(event.position) + grip).tolist()
-                direction = direction_under(character, context.camera, (u, v), near)
+                direction = direction_at_pixel(character, context.camera, (u, v), near)
                 begun = replace(begun, direction=direction).within_reach()
                 document = session.document
                 if index < len(document.constraints):
@@ -182,15 +182,15 @@ class GazeTool(PosingTool):
                 self._settings.selection.set(index)
 
     def remove_at(self, position: Pixel, context: ToolContext) -> bool:
-        """Release the eyes if ``position`` is on the handle; return whether it was."""
+        """Release the eyes if ``position`` is on the handle; return True if it is."""
         found = self.constraint(context)
-        if found is None or found[1].locked or not self._reached(position, context):
+        if found is None or found[1].locked or not self._hits_visible_handle(position, context):
             return False
         self._remove(found[0], "Release the eyes", context)
         return True
 
     def hint(self, context: ToolContext) -> str:
-        """Return what a press will do."""
+        """Return the effect of a press, for the status bar."""
         if eyes_of(context.session.model.character) is None:
-            return "This face has no eyes that turn"
-        return "Drag anywhere: both eyes follow the ring   ·   right click on the ring: release them"
+            return "This character has no movable eyes"
+        return "Drag anywhere: turn both eyes   ·   right click the ring: release them"

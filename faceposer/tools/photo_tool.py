@@ -1,4 +1,4 @@
-"""Pins of a photo: where it shows places of the face; its camera follows each move of a pin."""
+"""Pins of a photo: image positions of places of the face, which determine the photo's camera."""
 
 import math
 
@@ -13,39 +13,39 @@ from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext,
 Pixel = tuple[float, float]
 # In pixels of a display at normal density.
 _REACH = 11.0
-# While pins are set one after another: the next place may lie close to the last.
+# While pins are set one after another: the next place may be close to the last.
 _REACH_BETWEEN = 6.0
 
 
 class PhotoTool(PosingTool):
-    """Sets pins on the photo that is looked through, one place of the face after another, and drags them.
+    """Sets pins on the photo in the view, one place of the face after another, and drags them.
 
     Attributes:
         active: Index of the photo in the document, or None.
-        place: What the next press on the photo pins, or None to only drag pins.
-        selected: Index of the pin that was touched last, or None.
+        place: Place to be pinned by the next press on the photo, or None to only drag pins.
+        selected: Index of the last pin that was set or dragged, or None.
     """
 
     name = "photo"
     cursor = "press"
-    drag_hint = "Move: shift the pin, and the camera with it   ·   release: keep   ·   Esc: take back"
+    drag_hint = "Move: shift the pin and update the camera   ·   release: confirm   ·   Esc: cancel"
 
     def __init__(self, tool_settings: ToolSettings) -> None:
-        """Share ``tool_settings``; no photo is looked through."""
+        """Use the shared ``tool_settings``; no photo is active."""
         super().__init__(tool_settings)
         self.active: int | None = None
         self.place: Place | None = None
         self.selected: int | None = None
 
     def photo(self, context: ToolContext) -> Photo | None:
-        """Return the photo that the view looks through, or None."""
+        """Return the photo whose camera is that of the view, or None."""
         photos = context.session.document.photos
         if self.active is None or self.active >= len(photos) or not isinstance(context.view, PictureView):
             return None
         return photos[self.active] if context.view.aligned else None
 
     def pixels(self, context: ToolContext) -> list[Pixel]:
-        """Return where in the view each pin of the photo lies."""
+        """Return the pixel of each pin of the photo in the view."""
         photo, camera = self.photo(context), context.camera
         if photo is None or photo.camera is None:
             return []
@@ -62,7 +62,7 @@ class PhotoTool(PosingTool):
         return nearest if nearest is not None and distances[nearest] <= reach else None
 
     def next_place(self, context: ToolContext, after: Place | None = None) -> Place | None:
-        """Return the first place of the guided order, from ``after`` on, that has no pin yet, or None."""
+        """Return the first place without a pin in the guided order, starting after ``after``, or None."""
         photo = self.photo(context)
         order = guided(context.session.model.character)
         begin = order.index(after) + 1 if isinstance(after, str) and after in order else 0
@@ -70,18 +70,18 @@ class PhotoTool(PosingTool):
         return next((place for place in order[begin:] if place not in pinned), None)
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` takes a pin, sets the next one, or with Shift chooses a place of the face."""
+        """Return True if the press ``event`` grabs or sets a pin, or with Shift picks a place of the face."""
         if event.button != "left" or event.modifiers - {"shift"} or self.photo(context) is None:
             return False
         return self.place is not None or bool(event.modifiers) or self.pin_at(event.position, context) is not None
 
     @property
-    def works_beside(self) -> bool:
-        """Whether a press beside the face does something, too: it sets the pin that is asked for."""
+    def works_off_face(self) -> bool:
+        """True if a press sets the next pin, on the face or not."""
         return self.place is not None
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
-        """Drag a pin, which a press beside all others sets first."""
+        """Drag a pin; a press away from all pins sets a new one."""
         # on press
         photo = self.photo(context)
         assert photo is not None
@@ -92,7 +92,7 @@ class PhotoTool(PosingTool):
         begin, view = event.position, context.view
         while index is not None and self.place is not None:
             event = yield
-            # on release: places lie close together, as the lips of a closed mouth; only a drag means the pin there
+            # on release: places may be close together, such as closed lips; only a drag grabs the existing pin
             if event.kind == "release":
                 index = None
             elif math.dist(event.position, begin) > CLICK_THRESHOLD * context.ui_scale:
@@ -119,7 +119,7 @@ class PhotoTool(PosingTool):
             self.place = self.next_place(context, place)
 
     def _in_photo(self, position: Pixel, photo: Photo, view: object, context: ToolContext) -> Pixel:
-        """Return the pixel of the photo at ``position`` of the view, kept inside the photo."""
+        """Return the photo's pixel at ``position`` of the view, clipped to the photo."""
         assert isinstance(view, PictureView)
         scale = view.scale(context.size)
         u, v = (view.middle[i] + (position[i] - context.size[i] / 2.0) / scale for i in range(2))
@@ -131,7 +131,7 @@ class PhotoTool(PosingTool):
             self.change(photo.with_pin(pin), context)
 
     def change(self, photo: Photo, context: ToolContext) -> None:
-        """Exchange the photo for ``photo`` inside an open edit, and let its camera and the view follow its pins."""
+        """Replace the photo inside an open edit, and update its camera and the view from its pins."""
         session = context.session
         assert self.active is not None
         document = with_photo(session.document, self.active, aligned(photo, session.model, session.coefficients))
@@ -141,7 +141,7 @@ class PhotoTool(PosingTool):
             context.view = context.view.through(camera)
 
     def remove(self, index: int, context: ToolContext) -> None:
-        """Remove the pin ``index`` of the photo as one step."""
+        """Remove pin ``index`` of the photo as one step."""
         photo = self.photo(context)
         if photo is None or index >= len(photo.pins):
             return
@@ -158,18 +158,18 @@ class PhotoTool(PosingTool):
         return index is not None
 
     def skip(self, context: ToolContext) -> None:
-        """Go on to the next place, and after the last one to the first that was skipped."""
+        """Go to the next place; after the last one, to the first without a pin."""
         self.place = self.next_place(context, self.place) or self.next_place(context)
 
     def discard(self) -> bool:
-        """Set no more pins until a place is chosen."""
+        """Stop setting pins until a place is chosen; return True if a place was active."""
         had, self.place = self.place is not None, None
         return had
 
     def hint(self, context: ToolContext) -> str:
-        """Return what a press will do."""
+        """Return the effect of a press, for the status bar."""
         if self.photo(context) is None:
             return "Look through a photo to set pins on it"
         if self.place is None:
             return "Drag a pin: move it   ·   right click: remove it   ·   wheel: zoom"
-        return "Press where the photo shows it   ·   Tab: skip   ·   wheel: zoom   ·   middle drag with Shift: move"
+        return "Press where the photo shows the place   ·   Tab: skip   ·   wheel: zoom   ·   Shift+middle drag: pan"

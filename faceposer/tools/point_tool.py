@@ -1,4 +1,4 @@
-"""Pins: points of the face that are dragged to where they should appear (Lau et al. 2009, section 4.1)."""
+"""Pins: points of the face, dragged to their target pixels (Lau et al. 2009, section 4.1)."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from faceposer.solve.constraints.point import PointConstraint
 from faceposer.tools.symmetry import Mirroring
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
-# In pixels of a display at normal density; a pen trembles more than a mouse.
+# In pixels of a display at normal density; a pen is less steady than a mouse.
 CLICK_THRESHOLD = 3.0
 PEN_THRESHOLD = 10.0
 PIN_RADIUS = 11.0
@@ -19,16 +19,16 @@ Pixel = tuple[float, float]
 
 
 def pins(context: ToolContext) -> dict[int, PointConstraint]:
-    """Return the point constraints of the session by their index."""
+    """Return the point constraints of the session by index."""
     constraints = context.session.document.constraints
     return {i: c for i, c in enumerate(constraints) if isinstance(c, PointConstraint)}
 
 
 def handle_pixels(context: ToolContext) -> dict[int, Pixel]:
-    """Return where each pin is drawn and grabbed, by the index of its constraint.
+    """Return the pixel of each pin's handle, by the index of its constraint.
 
-    In the view that it was made in, a pin is its target; from elsewhere the target's pixel means nothing, and the pin
-    sits on the face.
+    In the view in which it was made, a pin is drawn at its target; in other views, where the target has no meaning, at
+    its point on the face.
     """
     session, camera = context.session, context.camera
     handles: dict[int, Pixel] = {}
@@ -51,14 +51,14 @@ class PointTool(PosingTool):
     handle_order = 1
 
     def __init__(self, tool_settings: ToolSettings, threshold: float = CLICK_THRESHOLD) -> None:
-        """Share ``tool_settings``; a gesture of less than ``threshold`` pixels is a click."""
+        """Use the shared ``tool_settings``; a gesture shorter than ``threshold`` pixels is a click."""
         super().__init__(tool_settings)
         self.threshold = threshold
 
     def pin_at(self, position: Pixel, context: ToolContext) -> int | None:
         """Return the index of the pin within reach of ``position``, the nearest and then the newest, or None.
 
-        A pin whose place the face hides from this view is out of reach, unless it was made in this view.
+        A pin at a hidden point is out of reach, unless it was made in this view.
         """
         handles = handle_pixels(context)
         if not handles:
@@ -75,20 +75,20 @@ class PointTool(PosingTool):
         return nearest
 
     def hits_handle(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` takes hold of a pin."""
-        return self._fits(event) and self.pin_at(event.position, context) is not None
+        """Return True if the press ``event`` hits a pin."""
+        return self._accepts(event) and self.pin_at(event.position, context) is not None
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` takes hold of a pin or of the face."""
-        if not self._fits(event):
+        """Return True if the press ``event`` hits a pin or the face."""
+        if not self._accepts(event):
             return False
         return self.pin_at(event.position, context) is not None or context.pick(event.position) is not None
 
-    def _fits(self, event: PointerEvent) -> bool:
+    def _accepts(self, event: PointerEvent) -> bool:
         return event.button == "left" and not event.modifiers - {"shift"}
 
     def handle_under(self, position: Pixel, context: ToolContext) -> int | None:
-        """Return the pin that a press at ``position`` would take, or None."""
+        """Return the pin that would be grabbed by a press at ``position``, or None."""
         return self.pin_at(position, context)
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
@@ -115,19 +115,19 @@ class PointTool(PosingTool):
                 if session.document.constraints[pin].locked:
                     return
                 moved = self._movable(session.document)
-                session.replace(mirroring.applied(session.document, moved))
+                session.replace(mirroring.with_images(session.document, moved))
                 placed = session.document
-                begun = self._under_this_camera(placed, moved, context)
+                begun = self._with_view_camera(placed, moved, context)
                 farthest = 0.0
                 while True:
                     event = yield
                     # on release
                     if event.kind == "release":
                         break
-                    # on move, from the first pixel: only the release tells a click from a short drag
+                    # on move, from the first pixel: only the release distinguishes a click from a short drag
                     offset = np.subtract(event.position, press)
                     farthest = max(farthest, float(np.hypot(*offset)))
-                    session.replace(mirroring.applied(shifted(begun, moved, offset), moved))
+                    session.replace(mirroring.with_images(shifted(begun, moved, offset), moved))
                 if 0.0 < farthest < self.threshold * context.ui_scale:
                     if is_new:
                         session.replace(placed)
@@ -144,18 +144,18 @@ class PointTool(PosingTool):
         return [i for i, c in found if isinstance(c, PointConstraint) and not c.locked]
 
     def _place(self, position: Pixel, context: ToolContext) -> int | None:
-        """Pin the point under ``position`` where it is, and return its index."""
+        """Pin the point under ``position`` at its solved position, and return the index of the constraint."""
         point = context.pick(position)
         if point is None:
             return None
         document = context.session.document
-        u, v = (np.asarray(position) + _moved_by_contact(point, context)).tolist()
+        u, v = (np.asarray(position) + _contact_offset(point, context)).tolist()
         constraint = PointConstraint(point, (u, v), context.camera)
         context.session.replace(replace(document, constraints=(*document.constraints, constraint)))
         return len(document.constraints)
 
-    def _under_this_camera(self, document: Document, chosen: list[int], context: ToolContext) -> Document:
-        """Return the document with ``chosen`` pins expressed under the camera of the view, where they are seen now."""
+    def _with_view_camera(self, document: Document, chosen: list[int], context: ToolContext) -> Document:
+        """Return the document with the ``chosen`` pins under the camera of the view, at their present pixels there."""
         handles = handle_pixels(context)
         for i in chosen:
             constraint = document.constraints[i]
@@ -164,7 +164,7 @@ class PointTool(PosingTool):
         return document
 
     def remove_at(self, position: Pixel, context: ToolContext) -> bool:
-        """Remove the pin within reach of ``position``; return whether there was one."""
+        """Remove the pin within reach of ``position``; return True if there was one."""
         pin = self.pin_at(position, context)
         if pin is None or context.session.document.constraints[pin].locked:
             return False
@@ -172,12 +172,12 @@ class PointTool(PosingTool):
         return True
 
     def hint(self, context: ToolContext) -> str:
-        """Return what a press on the face will do."""
+        """Return the effect of a press on the face, for the status bar."""
         return "Drag: pull the face here   ·   click: pin it here"
 
 
 def shifted(document: Document, chosen: list[int], offset: "NDArray[np.float64] | Pixel") -> Document:
-    """Return ``document`` with the targets of the pins ``chosen`` moved by ``offset`` pixels, shape (2,)."""
+    """Return ``document`` with the targets of the ``chosen`` pins moved by ``offset`` pixels, shape (2,)."""
     for i in chosen:
         constraint = document.constraints[i]
         if isinstance(constraint, PointConstraint):
@@ -186,19 +186,20 @@ def shifted(document: Document, chosen: list[int], offset: "NDArray[np.float64] 
     return document
 
 
-def _moved_by_contact(point: SurfacePoint, context: ToolContext) -> NDArray[np.float64]:
-    """Return by how many pixels, (2,), the solved pose has ``point`` elsewhere than it is shown, after contact.
+def _contact_offset(point: SurfacePoint, context: ToolContext) -> NDArray[np.float64]:
+    """Return the pixels, shape (2,), from the displayed position of ``point``, after contact, to the solved one.
 
-    Constraints know the solved pose: pinned where it is shown, the point would pull.
+    Constraints apply to the solved pose: pinned at its displayed position, the point would move at once.
     """
     session, points = context.session, SurfacePoints.of([point])
     solved = session.model.instance(session.coefficients)
-    shown = session.vertices
+    displayed = session.vertices
     corners = points.corners(session.model.triangles)
-    if np.array_equal(solved[corners], shown[corners]):
+    if np.array_equal(solved[corners], displayed[corners]):
         return np.zeros(2)
-    before, after = (
-        context.camera.project(points.positions(vertices, session.model.triangles))[0] for vertices in (solved, shown)
+    target, start = (
+        context.camera.project(points.positions(vertices, session.model.triangles))[0]
+        for vertices in (solved, displayed)
     )
-    moved: NDArray[np.float64] = before - after
-    return moved
+    offset: NDArray[np.float64] = target - start
+    return offset

@@ -1,4 +1,4 @@
-"""Strokes: a part of the face is painted, then where it should be (Lau et al. 2009, section 4.3)."""
+"""Strokes: a source painted on the face, then its target (Lau et al. 2009, section 4.3)."""
 
 from dataclasses import dataclass, replace
 
@@ -13,33 +13,33 @@ from faceposer.tools.symmetry import Mirroring
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
 _REACH = 9.0
-# More pixels than this are thinned out before they are looked up.
+# Maximum number of pixels that are picked; more are thinned out.
 _MOST_PIXELS = 4000
 Pixel = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class SourceStroke:
-    """A part of the face that waits for its target."""
+    """A painted part of the face without a target."""
 
     points: SurfacePoints
     width: float
 
 
 class StrokeTool(PosingTool):
-    """Paints a source on the face, then a target anywhere; then the face follows.
+    """Paints a source on the face, then a target anywhere, which the face then follows.
 
     Attributes:
-        source: What the next stroke is the target of, or None.
-        redrawn: Source of the constraint that gets another target by the next stroke, or None.
-        drawing: The pixels of the stroke under way, with its width.
+        source: Source of the next target, or None.
+        redrawn: Source of the constraint that gets a new target, or None.
+        drawing: Pixels and width of the stroke being drawn, or None.
     """
 
     name = "stroke"
     cursor = "draw"
 
     def __init__(self, tool_settings: ToolSettings) -> None:
-        """Share ``tool_settings``."""
+        """Use the shared ``tool_settings``."""
         super().__init__(tool_settings)
         self.source: SourceStroke | None = None
         self.redrawn: SurfacePoints | None = None
@@ -47,11 +47,11 @@ class StrokeTool(PosingTool):
 
     @property
     def draws_target(self) -> bool:
-        """Whether the next stroke is a target."""
+        """True if the next stroke is a target."""
         return self.source is not None or self.redrawn is not None
 
     def redraw(self, stroke: StrokeConstraint) -> None:
-        """Let the next stroke be another target of ``stroke``, wherever it is in the list by then."""
+        """Make the next stroke the new target of ``stroke``, at whatever index it then has."""
         self.source, self.redrawn = None, stroke.placed
 
     def _target_at(self, position: Pixel, context: ToolContext) -> int | None:
@@ -65,7 +65,7 @@ class StrokeTool(PosingTool):
         return None
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` begins a stroke, or with Shift moves a target."""
+        """Return True if the press ``event`` starts a stroke, or with Shift moves a target."""
         if event.button != "left" or event.modifiers - {"shift"}:
             return False
         if "shift" in event.modifiers:
@@ -73,8 +73,8 @@ class StrokeTool(PosingTool):
         return self.draws_target or context.pick(event.position) is not None
 
     @property
-    def works_beside(self) -> bool:
-        """Whether a press beside the face does something, too: a target may lie there."""
+    def works_off_face(self) -> bool:
+        """True if a target is drawn, which may be off the face."""
         return self.draws_target
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
@@ -83,22 +83,22 @@ class StrokeTool(PosingTool):
             yield from self._move(event, context)
             return
         # on press
-        way, pressures = [event.position], [event.pressure]
+        path, pressures = [event.position], [event.pressure]
         try:
             while True:
-                self.drawing = (way, self._width(pressures, context))
+                self.drawing = (path, self._width(pressures, context))
                 event = yield
                 # on release
                 if event.kind == "release":
                     break
                 # on move
-                way.append(event.position)
+                path.append(event.position)
                 pressures.append(event.pressure)
             width = self._width(pressures, context)
         finally:
             self.drawing = None
         shape = self._settings.options.shape
-        line = smoothed(way, closed=shape != "line")
+        line = smoothed(path, closed=shape != "line")
         if self.draws_target:
             self._finish(as_pixels(line), width, context)
             return
@@ -108,12 +108,12 @@ class StrokeTool(PosingTool):
             self.source = SourceStroke(points, width)
 
     def _width(self, pressures: list[float], context: ToolContext) -> float:
-        """Return the brush's width: a pen that presses lightly makes it thinner, and a mouse knows no pressure."""
+        """Return the width of the brush, scaled by the mean pressure of the pen; that of a mouse is 1."""
         width = self._settings.options.brush * context.ui_scale * float(np.mean(pressures))
         return min(max(width, 1.0), WIDEST)
 
     def _finish(self, target: Pixels, width: float, context: ToolContext) -> None:
-        """Make the constraint, or give it its new target."""
+        """Create the constraint, or set its new target."""
         session, options = context.session, self._settings.options
         document = session.document
         redrawn, source = self.redrawn, self.source
@@ -130,18 +130,18 @@ class StrokeTool(PosingTool):
             stroke = replace(old, target=target, width=width, camera=context.camera, shape=options.shape)
             with session.edit("Redraw a target"):
                 document = document.with_constraint(index, stroke)
-                session.replace(Mirroring(self._settings.symmetry, session).applied(document, [index]))
+                session.replace(Mirroring(self._settings.symmetry, session).with_images(document, [index]))
             self._settings.selection.set(index)
         elif source is not None:
             stroke = StrokeConstraint(source.points, target, width, context.camera, options.shape, options.energy)
             index = len(document.constraints)
             with session.edit("Draw a stroke"):
                 document = replace(document, constraints=(*document.constraints, stroke))
-                session.replace(Mirroring(self._settings.symmetry, session).applied(document, [index]))
+                session.replace(Mirroring(self._settings.symmetry, session).with_images(document, [index]))
             self._settings.selection.set(index)
 
     def _move(self, event: PointerEvent, context: ToolContext) -> Gesture:
-        """Move a target while the face follows."""
+        """Move a target by the motion of the pointer."""
         # on press
         session, press = context.session, event.position
         index = self._target_at(press, context)
@@ -163,12 +163,12 @@ class StrokeTool(PosingTool):
                 moved = True
                 du, dv = (np.subtract(event.position, press) * scale).tolist()
                 stroke = begun.nudged((du, dv))
-                session.replace(mirroring.applied(session.document.with_constraint(index, stroke), [index]))
+                session.replace(mirroring.with_images(session.document.with_constraint(index, stroke), [index]))
             if not moved:
                 session.restore()
 
     def remove_at(self, position: Pixel, context: ToolContext) -> bool:
-        """Remove the stroke whose target passes within reach of ``position``; return whether there was one."""
+        """Remove the stroke whose target passes within reach of ``position``; return True if there was one."""
         index = self._target_at(position, context)
         if index is None:
             return False
@@ -176,24 +176,24 @@ class StrokeTool(PosingTool):
         return True
 
     def step_back(self) -> bool:
-        """Forget the source; return whether there was one."""
+        """Discard the source; return True if there was one."""
         return self.discard()
 
     def discard(self) -> bool:
-        """Forget the source that waits, or that a target was to be redrawn; return whether there was either."""
+        """Discard the source, or the request to redraw a target; return True if there was either."""
         had = self.draws_target
         self.source = self.redrawn = None
         return had
 
     def hint(self, context: ToolContext) -> str:
-        """Return what a press will do."""
+        """Return the effect of a press, for the status bar."""
         if self.draws_target:
-            return "Draw where it should be, anywhere   ·   Esc: forget the source"
-        return "Draw on the face what should move   ·   Shift+drag a target: move it   ·   [ ]: brush width"
+            return "Draw the target, anywhere   ·   Esc: discard the source"
+        return "Draw on the part of the face to move   ·   Shift+drag a target: move it   ·   [ ]: brush width"
 
 
 def seen_pixels(pixels: Pixels, camera: Camera, view: Camera) -> NDArray[np.float64] | None:
-    """Return where ``view`` shows ``pixels`` of ``camera``, shape (n, 2), or None unless both look the same way."""
+    """Return ``pixels`` of ``camera`` in ``view``, shape (n, 2), or None unless both share a viewpoint."""
     origin = camera.transferred((0.0, 0.0), view)
     if origin is None:
         return None
@@ -201,7 +201,7 @@ def seen_pixels(pixels: Pixels, camera: Camera, view: Camera) -> NDArray[np.floa
 
 
 def _distance_to_line(position: Pixel, line: NDArray[np.float64]) -> float:
-    """Return how far ``position`` is from the polyline ``line``, shape (n, 2)."""
+    """Return the distance of ``position`` from the polyline ``line``, shape (n, 2)."""
     begin, end = line, np.concatenate([line[1:], line[-1:]])
     along = end - begin
     squared = np.maximum(np.einsum("nd,nd->n", along, along), 1e-12)

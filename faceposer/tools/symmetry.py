@@ -1,4 +1,4 @@
-"""Symmetry: what is drawn on one side of the face is drawn on the other too; what is uneven already stays so."""
+"""Symmetry: edits on one side of the face are mirrored on the other; existing asymmetry is kept."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -12,43 +12,43 @@ from faceposer.session.document import Document
 from faceposer.session.session import Session
 from faceposer.solve.constraints.registry import Constraint
 
-# Shares of the head's height: how far a point may lie from the image of another, and how far from the middle something
-# must lie to have another side.
+# Shares of the head's height: the maximum distance of a point from the image of its partner, and the minimum distance
+# of a constraint from the middle to have a partner.
 _TOLERANCE = 0.003
 _MIDDLE = 0.02
 
 
 @lru_cache(maxsize=2)
-def mirror_of(model: FaceModel) -> SurfaceMirror:
+def surface_mirror(model: FaceModel) -> SurfaceMirror:
     """Return the mirror of the neutral face of ``model``."""
     return SurfaceMirror(model.character.vertices, model.triangles, _TOLERANCE * model.character.height)
 
 
 @dataclass
 class Symmetry:
-    """Whether gestures are mirrored, and how.
+    """Setting for mirrored gestures.
 
     Attributes:
-        on: Whether they are.
+        on: True if gestures are mirrored.
     """
 
     on: bool = False
 
     def partner(self, document: Document, index: int, model: FaceModel) -> int | None:
-        """Return the index of the constraint that lies across from constraint ``index``, or None."""
+        """Return the index of the mirror partner of constraint ``index``, or None."""
         constraint = document.constraints[index]
-        across = _across(constraint, model)
-        if across is None:
+        image = _image_positions(constraint, model)
+        if image is None:
             return None
         for i, other in enumerate(document.constraints):
-            if i != index and other.kind == constraint.kind and len(other.points) == len(across):
+            if i != index and other.kind == constraint.kind and len(other.points) == len(image):
                 places = other.points.positions(model.character.vertices, model.triangles)
-                if np.abs(places - across).max() <= 2.0 * _TOLERANCE * model.character.height:
+                if np.abs(places - image).max() <= 2.0 * _TOLERANCE * model.character.height:
                     return i
         return None
 
     def with_partners(self, session: Session, indices: set[int]) -> set[int]:
-        """Return ``indices`` with what lies across from them, if symmetry is on; what is locked is left out."""
+        """Return ``indices`` with their mirror partners if symmetry is on, except locked ones."""
         if not self.on:
             return indices
         document = session.document
@@ -57,39 +57,39 @@ class Symmetry:
 
 
 class Mirroring:
-    """Mirrors the constraints that one gesture changes: made when it begins, asked at every move.
+    """Mirrors the constraints changed by one gesture; created at its start and used at every move.
 
-    Distances that two sides have from being mirror images when the gesture begins are kept.
+    Differences between the two sides at the start of the gesture are kept.
     """
 
     def __init__(self, symmetry: Symmetry, session: Session) -> None:
-        """Look at ``session`` as it is now."""
+        """Start with the present state of ``session``."""
         self._symmetry = symmetry
         self._model = session.model
         self._pose: NDArray[np.float64] = session.coefficients
         self._partners: dict[int, int | None] = {}
 
-    def find(self, document: Document, index: int) -> int | None:
-        """Return what lies across from constraint ``index`` of ``document``, looked up once for the whole gesture.
+    def partner(self, document: Document, index: int) -> int | None:
+        """Return the mirror partner of constraint ``index`` of ``document``, determined once for the whole gesture.
 
-        A gesture that changes which points a constraint speaks of asks before it does.
+        A gesture that changes the points of a constraint must call this first.
         """
         if self._symmetry.on and index not in self._partners:
             self._partners[index] = self._symmetry.partner(document, index, self._model)
         return self._partners.get(index)
 
-    def applied(self, document: Document, indices: list[int]) -> Document:
-        """Return ``document`` with the images of its constraints ``indices`` brought up to date, or added."""
+    def with_images(self, document: Document, indices: list[int]) -> Document:
+        """Return ``document`` with the mirror images of its constraints ``indices`` updated or added."""
         if not self._symmetry.on:
             return document
         for index in indices:
             constraint = document.constraints[index]
-            if _across(constraint, self._model) is None:
+            if _image_positions(constraint, self._model) is None:
                 continue
-            partner = self.find(document, index)
+            partner = self.partner(document, index)
             if partner in indices:
                 continue
-            image = constraint.mirrored(mirror_of(self._model), self._model, self._pose)
+            image = constraint.mirrored(surface_mirror(self._model), self._model, self._pose)
             if image is None:
                 continue
             if partner is None:
@@ -102,11 +102,11 @@ class Mirroring:
         return document
 
 
-def _across(constraint: Constraint, model: FaceModel) -> NDArray[np.float64] | None:
-    """Return where the image of ``constraint`` lies on the neutral face, or None if it has no other side."""
+def _image_positions(constraint: Constraint, model: FaceModel) -> NDArray[np.float64] | None:
+    """Return the image of the points of ``constraint`` on the neutral face, or None if it is in the middle."""
     if not len(constraint.points):
         return None
-    points = mirror_of(model).points(constraint.points)
+    points = surface_mirror(model).points(constraint.points)
     if points is None:
         return None
     places = points.positions(model.character.vertices, model.triangles)

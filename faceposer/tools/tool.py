@@ -1,7 +1,7 @@
-"""Pointer events, tools and the toolbox that sends one to the other.
+"""Pointer events and the base classes of tools.
 
 Gesture: a generator that reads from top to bottom: on press, on move, on release. The toolbox sends it the events; Esc
-closes it, which rolls back the edit that it holds open, with no code in the tool.
+closes it, which rolls back its open edit without any code in the tool.
 """
 
 from collections.abc import Generator
@@ -26,16 +26,16 @@ Navigation = Literal["blender", "maya"]
 
 @dataclass(frozen=True)
 class PointerEvent:
-    """What the mouse or the pen did.
+    """An event of the mouse or the pen.
 
     Attributes:
-        kind: "move" is a move with a button held, "hover" one without.
-        position: Pixel in the view, from its top left.
-        button: The button that was pressed or released, or is held.
-        modifiers: Of "shift", "ctrl" and "alt", those held.
-        time: Seconds on any clock that only rises.
-        pressure: Of the pen, 0 to 1; 1 for a mouse.
-        wheel: Notches turned away from the user.
+        kind: "move" with a button held, "hover" without.
+        position: Pixel in the view, from its top left corner.
+        button: Button that was pressed or released, or is held.
+        modifiers: Held modifier keys: "shift", "ctrl" and "alt".
+        time: Seconds on a monotonic clock.
+        pressure: Pressure of the pen, 0 to 1; 1 for a mouse.
+        wheel: Notches of the wheel, positive away from the user.
     """
 
     kind: EventKind
@@ -52,11 +52,11 @@ Gesture = Generator[None, PointerEvent, None]
 
 @dataclass(frozen=True)
 class Hover:
-    """What lies under the pointer: a pin, a place on the face, or neither.
+    """The object under the pointer: a pin, a point of the face, or neither.
 
     Attributes:
-        pin: Index of the constraint, or None.
-        point: Of the face that a press would take hold of, or None.
+        pin: Index of the constraint whose handle a press would grab, or None.
+        point: Point of the face that a press would hit, or None.
         position: Pixel in the view.
     """
 
@@ -66,12 +66,12 @@ class Hover:
 
     @property
     def surface(self) -> bool:
-        """Whether a press would take hold of the face."""
+        """True if a press would hit the face."""
         return self.point is not None
 
 
 class ToolContext(Protocol):
-    """What tools need of their surroundings; the window gives it, and so do tests."""
+    """Environment of the tools, provided by the window and by tests."""
 
     session: Session
     view: View
@@ -89,55 +89,55 @@ class ToolContext(Protocol):
         ...
 
     def pick_many(self, pixels: ArrayLike) -> tuple[SurfacePoints, NDArray[np.bool_]]:
-        """Return the points of the visible face under ``pixels``, shape (n, 2), and which of them meet it, (n,)."""
+        """Return the points of the visible face under ``pixels``, shape (n, 2), and a mask of the hits, (n,)."""
         ...
 
     def hidden(self, points: SurfacePoints) -> NDArray[np.bool_]:
-        """Return which of ``points`` the face itself hides, shape (n,)."""
+        """Return a mask of the ``points`` that are hidden by the face, shape (n,)."""
         ...
 
 
 class Tool(Protocol):
-    """Turns one kind of gesture into edits."""
+    """A translation of one kind of gesture into edits."""
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` begins a gesture of this tool."""
+        """Return True if the press ``event`` starts a gesture of this tool."""
         ...
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
-        """Run the gesture that the press ``event`` begins."""
+        """Return the gesture that the press ``event`` starts."""
         ...
 
 
 class Selection:
-    """The constraints that are selected, by index."""
+    """The selected constraints, by index."""
 
     def __init__(self) -> None:
         self.indices: frozenset[int] = frozenset()
 
     def toggle(self, index: int) -> None:
-        """Add ``index``, or take it out."""
+        """Add or remove ``index``."""
         self.indices ^= {index}
 
     def set(self, *indices: int) -> None:
-        """Select just ``indices``."""
+        """Select only ``indices``."""
         self.indices = frozenset(indices)
 
     def within(self, count: int) -> frozenset[int]:
-        """Return the selected indices below ``count``: an undo may have taken some constraints away."""
+        """Return the selected indices below ``count``; undo may have removed some constraints."""
         return frozenset(i for i in self.indices if i < count)
 
 
 @dataclass
 class ToolOptions:
-    """What the user sets for the tools.
+    """User settings of the tools.
 
     Attributes:
         brush: Diameter of the stroke's brush in pixels at normal density.
-        shape: Whether strokes are lines, closed lines or filled regions.
-        energy: How strokes are compared.
-        fix_brush: Diameter of the brush that paints fixed vertices.
-        fix_mode: Whether fixed vertices are painted or encircled.
+        shape: Shape of strokes: lines, closed lines or filled regions.
+        energy: Measure of the difference between strokes.
+        fix_brush: Diameter of the brush for fixed vertices.
+        fix_mode: "brush" to paint fixed vertices, "lasso" to encircle them.
     """
 
     brush: float = 8.0
@@ -149,7 +149,7 @@ class ToolOptions:
 
 @dataclass
 class ToolSettings:
-    """What the tools share: their options, the selection and symmetry."""
+    """State shared by the tools: their options, the selection and symmetry."""
 
     options: ToolOptions = field(default_factory=ToolOptions)
     selection: Selection = field(default_factory=Selection)
@@ -157,75 +157,75 @@ class ToolSettings:
 
 
 class PosingTool:
-    """A tool that the user chooses; what it has begun and not finished is its own, not the document's.
+    """A tool that the user can choose; an unfinished edit belongs to the tool, not to the document.
 
     Attributes:
-        name: By which panels and keys refer to it.
-        cursor: Name of the pointer's shape over the view; see ``faceposer.gui.cursors``.
-        drag_cursor: Likewise during its gesture; "" for the same.
-        drag_hint: What the mouse does during its gesture.
-        handle_order: Of handles at the same place, that of the tool with the lowest is taken.
+        name: Name for panels and keys.
+        cursor: Name of the mouse cursor over the view; see ``faceposer.gui.cursors``.
+        drag_cursor: Mouse cursor during its gesture; "" for the same.
+        drag_hint: Effect of the mouse during its gesture, for the status bar.
+        handle_order: Priority among handles at the same place; the lowest is grabbed.
     """
 
     name = ""
     cursor = "press"
     drag_cursor = ""
-    drag_hint = "Move: pull the face   ·   release: keep   ·   Esc: take back"
+    drag_hint = "Move: pull the face   ·   release: confirm   ·   Esc: cancel"
     handle_order = 9
 
     def __init__(self, tool_settings: ToolSettings) -> None:
-        """Share ``tool_settings`` with the other tools."""
+        """Use ``tool_settings``, which are shared with the other tools."""
         self._settings = tool_settings
 
     def hits_handle(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` takes hold of a handle of this tool, which goes before what others would do."""
+        """Return True if the press ``event`` hits a handle of this tool, which precedes the actions of others."""
         return False
 
     def handle_under(self, position: tuple[float, float], context: ToolContext) -> int | None:
-        """Return the constraint whose handle a press at ``position`` would take, or None."""
+        """Return the constraint whose handle would be grabbed by a press at ``position``, or None."""
         return None
 
     @property
-    def works_beside(self) -> bool:
-        """Whether a press beside the face does something, too."""
+    def works_off_face(self) -> bool:
+        """True if a press off the face has an effect as well."""
         return False
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` begins a gesture of this tool."""
+        """Return True if the press ``event`` starts a gesture of this tool."""
         raise NotImplementedError
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
-        """Run the gesture that the press ``event`` begins."""
+        """Return the gesture that the press ``event`` starts."""
         raise NotImplementedError
 
     def remove_at(self, position: tuple[float, float], context: ToolContext) -> bool:
-        """Remove what a right click at ``position`` means; return whether there was anything."""
+        """Remove the object under a right click at ``position``; return True if there was one."""
         return False
 
     def _remove(self, index: int, label: str, context: ToolContext) -> None:
-        """Remove constraint ``index``, with symmetry also what lies across, as the step ``label``."""
+        """Remove constraint ``index`` as the step ``label``, with symmetry also its partner."""
         self._settings.selection.set()
         context.session.remove_constraints(self._settings.symmetry.with_partners(context.session, {index}), label)
 
     def accept(self, context: ToolContext) -> bool:
-        """Finish what was begun (Enter); return whether there was anything."""
+        """Finish the current edit (Enter); return True if there was one."""
         return False
 
     def step_back(self) -> bool:
-        """Take back the last step of what was begun (undo); return whether there was anything."""
+        """Revert the last step of the current edit (undo); return True if there was one."""
         return False
 
     def step_forward(self) -> bool:
-        """Do again what ``step_back`` took back last (redo); return whether there was anything."""
+        """Repeat the step last reverted by ``step_back`` (redo); return True if there was one."""
         return False
 
     def follow_history(self, depth: int) -> None:
-        """Note the depth of the session's history: what was begun at a greater one is undone with it."""
+        """Record the depth of the session's history; edits begun at a greater depth are undone with it."""
 
     def discard(self) -> bool:
-        """Forget what was begun (Esc); return whether there was anything."""
+        """Discard the current edit (Esc); return True if there was one."""
         return False
 
     def hint(self, context: ToolContext) -> str:
-        """Return what the mouse will do now."""
+        """Return the effect of the mouse, for the status bar."""
         raise NotImplementedError

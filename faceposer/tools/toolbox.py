@@ -1,4 +1,4 @@
-"""Sends each pointer event to the tool that it belongs to."""
+"""Dispatch of pointer events to the tools."""
 
 from collections.abc import Callable
 
@@ -17,10 +17,10 @@ from faceposer.tools.trajectory_tool import TrajectoryTool
 
 
 class Toolbox:
-    """The tools, the one that is chosen, and the gesture under way."""
+    """The tools, the chosen one, and the running gesture."""
 
     def __init__(self, context: ToolContext, tool_settings: ToolSettings | None = None) -> None:
-        """Serve ``context`` with the options and the symmetry of ``tool_settings``; the selection starts empty."""
+        """Serve ``context`` with the options and the symmetry of ``tool_settings`` and an empty selection."""
         self._context = context
         self.tool_settings = tool_settings or ToolSettings()
         self.tool_settings.selection.set()
@@ -42,9 +42,9 @@ class Toolbox:
             self.trajectory_tool,
         )
         self.tools: dict[str, PosingTool] = {tool.name: tool for tool in everything}
-        # Of handles that lie at the same place, the one of the first is taken.
+        # Of several handles at the same place, the first tool's is grabbed.
         self._by_handle = sorted(everything, key=lambda tool: tool.handle_order)
-        # It sets pins on photos, not constraints: only with a photo it is of use.
+        # Not listed with the others: it sets pins on photos, not constraints, and needs a photo.
         self.photo_tool = PhotoTool(self.tool_settings)
         self.chosen: PosingTool = self.point_tool
         self._gesture: Gesture | None = None
@@ -59,22 +59,22 @@ class Toolbox:
 
     @property
     def active(self) -> bool:
-        """Whether a gesture is under way."""
+        """True if a gesture is running."""
         return self._gesture is not None
 
     @property
     def posing(self) -> bool:
-        """Whether the gesture under way poses the face, or draws what will."""
+        """True if the running gesture poses the face or prepares a constraint."""
         return self._active is not None and self._active is not self.camera_tool
 
     @property
     def drags_points(self) -> bool:
-        """Whether the gesture under way drags the selected points."""
+        """True if the running gesture drags the selected points."""
         return self._active is self.point_tool
 
     @property
     def cursor(self) -> str:
-        """Name of the shape that the pointer should have over the view; see ``faceposer.gui.cursors``."""
+        """Name of the mouse cursor over the view; see ``faceposer.gui.cursors``."""
         if self._active is self.camera_tool:
             return "orbit"
         if self._active is not None:
@@ -83,24 +83,24 @@ class Toolbox:
             return "arrow"
         if self.hover.pin is not None:
             return "grab"
-        return self.chosen.cursor if self.hover.surface or self.chosen.works_beside else "arrow"
+        return self.chosen.cursor if self.hover.surface or self.chosen.works_off_face else "arrow"
 
     def choose(self, name: str) -> None:
-        """Take up the tool ``name``; what another has begun is forgotten."""
+        """Choose the tool ``name``; the unfinished edit of another tool is discarded."""
         tool = self.photo_tool if name == self.photo_tool.name else self.tools[name]
         if self._gesture is None and self.chosen is not tool:
             self.chosen.discard()
             self.chosen = tool
 
     def select(self, index: int, extend: bool = False) -> None:
-        """Select the constraint ``index``, or with ``extend`` change only whether it is selected."""
+        """Select the constraint ``index``, or with ``extend`` toggle its selection."""
         if extend:
             self.tool_settings.selection.toggle(index)
         else:
             self.tool_settings.selection.set(index)
 
     def dispatch(self, event: PointerEvent) -> None:
-        """Handle ``event``: begin, continue or end a gesture, zoom, remove something, or note what it is over."""
+        """Handle ``event``: start, continue or end a gesture, zoom, remove an object, or update the hover."""
         if event.kind == "wheel":
             self.camera_tool.wheel(event, self._context)
         elif event.kind == "press":
@@ -108,7 +108,7 @@ class Toolbox:
         elif self._gesture is not None and (event.kind != "release" or event.button == self._gesture_button):
             self._send(event)
         if self._gesture is None:
-            self._note_hover(event)
+            self._update_hover(event)
 
     def _press(self, event: PointerEvent) -> None:
         if self._gesture is not None:
@@ -119,16 +119,16 @@ class Toolbox:
         if self.camera_tool.begins(event, self._context):
             self._begin(self.camera_tool, event)
             return
-        tool = self._taker(event)
+        tool = self._tool_for(event)
         if tool is not None:
             self._begin(tool, event)
         elif event.button == "left" and not event.modifiers:
             self._begin(self.camera_tool, event)
 
-    def _taker(self, event: PointerEvent) -> PosingTool | None:
-        """Return the tool that the press ``event`` belongs to, or None.
+    def _tool_for(self, event: PointerEvent) -> PosingTool | None:
+        """Return the tool that handles the press ``event``, or None.
 
-        The point tool is also the one that takes hold of whatever has a handle; the others draw over what is there.
+        With the point tool, a press grabs the handles of all tools; the others draw over existing handles.
         """
         if self.chosen is self.point_tool:
             for tool in self.tools.values():
@@ -163,7 +163,7 @@ class Toolbox:
             raise
 
     def cancel(self) -> bool:
-        """Take back the gesture under way, or what a tool has begun, or else deselect (Esc); return whether it did."""
+        """Cancel the running gesture, or discard a tool's edit, or else deselect (Esc); return True if any was done."""
         if self._gesture is not None:
             gesture, self._gesture, self._active = self._gesture, None, None
             gesture.close()
@@ -175,27 +175,27 @@ class Toolbox:
         return had_selection
 
     def accept(self) -> bool:
-        """Finish what the tool has begun (Enter); return whether there was anything."""
+        """Finish the edit of the tool (Enter); return True if there was one."""
         return self._gesture is None and self.chosen.accept(self._context)
 
     def step_back(self) -> bool:
-        """Take back the last step of what the tool has begun (undo stays inside it); return whether there was any."""
+        """Revert the last step of the tool's unfinished edit; return True if there was one."""
         self.chosen.follow_history(self._context.session.depth)
         return self._gesture is None and self.chosen.step_back()
 
     def step_forward(self) -> bool:
-        """Do again what ``step_back`` took back last; return whether there was anything."""
+        """Repeat the step last reverted by ``step_back``; return True if there was one."""
         self.chosen.follow_history(self._context.session.depth)
         return self._gesture is None and self.chosen.step_forward()
 
     def finish(self) -> None:
-        """End the gesture under way where it is, as when the window loses the pointer."""
+        """End the running gesture at its present position, as when the window loses the pointer."""
         if self._gesture is not None:
             position = self.hover.position if self.hover else (0.0, 0.0)
             self._send(PointerEvent("release", position, self._gesture_button))
 
     def delete_selected(self) -> bool:
-        """Remove the selected constraints that are not locked as one step; return whether there were any."""
+        """Remove the selected constraints that are not locked as one step; return True if there were any."""
         session = self._context.session
         constraints = session.document.constraints
         chosen = {i for i in self.selection if not constraints[i].locked}
@@ -211,9 +211,9 @@ class Toolbox:
         return True
 
     def nudge(self, dx: float, dy: float) -> bool:
-        """Move the targets of what is selected by (dx, dy) pixels of the view; return whether anything moved.
+        """Move the targets of the selected constraints by (dx, dy) pixels of the view; return True if any moved.
 
-        Distances grow by what goes up. Nudges in a row are one step of the history.
+        Distances grow with an upward nudge. Consecutive nudges are one step of the history.
         """
         context = self._context
         session = context.session
@@ -232,16 +232,16 @@ class Toolbox:
                 nudged = constraint.nudged((dx * scale, dy * scale))
                 if nudged is not None:
                     document = document.with_constraint(i, nudged)
-            session.replace(mirroring.applied(document, chosen))
+            session.replace(mirroring.with_images(document, chosen))
         return True
 
-    def _note_hover(self, event: PointerEvent) -> None:
+    def _update_hover(self, event: PointerEvent) -> None:
         handle = self._handle_under(event.position)
         point = self._context.pick(event.position) if handle is None else None
         self.hover = Hover(handle, point, event.position)
 
     def _handle_under(self, position: tuple[float, float]) -> int | None:
-        """Return the constraint whose handle a press at ``position`` would take, or None."""
+        """Return the constraint whose handle would be grabbed by a press at ``position``, or None."""
         context, chosen = self._context, self.chosen
         if chosen is self.point_tool:
             found = (tool.handle_under(position, context) for tool in self._by_handle)
@@ -249,26 +249,26 @@ class Toolbox:
         return chosen.handle_under(position, context)
 
     def leave(self) -> None:
-        """Note that the pointer has left the view."""
+        """Clear the hover: the pointer has left the view."""
         self.hover = None
 
     def hint(self) -> str:
-        """Return what the mouse will do now, for the status bar."""
+        """Return the effect of the mouse, for the status bar."""
         if self._active is self.camera_tool:
-            return "Move: turn the view   ·   release: keep   ·   Esc: back to where it was"
+            return "Move: navigate the view   ·   release: confirm   ·   Esc: cancel"
         if self._active is not None:
             return self.chosen.drag_hint
         if self.chosen is not self.point_tool:
             if self.hover is not None and self.hover.pin is not None:
-                return "Drag: change it   ·   right click: remove it"
+                return "Drag: edit the constraint   ·   right click: remove it"
             return self.chosen.hint(self._context)
         if self.hover is None:
-            return "Press on the face and drag to pose it   ·   F1: all keys"
+            return "Drag on the face: pose it   ·   F1: all keys"
         if self.hover.pin is not None:
-            return "Drag: move the point   ·   right click: remove it   ·   Shift+click: select more"
+            return "Drag: move the point   ·   right click: remove it   ·   Shift+click: extend the selection"
         if self.hover.surface:
             return self.chosen.hint(self._context)
         view = self._context.view
         if isinstance(view, PictureView) and view.locked:
-            return "Wheel: zoom the photo   ·   Shift+middle: pan   ·   the view is locked to the photo"
-        return "Drag: orbit   ·   wheel: zoom   ·   Shift+middle: pan"
+            return "Wheel: zoom the photo   ·   Shift+middle drag: pan   ·   the view is locked to the photo"
+        return "Drag: orbit   ·   wheel: zoom   ·   Shift+middle drag: pan"

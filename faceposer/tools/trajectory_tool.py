@@ -1,4 +1,4 @@
-"""Trajectories: the ways of points across the picture, drawn while time passes (Lau et al. 2009, section 7)."""
+"""Trajectories: paths of points in the image, drawn in real time (Lau et al. 2009, section 7)."""
 
 from dataclasses import dataclass
 
@@ -7,28 +7,27 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
-from faceposer.tools.symmetry import mirror_of
+from faceposer.tools.symmetry import surface_mirror
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
 Array = NDArray[np.float64]
 Pixel = tuple[float, float]
 
-# Pixels at normal density: how near to a feature point a press means it, how near to a trajectory a click means that,
-# and how long a trajectory is at least.
+# Pixels at normal density: reach of feature points, reach of trajectories, and minimum length of a trajectory.
 _SNAP, _REACH, _SHORTEST = 12.0, 9.0, 6.0
-# Share of the head's height: a point that is nearer to its mirror image has no other side.
+# Share of the head's height: a point closer to its mirror image is in the middle.
 _MIDDLE = 0.04
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnTrajectory:
-    """The way of one point as it was drawn.
+    """The drawn path of one point.
 
     Attributes:
         anchor: The point of the face.
-        times: Seconds since the pen came down, rising, shape (n,).
-        pixels: Where the point should be then, in ``camera``, shape (n, 2); it begins where the point was.
-        camera: The view in which it was drawn.
+        times: Increasing seconds since the press, shape (n,).
+        pixels: Positions of the point at these times in ``camera``, shape (n, 2), starting at its present position.
+        camera: Camera of the view in which it was drawn.
     """
 
     anchor: SurfacePoint | int
@@ -37,30 +36,30 @@ class DrawnTrajectory:
     camera: Camera
 
     def seen_in(self, camera: Camera) -> Array | None:
-        """Return the pixels of ``camera`` that show it, (n, 2), or None unless both look the same way."""
+        """Return the trajectory in pixels of ``camera``, (n, 2), or None unless both share a viewpoint."""
         shift = self.camera.transferred((0.0, 0.0), camera)
         if shift is None:
             return None
         return self.pixels * (camera.focal / self.camera.focal) + np.array(shift)
 
     def timed(self, rate: float) -> Array:
-        """Return where the point is at ``rate`` frames per second as the pen went, shape (F, 2), F at least 2."""
+        """Return the positions at ``rate`` frames per second with the timing of the pen, shape (F, 2), F at least 2."""
         n_frames = max(round(float(self.times[-1]) * rate) + 1, 2)
-        return _along(self.times, self.pixels, np.minimum(np.arange(n_frames) / rate, self.times[-1]))
+        return _interpolate(self.times, self.pixels, np.minimum(np.arange(n_frames) / rate, self.times[-1]))
 
     def spread(self, n_frames: int) -> Array:
-        """Return where the point is in each of ``n_frames`` frames at an even pace, shape (F, 2)."""
+        """Return the positions in ``n_frames`` frames at constant speed, shape (F, 2)."""
         lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.pixels, axis=0).T))])
-        return _along(lengths, self.pixels, np.linspace(0.0, lengths[-1], n_frames))
+        return _interpolate(lengths, self.pixels, np.linspace(0.0, lengths[-1], n_frames))
 
 
-def _along(places: Array, pixels: Array, asked: Array) -> Array:
-    return np.stack([np.interp(asked, places, pixels[:, axis]) for axis in range(2)], axis=1)
+def _interpolate(knots: Array, pixels: Array, queries: Array) -> Array:
+    return np.stack([np.interp(queries, knots, pixels[:, axis]) for axis in range(2)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """A change of what is drawn, and the depth of the session's history at which it was made."""
+    """A change of the drawn trajectories, with the depth of the session's history at that time."""
 
     depth: int
     before: tuple[DrawnTrajectory, ...]
@@ -68,30 +67,30 @@ class _Step:
 
 
 class TrajectoryTool(PosingTool):
-    """Draws trajectories of points; whoever animates takes them from here.
+    """Draws trajectories of points, which the animation features read.
 
     Attributes:
-        drawn: The trajectories, all of one view, at most one for each point of the face.
-        drawing: The pixels of the one under way.
-        accepted: Whether the user has asked to let the face follow them (Enter).
+        drawn: Trajectories of one view, at most one for each point of the face.
+        drawing: Pixels of the trajectory being drawn.
+        accepted: True if the user has requested to solve for them (Enter).
     """
 
     name = "trajectory"
     cursor = "draw"
 
     def __init__(self, tool_settings: ToolSettings) -> None:
-        """Share ``tool_settings``."""
+        """Use the shared ``tool_settings``."""
         super().__init__(tool_settings)
         self.drawn: tuple[DrawnTrajectory, ...] = ()
         self.drawing: list[Pixel] = []
         self.accepted = False
-        # Each change with the depth of the session's history at which it was made; what undo took back, likewise.
+        # Changes that can be undone, and changes that were undone.
         self._steps: list[_Step] = []
         self._undone: list[_Step] = []
         self._depth = 0
 
     def candidates(self, context: ToolContext) -> dict[str, Pixel]:
-        """Return where the view shows the feature points that can be taken, those that the face hides aside."""
+        """Return the pixels of the visible feature points in the view, by name."""
         session = context.session
         features = session.model.character.feature_points
         if not features:
@@ -99,14 +98,14 @@ class TrajectoryTool(PosingTool):
         points = SurfacePoints.at_vertices(list(features.values()))
         pixels = context.camera.project(session.model.positions_at(points, session.coefficients)).tolist()
         hidden = context.hidden(points).tolist()
-        return {name: (u, v) for name, (u, v), away in zip(features, pixels, hidden, strict=True) if not away}
+        return {name: (u, v) for name, (u, v), is_hidden in zip(features, pixels, hidden, strict=True) if not is_hidden}
 
     def fits(self, context: ToolContext) -> bool:
-        """Whether another trajectory can be drawn in this view: all must be of one."""
+        """Return True if a trajectory can be drawn in this view: all must share its viewpoint."""
         return not self.drawn or self.drawn[0].seen_in(context.camera) is not None
 
-    def _taken(self, position: Pixel, context: ToolContext) -> SurfacePoint | int | None:
-        """Return the point of the face that a press at ``position`` takes, or None."""
+    def _anchor_at(self, position: Pixel, context: ToolContext) -> SurfacePoint | int | None:
+        """Return the point of the face that a press at ``position`` selects, or None."""
         best, found = _SNAP * context.ui_scale, None
         for name, pixel in self.candidates(context).items():
             distance = float(np.hypot(pixel[0] - position[0], pixel[1] - position[1]))
@@ -117,65 +116,65 @@ class TrajectoryTool(PosingTool):
         return context.pick(position)
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
-        """Whether the press ``event`` begins a trajectory."""
+        """Return True if the press ``event`` starts a trajectory."""
         if event.button != "left" or event.modifiers or not self.fits(context):
             return False
-        return self._taken(event.position, context) is not None
+        return self._anchor_at(event.position, context) is not None
 
     def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
-        """Draw the trajectory of a point, in place of an older one of the same point."""
+        """Draw the trajectory of a point, replacing an older one of the same point."""
         # on press
-        anchor = self._taken(event.position, context)
+        anchor = self._anchor_at(event.position, context)
         if anchor is None:
             return
         session, camera = context.session, context.camera
         begin = camera.project(session.model.positions_at(SurfacePoints.of([anchor]), session.coefficients))[0]
         offset = begin - event.position
-        times, way = [event.time], [event.position]
+        times, path = [event.time], [event.position]
         try:
             while event.kind != "release":
-                self.drawing = [(u + offset[0], v + offset[1]) for u, v in way]
+                self.drawing = [(u + offset[0], v + offset[1]) for u, v in path]
                 event = yield
                 # on move, and on release
                 if context.camera.transferred(event.position, camera) is None:
-                    # The wheel has turned meanwhile: the hand is not where it was in this view.
+                    # The view was zoomed meanwhile: the position is not one of the view in which the path began.
                     continue
                 if event.time > times[-1]:
                     times.append(event.time)
-                    way.append(event.position)
-                elif len(way) > 1:
-                    way[-1] = event.position
+                    path.append(event.position)
+                elif len(path) > 1:
+                    path[-1] = event.position
         finally:
             self.drawing = []
-        pixels = np.array(way) + offset
+        pixels = np.array(path) + offset
         if float(np.hypot(*np.diff(pixels, axis=0).T).sum()) < _SHORTEST * context.ui_scale:
             return
         drawn = DrawnTrajectory(anchor, np.array(times) - times[0], pixels, camera)
         image = self._mirrored(drawn, context) if self._settings.symmetry.on else None
         new = (drawn,) if image is None else (drawn, image)
-        anchors = {one.anchor for one in new}
+        anchors = {trajectory.anchor for trajectory in new}
         self.follow_history(session.depth)
         self._change((*(other for other in self.drawn if other.anchor not in anchors), *new))
 
     def _mirrored(self, drawn: DrawnTrajectory, context: ToolContext) -> DrawnTrajectory | None:
-        """Return the trajectory of the point across, or None for a point in the middle.
+        """Return the trajectory of the mirror point, or None for a point in the middle.
 
-        A way in the picture is taken for one in space, at the distance at which its point is.
+        The path in the image is lifted to space at the depth of its point.
         """
         model, pose, camera = context.session.model, context.session.coefficients, drawn.camera
         own = SurfacePoints.of([drawn.anchor])
-        across = mirror_of(model).points(own)
-        if across is None:
+        image = surface_mirror(model).points(own)
+        if image is None:
             return None
-        rest = own.joined(across).positions(model.character.vertices, model.triangles)
+        rest = own.joined(image).positions(model.character.vertices, model.triangles)
         if np.linalg.norm(rest[1] - rest[0]) < _MIDDLE * model.character.height:
             return None
-        place, other = model.positions_at(own.joined(across), pose)
+        place, image_place = model.positions_at(own.joined(image), pose)
         scale = camera.to_camera(place[None])[0, 2] / camera.focal
         moves = np.zeros((len(drawn.pixels), 3))
         moves[:, :2] = (drawn.pixels - drawn.pixels[0]) * scale
         moves = moves @ camera.rotation * (-1.0, 1.0, 1.0)
-        return DrawnTrajectory(across[0], drawn.times, camera.project(other + moves), camera)
+        return DrawnTrajectory(image[0], drawn.times, camera.project(image_place + moves), camera)
 
     def _change(self, drawn: tuple[DrawnTrajectory, ...]) -> None:
         self._steps.append(_Step(self._depth, self.drawn, drawn))
@@ -195,7 +194,7 @@ class TrajectoryTool(PosingTool):
         return found
 
     def remove_at(self, position: Pixel, context: ToolContext) -> bool:
-        """Remove the trajectory at ``position``; return whether there was one."""
+        """Remove the trajectory at ``position``; return True if there was one."""
         index = self.at(position, context)
         if index is None:
             return False
@@ -204,65 +203,65 @@ class TrajectoryTool(PosingTool):
         return True
 
     def clear(self) -> None:
-        """Remove all trajectories; undo brings them back."""
+        """Remove all trajectories, which undo restores."""
         if self.drawn:
             self._change(())
 
     def accept(self, context: ToolContext) -> bool:
-        """Ask for the face to follow what is drawn; return whether there is anything."""
+        """Request to solve for the trajectories; return True if there are any."""
         self.accepted = bool(self.drawn)
         return self.accepted
 
     def follow_history(self, depth: int) -> None:
-        """Take back what was drawn after a step of the session that is undone now, and redo what was drawn before one.
+        """Undo changes made after a step of the session that is now undone, and redo those made before one.
 
         Args:
-            depth: Of the session's history.
+            depth: Depth of the session's history.
         """
         self._depth = depth
         while self._steps and self._steps[-1].depth > depth:
-            self._back()
+            self._undo_step()
         while self._undone and self._undone[-1].depth < depth:
-            self._forward()
+            self._redo_step()
 
     @property
     def can_step_back(self) -> bool:
-        """Whether the last step, of the session's and its own, is its own."""
+        """True if the last step, of the session and of the tool, is one of the tool."""
         return bool(self._steps) and self._steps[-1].depth == self._depth
 
     @property
     def can_step_forward(self) -> bool:
-        """Whether the next step to redo, of the session's and its own, is its own."""
+        """True if the next step to redo, of the session and of the tool, is one of the tool."""
         return bool(self._undone) and self._undone[-1].depth == self._depth
 
     def step_back(self) -> bool:
-        """Take back the last change of what is drawn, if nothing was done since; return whether it did."""
+        """Undo the last change of the trajectories unless the session has changed since; return True if undone."""
         if not self.can_step_back:
             return False
-        self._back()
+        self._undo_step()
         return True
 
     def step_forward(self) -> bool:
-        """Do the change again that was taken back last, if it comes next; return whether it did."""
+        """Redo the last undone change if it is next; return True if redone."""
         if not self.can_step_forward:
             return False
-        self._forward()
+        self._redo_step()
         return True
 
-    def _back(self) -> None:
+    def _undo_step(self) -> None:
         step = self._steps.pop()
         self._undone.append(step)
         self.drawn = step.before
 
-    def _forward(self) -> None:
+    def _redo_step(self) -> None:
         step = self._undone.pop()
         self._steps.append(step)
         self.drawn = step.after
 
     def hint(self, context: ToolContext) -> str:
-        """Return what a press will do."""
+        """Return the effect of a press, for the status bar."""
         if not self.fits(context):
-            return "The trajectories belong to another view: solve them, or clear them to draw new ones"
+            return "The trajectories belong to another view: solve or clear them to draw new ones"
         if not self.drawn:
-            return "Press on a point of the face and draw its path: the time that you take is the time of the animation"
-        return "Draw the path of another point   ·   Enter: let the face follow   ·   right click: remove one"
+            return "Drag a point of the face along its path: the animation takes as long as the drag"
+        return "Drag another point along its path   ·   Enter: solve   ·   right click: remove a trajectory"

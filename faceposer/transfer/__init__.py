@@ -1,1 +1,1 @@
-"""Expressions carried from one face to another."""
+"""Transfer of expressions between characters."""

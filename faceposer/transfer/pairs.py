@@ -1,7 +1,7 @@
-"""Key features of a face: distances between two of its feature points, and the JSON file that lists them.
+"""Pairs of feature points whose distances describe an expression, and their JSON file.
 
-The names of feature points are those of MPEG-4, which all characters share whatever their meshes look like, so that
-a pair means the same on each of them.
+Feature points have the names of MPEG-4, which all characters share independently of their meshes, so that a pair has
+the same meaning on each of them.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ _MAX_WEIGHT = 1000.0
 _MAX_NAME = 200
 _TWO_NAMES = 'the names of two feature points, such as ["8.3", "8.4"]'
 _Point = Annotated[str, Meta(min_length=1)]
-#: The middle of the left and of the right pupil.
+#: The centres of the left and of the right pupil.
 PUPILS = ("3.5", "3.6")
 
 
@@ -40,11 +40,11 @@ class Pair:
     """The distance in space between two feature points of a face.
 
     Attributes:
-        name: As users call it.
+        name: Displayed name.
         first: Name of a feature point, such as "8.3".
-        second: Name of another.
-        weight: Factor on how strongly it pulls, at least 0.
-        enabled: Whether it counts.
+        second: Name of another feature point.
+        weight: Factor on its energy, at least 0.
+        enabled: True if it is used.
     """
 
     name: str
@@ -55,26 +55,26 @@ class Pair:
 
     @property
     def of_gaze(self) -> bool:
-        """Whether it tells where an eye looks."""
+        """True if it contains a pupil, and therefore depends on the gaze."""
         return self.first in PUPILS or self.second in PUPILS
 
     def measurable(self, character: Character) -> bool:
-        """Whether the ``character`` has both points."""
+        """Return True if the ``character`` has both points."""
         return self.first in character.feature_points and self.second in character.feature_points
 
 
 def _both(name: str, left: tuple[str, str], right: tuple[str, str]) -> tuple[Pair, Pair]:
-    """Return the pair called ``name`` of the left and of the right side."""
+    """Return the pairs with this name on the left and on the right side."""
     return Pair(f"left {name}", *left), Pair(f"right {name}", *right)
 
 
-#: The three of the paper's figure 8(b): heights of the mouth and of both eyes.
+#: The pairs of the paper's figure 8(b): heights of the mouth and of both eyes.
 PAPER_PAIRS: tuple[Pair, ...] = (
     Pair("mouth height", "2.2", "2.3"),
     *_both("eye height", ("3.1", "3.3"), ("3.2", "3.4")),
 )
 
-#: What tells ordinary expressions apart, side by side.
+#: Distances that distinguish ordinary expressions, on both sides.
 DEFAULT_PAIRS: tuple[Pair, ...] = (
     *PAPER_PAIRS,
     *_both("upper lid to nose bridge", ("3.1", "9.12"), ("3.2", "9.12")),
@@ -111,7 +111,7 @@ PRESETS: dict[str, tuple[Pair, ...]] = {"full": DEFAULT_PAIRS, "paper": PAPER_PA
 
 
 def shared_pairs(pairs: Sequence[Pair], source: Character, target: Character) -> tuple[Pair, ...]:
-    """Return those of ``pairs`` that count and can be measured on both characters.
+    """Return the enabled ``pairs`` that can be measured on both characters.
 
     Raises:
         FacePoserError: If there are none.
@@ -119,8 +119,8 @@ def shared_pairs(pairs: Sequence[Pair], source: Character, target: Character) ->
     for character in (source, target):
         if not character.feature_points:
             raise FacePoserError(
-                f"The character '{character.name}' has no feature points to measure distances between; transfer by ARKit's "
-                "weights, or train it anew with shapes that have ARKit's names, by which the points are found."
+                f"The character '{character.name}' has no feature points to measure distances between; transfer by "
+                "weights, or train it again with ARKit's shape names, from which feature points are found."
             )
     shared = tuple(
         pair
@@ -130,13 +130,13 @@ def shared_pairs(pairs: Sequence[Pair], source: Character, target: Character) ->
     if not shared:
         raise FacePoserError(
             f"None of the pairs can be measured on both '{source.name}' and '{target.name}'; choose pairs of feature "
-            "points that both have."
+            "points that both characters have."
         )
     return shared
 
 
 def pairs_to_json(pairs: Sequence[Pair]) -> dict[str, Any]:
-    """Return ``pairs`` as their file has them."""
+    """Return ``pairs`` as written in their file."""
     entries = []
     for pair in pairs:
         entry: dict[str, Any] = {"name": pair.name, "points": [pair.first, pair.second]}
@@ -156,7 +156,7 @@ class _PairJson(JsonObject, kw_only=True):
 
     def __post_init__(self) -> None:
         if self.points[0] == self.points[1]:
-            raise JsonError(f"names the point {shown(self.points[0])} twice", "points")
+            raise JsonError(f"contains the point {shown(self.points[0])} twice", "points")
 
 
 class _PairsFile(JsonDocument):
@@ -164,10 +164,10 @@ class _PairsFile(JsonDocument):
 
 
 def pairs_from_json(data: Any) -> tuple[Pair, ...]:
-    """Return the pairs that ``data`` describes.
+    """Return the pairs described by ``data``.
 
     Raises:
-        FacePoserError: If anything is unknown, missing or of the wrong kind, naming its place.
+        FacePoserError: If a key is unknown, missing or of the wrong type; the message names it.
     """
     check_header(data, FORMAT, VERSION)
     return tuple(
@@ -180,6 +180,6 @@ def read_pairs(path: Path) -> tuple[Pair, ...]:
     """Return the pairs in the file ``path`` (docs/transfer.md).
 
     Raises:
-        FacePoserError: If the file cannot be read or is not such a file, naming the place.
+        FacePoserError: If the file cannot be read or is not a pairs file; the message names the place.
     """
     return read_json(path, "pairs", pairs_from_json)

@@ -1,4 +1,4 @@
-"""Poses and performances carried from one face to another, by either way."""
+"""Transfer of poses and performances from one character to another."""
 
 from collections.abc import Sequence
 from typing import Literal, Protocol, get_args
@@ -16,13 +16,13 @@ from faceposer.transfer.weights import WeightTransfer
 
 Array = NDArray[np.float64]
 
-#: By distances between feature points, or by the weights of ARKit's shapes.
+#: Method of a transfer: by distances between feature points, or by the weights of ARKit's shapes.
 Method = Literal["distances", "weights"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
 
 class Transfer(Protocol):
-    """A way from the poses of one face to those of another."""
+    """A map from the poses of one character to those of another."""
 
     def pose(self, coefficients: Array, previous: Array | None = None) -> Array:
         """Return the target's coefficients, shape (r',), for the source's, shape (r,)."""
@@ -36,10 +36,10 @@ def make_transfer(
     pairs: Sequence[Pair] = DEFAULT_PAIRS,
     scaling: Scaling = "neutral",
 ) -> Transfer:
-    """Return the way of ``method`` from ``source`` to ``target``; ``pairs`` and ``scaling`` are those of distances.
+    """Return the transfer from ``source`` to ``target``; ``pairs`` and ``scaling`` apply to the method "distances".
 
     Raises:
-        FacePoserError: If the two characters do not have what it needs.
+        FacePoserError: If one of the characters does not have the data required by the method.
     """
     if method == "weights":
         return WeightTransfer(source, target)
@@ -51,12 +51,12 @@ def transfer_performance(
     performance: Performance,
     progress: Progress | None = None,
 ) -> Performance:
-    """Return ``performance`` on the target's face, each frame searched from the one before.
+    """Return ``performance`` transferred to the target, with each frame initialised by the previous one.
 
     Args:
-        transfer: The way from one face to the other.
-        performance: Of the source's face.
-        progress: Reported to after each frame.
+        transfer: Transfer between the characters.
+        performance: Performance of the source.
+        progress: Receives a report after each frame.
 
     Raises:
         CancelledError: If the progress was cancelled.

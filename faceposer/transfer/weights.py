@@ -1,4 +1,4 @@
-"""The direct way: weights of ARKit's shapes, by their names, where both rigs have them."""
+"""Transfer by the weights of ARKit's shapes, matched by name."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,64 +12,65 @@ Array = NDArray[np.float64]
 
 
 def arkit_rows(character: Character) -> dict[str, int]:
-    """Return the indices of the ``character``'s moving shapes that are ARKit's, by ARKit's name or that of a half."""
+    """Return the indices of the ``character``'s non-zero ARKit shapes, by the name of the shape or of its half."""
     found = match_arkit(character.shape_names, f"The character '{character.name}'").shapes
     moving = np.abs(character.shapes).max(axis=(1, 2), initial=0.0) > 0
     return {found[name]: i for i, name in enumerate(character.shape_names) if name in found and moving[i]}
 
 
 class WeightMap:
-    """Which weight of the target each of the source's becomes: the same name, halves of a whole, or a whole of halves.
+    """Mapping of weights by equal names, from a whole shape to its halves, and from halves to their whole.
 
     Attributes:
-        matrix: Target's weights from the source's, shape (S', S).
-        shared: ARKit's names of the target's shapes that are moved.
-        missing: ARKit's names of the source's shapes that the target cannot make.
+        matrix: Matrix from the source's weights to the target's, shape (S', S).
+        shared: ARKit names of the target's shapes that receive a weight.
+        missing: ARKit names of the source's shapes that the target lacks.
     """
 
     def __init__(self, source: Character, target: Character) -> None:
         """Match the shapes of ``source`` and ``target``.
 
         Raises:
-            FacePoserError: If either has none of ARKit's shapes, or they share none.
+            FacePoserError: If one of them has none of ARKit's shapes, or if they share none.
         """
-        ours, theirs = arkit_rows(source), arkit_rows(target)
-        for character, rows in ((source, ours), (target, theirs)):
+        source_rows, target_rows = arkit_rows(source), arkit_rows(target)
+        for character, rows in ((source, source_rows), (target, target_rows)):
             if not rows:
                 raise FacePoserError(
-                    f"The character '{character.name}' has none of ARKit's shapes, so weights cannot be carried over by "
-                    "name; transfer by distances."
+                    f"The character '{character.name}' has none of ARKit's shapes, so that weights cannot be "
+                    "transferred; transfer by distances."
                 )
         self.matrix = np.zeros((len(target.shape_names), len(source.shape_names)))
         used: set[str] = set()
-        for name, row in theirs.items():
-            sources = makers(name, ours)
+        for name, row in target_rows.items():
+            sources = makers(name, source_rows)
             used.update(sources)
             for maker in sources:
-                self.matrix[row, ours[maker]] = 1.0 / len(sources)
-        self.shared = tuple(name for name, row in theirs.items() if self.matrix[row].any())
-        self.missing = tuple(name for name in ours if name not in used)
+                self.matrix[row, source_rows[maker]] = 1.0 / len(sources)
+        self.shared = tuple(name for name, row in target_rows.items() if self.matrix[row].any())
+        self.missing = tuple(name for name in source_rows if name not in used)
         if not self.shared:
             raise FacePoserError(
-                f"The characters '{source.name}' and '{target.name}' share none of ARKit's shapes; transfer by distances."
+                f"The characters '{source.name}' and '{target.name}' have no ARKit shape in common; transfer by "
+                "distances."
             )
 
 
 class WeightTransfer:
-    """Gives the target the source's weights, each within the limits of both rigs."""
+    """Transfer of weights by name, clipped to the limits of both rigs."""
 
     def __init__(self, source: FaceModel, target: FaceModel) -> None:
         """Match the shapes of ``source`` and ``target``.
 
         Raises:
-            FacePoserError: If either has none of ARKit's shapes, or they share none.
+            FacePoserError: If one of them has none of ARKit's shapes, or if they share none.
         """
         self.source, self.target = source, target
         self.map = WeightMap(source.character, target.character)
         self._lower, self._upper = target.character.shape_limits.T.astype(np.float64)
 
     def pose(self, coefficients: Array, previous: Array | None = None) -> Array:
-        """Return the target's coefficients, shape (r',), for the source's, shape (r,); ``previous`` does not matter."""
+        """Return the target's coefficients, shape (r',), for the source's, shape (r,); ``previous`` is not used."""
         from faceposer.solve.weight_fit import fit_weights
 
         fitted = fit_weights(self.source, coefficients)

@@ -167,8 +167,8 @@ def test_all_poses_together_are_at_a_minimum(model: FaceModel) -> None:
 def test_a_long_take_in_parts_is_as_good_as_in_one(model: FaceModel, monkeypatch: pytest.MonkeyPatch) -> None:
     tracks = tracked(model, performed(model, 70), noise_px=1.5)
     whole = follow(model, tracks).coefficients
-    monkeypatch.setattr(following, "_TOGETHER", 40)
-    monkeypatch.setattr(following, "_AGAIN", 20)
+    monkeypatch.setattr(following, "_WINDOW", 40)
+    monkeypatch.setattr(following, "_OVERLAP", 20)
     parts = follow(model, tracks).coefficients
     assert error(model, parts, whole) < 0.1 * error(model, np.zeros_like(whole), whole)
 
@@ -257,7 +257,7 @@ def test_how_a_face_came_to_a_pose_leaves_little_trace(model: FaceModel, monkeyp
         return error(model, follow(model, tracks).coefficients[-5:], truth[-5:])
 
     little = trace()
-    monkeypatch.setattr(following, "_HOMEWARD", 0.0)
+    monkeypatch.setattr(following, "_START_PRIOR", 0.0)
     assert little < 0.5 * trace()
 
 
@@ -284,7 +284,7 @@ def test_jumps_are_left_out_and_movements_stay(model: FaceModel) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"positions": np.zeros((4, 7, 3))}, "positions of 7 points by 2 axes"),
+        ({"positions": np.zeros((4, 7, 3))}, "positions of 7 points in 2 axes"),
         ({"positions": np.zeros((0, 7, 2))}, "positions of 7 points"),
         ({"names": ("a",)}, "1 names"),
         ({"rate": 0.0}, "frames per second"),

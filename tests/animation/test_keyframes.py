@@ -142,7 +142,7 @@ def test_wrong_animations_are_refused_with_their_place(model: FaceModel) -> None
         ({"keys": [{"frame": -1, "coefficients": []}]}, r"animation.keys\[0\].frame"),
         ({"keys": [{"frame": LONGEST, "coefficients": []}]}, r"animation.keys\[0\].frame"),
         ({"keys": [{"frame": 1, "coefficients": ["a"]}]}, r"animation.keys\[0\].coefficients\[0\]"),
-        ({"keys": [{"frame": 1, "coefficients": [0]}] * 2}, r"animation.keys\[1\].frame must be after 1"),
+        ({"keys": [{"frame": 1, "coefficients": [0]}] * 2}, r"animation.keys\[1\].frame must be greater than 1"),
     ):
         with pytest.raises(FacePoserError, match=expected):
             convert(good.to_json() | change, KeyframesJson, "animation")

@@ -261,7 +261,7 @@ def test_a_picture_comes_as_an_array_and_as_a_file(face: Face, tmp_path: Path) -
         ("face.apply_pose('nowhere.json')", "cannot be read"),
         ("face.apply_pose('anger', 3.0)", "strength"),
         ("face.save('face.xyz')", "must end in one of"),
-        ("face.save_pose(' ')", "needs a name"),
+        ("face.save_pose(' ')", "name of a pose must be"),
         ("face.remove(other)", "does not pull"),
         ("setattr(face, 'prior_weight', -1.0)", "prior weight"),
         ("setattr(face, 'prior_weight', None)", "The prior weight is a number"),

@@ -84,7 +84,7 @@ def test_options_reach_the_solver(jaw: Path, tmp_path: Path, monkeypatch: pytest
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["man", "jaw.csv", "-o", "a.json"], "give the camera that made it (--camera)"),
+        (["man", "jaw.csv", "-o", "a.json"], "give the camera of the images with --camera"),
         (["man", "none.csv", "-o", "a.json"], "cannot be read"),
         (["nobody", "jaw.csv", "-o", "a.json"], "nobody"),
         (["man", "jaw.csv", "-o", "a.txt"], "must end in"),
@@ -95,8 +95,8 @@ def test_options_reach_the_solver(jaw: Path, tmp_path: Path, monkeypatch: pytest
         (["man", "jaw.csv", "-o", "a.json", "--smoothness", "-1"], "not a number from 0"),
         (["man", "jaw.csv", "-o", "a.json", "--rate", "nan"], "not a number from 0.001"),
         (["man", "jaw.csv", "-o", "a.json", "--rate", "1001"], "not a number from 0.001 to 1000"),
-        (["man", "jaw.csv", "-o", "jaw.csv", "--camera", "camera.json"], "is what is read"),
-        (["man", "jaw.csv", "-o", "camera.json", "--camera", "camera.json"], "is what is read"),
+        (["man", "jaw.csv", "-o", "jaw.csv", "--camera", "camera.json"], "is also an input"),
+        (["man", "jaw.csv", "-o", "camera.json", "--camera", "camera.json"], "is also an input"),
     ],
 )
 def test_what_it_cannot_use_gets_one_sentence(

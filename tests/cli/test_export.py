@@ -119,7 +119,7 @@ def test_a_pose_comes_from_a_file(low: FaceModel, take: Path, tmp_path: Path, ca
         (("low", "-o", "{out}/a", "--sequence", "ply", "--transparent"), "write --sequence png"),
         (("low", "-o", "{out}/a", "--sequence", "gif"), "--sequence takes obj, ply, png, and not 'gif'"),
         (("low", "-o", "{out}/a.glb", "--pose", "{take}", "--frame", "17"), "frames 1 to 16, and not frame 17"),
-        (("low", "-o", "{take}", "--pose", "{take}"), "is what is read"),
+        (("low", "-o", "{take}", "--pose", "{take}"), "is also an input"),
         (("low", "-o", "{out}/a.glb", "--pose", "{out}/none.obj"), "cannot be read"),
         (("low", "-o", "{out}/a.glb", "--animation", "{out}/none.csv"), "cannot be read"),
         (("man", "-o", "{out}/a.glb", "--pose", "{out}/three.obj"), "has 3 vertices, and Man has 2"),
@@ -128,7 +128,7 @@ def test_a_pose_comes_from_a_file(low: FaceModel, take: Path, tmp_path: Path, ca
         (("low", "-o", "{out}/a.gif", "--turntable", "nan"), "not a number of seconds"),
         (("low", "-o", "{out}/a.png", "--size", "2x2"), "not a size such as"),
         (("low", "-o", "{out}/a.png", "--pose", "{take}", "--frame", "0"), "not the number of a frame"),
-        (("nobody", "-o", "{out}/a.glb"), "is no character"),
+        (("nobody", "-o", "{out}/a.glb"), "is neither a character"),
         (("low",), "required: -o/--output"),
     ],
 )

@@ -73,9 +73,9 @@ def test_photo_refuses_in_one_sentence_and_writes_nothing(
         (("man", tmp_path / "none.jpg", "--pins", pins, "-o", out), "There is no photo"),
         (("man", photo, "--pins", tmp_path / "none.json", "-o", out), "cannot be read"),
         (("man", photo, "--pins", pins, "-o", out, "--focal", -3), "focal length"),
-        (("nobody", photo, "--pins", pins, "-o", out), "no character"),
-        (("man", photo, "--pins", pins, "-o", pins), "is what is read"),
-        (("man", photo, "--pins", pins, "-o", out, "--render", photo), "is what is read"),
+        (("nobody", photo, "--pins", pins, "-o", out), "neither a character"),
+        (("man", photo, "--pins", pins, "-o", pins), "is also an input"),
+        (("man", photo, "--pins", pins, "-o", out, "--render", photo), "is also an input"),
         (("man", photo, "--pins", outside, "-o", out), "pins[1] at (401, 20), outside of the photo of 400 x 300"),
         (("man", cut, "--pins", pins, "-o", out), "cut.jpg' cannot be read"),
     ):

@@ -103,7 +103,7 @@ def test_render_draws_characters_sessions_and_meshes(smile: Path, tmp_path: Path
         (("render", "man", "-o", "{tmp}/a.png", "--size", "0x5"), "not a size"),
         (("render", "man", "-o", "{tmp}/a.png", "--size", "99999x5"), "not a size"),
         (("render", "man", "-o", "{tmp}/a.png", "--view", "below"), "invalid choice"),
-        (("render", "ghost", "-o", "{tmp}/a.png"), "'ghost' is no character"),
+        (("render", "ghost", "-o", "{tmp}/a.png"), "'ghost' is neither a character"),
         (("render", "ghost.obj", "-o", "{tmp}/a.png"), "ghost.obj"),
         (("--bogus",), "--bogus"),
     ],

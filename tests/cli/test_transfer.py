@@ -112,7 +112,7 @@ def test_what_is_read_is_never_overwritten(
     pairs.write_text(json.dumps(pairs_to_json(PAPER_PAIRS)))
     before = smile.read_bytes(), pairs.read_bytes()
     assert run("transfer", *(word.format(a=smile, p=pairs) for word in arguments)) == 2
-    assert "is what is read; give the output another name" in capsys.readouterr().err
+    assert "is also an input; give the output another name" in capsys.readouterr().err
     assert (smile.read_bytes(), pairs.read_bytes()) == before
 
 

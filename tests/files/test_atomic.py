@@ -315,7 +315,7 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
             atomic_folder(folder / "x"),
         ):
             pass
-        with pytest.raises(FacePoserError, match="cannot be written to; choose another"):
+        with pytest.raises(FacePoserError, match="is not writable; choose another"):
             check_output(folder / "a.obj", ".obj")
     assert (folder / "a.json").read_text() == "old"
     assert names(folder) == ["a.json"]
@@ -342,7 +342,7 @@ def test_a_file_where_a_folder_is_meant(tmp_path: Path) -> None:
     file.write_text("mine")
     with pytest.raises(FacePoserError, match=r"The session '.*' cannot be written: Not a directory"):
         write_text(file / "a.json", "text", "session")
-    with pytest.raises(FacePoserError, match="is there and not an empty folder"), atomic_folder(file):
+    with pytest.raises(FacePoserError, match="exists and is not an empty folder"), atomic_folder(file):
         raise AssertionError("the block does not run")
     with pytest.raises(FacePoserError, match="Not a directory"), atomic_folder(file / "frames"):
         raise AssertionError("the block does not run")
@@ -413,7 +413,7 @@ def test_outputs_that_could_not_be_written(tmp_path: Path) -> None:
     for path, said in (
         (tmp_path / "a.fbx", "must end in '.obj', '.ply' or '.glb'"),
         (tmp_path / "b.obj", "is a folder; give the name of a file"),
-        (tmp_path / "no" / "a.obj", "does not exist; make it first"),
+        (tmp_path / "no" / "a.obj", "does not exist; create it first"),
     ):
         with pytest.raises(FacePoserError, match=said):
             check_output(path, ".obj", ".ply", ".glb")

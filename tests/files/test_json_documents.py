@@ -122,8 +122,8 @@ def test_what_fits_is_converted() -> None:
         ({"weights": dict.fromkeys("abc", 1)}, "weights must be an object of at most 2 numbers, not {'a': 1"),
         ({"shape": "round"}, "shape is 'round'; it must be one of 'line', 'closed'."),
         ({"shape": []}, "shape is []; it must be one of 'line', 'closed'."),
-        ({"name": ""}, "name must be a text of 1 to 5 letters, not ''."),
-        ({"name": 7}, "name must be a text of 1 to 5 letters, not 7."),
+        ({"name": ""}, "name must be a text of 1 to 5 characters, not ''."),
+        ({"name": 7}, "name must be a text of 1 to 5 characters, not 7."),
         ({"size": 0}, "size must be a whole number of at least 1, not 0."),
         ({"size": "x"}, "size must be a whole number of at least 1, not 'x'."),
         ({"share": 2}, "share must be a number of at most 1, not 2."),
@@ -246,14 +246,14 @@ def test_of_keys_that_are_there_twice_the_last_counts_or_none(tmp_path: Path) ->
     path = tmp_path / "a.json"
     path.write_text('{"a": {"b": 1, "c": 2, "b": 3}}')
     assert read_json(path, "session", parsed) == {"a": {"b": 3, "c": 2}}
-    assert '"b" is there twice' in refused(path, unique_keys=True)
+    assert 'the key "b" occurs twice' in refused(path, unique_keys=True)
 
 
 def test_only_regular_files_are_read(tmp_path: Path) -> None:
-    assert "it is no regular file" in refused(tmp_path)
+    assert "it is not a regular file" in refused(tmp_path)
     if hasattr(os, "mkfifo"):
         os.mkfifo(tmp_path / "pipe")
-        assert "it is no regular file" in refused(tmp_path / "pipe")
+        assert "it is not a regular file" in refused(tmp_path / "pipe")
     path = tmp_path / "a.json"
     path.write_text("[]")
     (tmp_path / "link").symlink_to(path)

@@ -42,7 +42,7 @@ def test_sessions_characters_and_folders_too(typed: str, chosen: str, saved: str
 
 @pytest.mark.parametrize("typed", [".obj", ".obj.gif", " .obj", "..obj"])
 def test_a_suffix_alone_is_no_name(typed: str) -> None:
-    with pytest.raises(FacePoserError, match="no name of a file"):
+    with pytest.raises(FacePoserError, match="is not a file name"):
         save_path(Path(typed), ".obj")
 
 

@@ -151,7 +151,9 @@ def test_bad_maps_are_refused_by_place(tmp_path: Path) -> None:
         "fixed must be a list of texts": json.dumps({**good, "fixed": "A"}),
         "fixed names fewer": json.dumps({**good, "fixed": ["A", "B", "A"]}),
         "neutral_frame must be the number of a frame": json.dumps({**good, "neutral_frame": -1}),
-        '"A" is there twice': json.dumps(good).replace('"A": {"vertex": 3}', '"A": {"vertex": 3}, "A": {"vertex": 4}'),
+        'the key "A" occurs twice': json.dumps(good).replace(
+            '"A": {"vertex": 3}', '"A": {"vertex": 3}, "A": {"vertex": 4}'
+        ),
         "not valid JSON at line 2": '{\n"format" 3}',
         "nested too deeply": "[" * 100_000,
     }

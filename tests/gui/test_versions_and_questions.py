@@ -55,7 +55,7 @@ def test_a_session_of_another_version_says_so_once(tmp_path: Path, later: bool) 
         question = app.dialogs.waiting[0]
         assert question.title == "The character may have changed"
         assert question.text == (
-            'This session was made with another version of "own"; 1 point was placed again by its position.'
+            'This session was made with another version of "own"; 1 point was reattached by position.'
         )
         robot.key("Enter")
         robot.frames(2)

@@ -50,10 +50,10 @@ def test_measures_of_the_truth_and_of_a_face_that_stays(study: Study) -> None:
 
 def test_a_case_is_followed_as_it_says(study: Study) -> None:
     runs = [rig(study.model, weights(20, seed)) for seed in range(2)]
-    problem = study_animation.following._Frames.problem
+    problem = study_animation.following._FrameProblems.problem
     near, neutral = (Case("", {}, from_neutral=flag).run(study, runs) for flag in (False, True))
     rough = Case("", {"smoothness": 0.0}).run(study, runs)
-    assert study_animation.following._Frames.problem is problem
+    assert study_animation.following._FrameProblems.problem is problem
     assert near["error"] != neutral["error"]
     assert near["jerk"] < rough["jerk"]
     assert near["error"] < near["of neutral"]

@@ -376,7 +376,7 @@ def test_journals_of_a_newer_program_are_left_to_it(session: Session, folder: Pa
     pin(session)
     journal = orphaned(folder, session)
     journal.write_text(json.dumps(json.loads(journal.read_text()) | {"version": 2, "more": 1}))
-    assert find_orphans(folder) == autosave.Found((), ())
+    assert find_orphans(folder) == autosave.FoundJournals((), ())
     assert journal.is_file()
 
 
@@ -393,8 +393,8 @@ def test_what_a_killed_program_leaves_beside_its_journal_goes(session: Session, 
 
 def test_a_folder_that_is_none_holds_nothing(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    assert find_orphans(tmp_path / "file") == autosave.Found((), ())
-    assert find_orphans(tmp_path / "nowhere") == autosave.Found((), ())
+    assert find_orphans(tmp_path / "file") == autosave.FoundJournals((), ())
+    assert find_orphans(tmp_path / "nowhere") == autosave.FoundJournals((), ())
 
 
 def test_a_journal_that_cannot_be_written_is_told_and_tried_again(
@@ -404,7 +404,7 @@ def test_a_journal_that_cannot_be_written_is_told_and_tried_again(
     place.touch()
     journal = Journal(place / "autosave", clock, clock.now)
     pin(session)
-    with pytest.raises(FacePoserError, match="No journal can be kept"):
+    with pytest.raises(FacePoserError, match="No journal can be written"):
         wait(journal, session, clock)
     journal.follow(session)
     assert journal.patience > 1.0

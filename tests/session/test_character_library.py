@@ -87,5 +87,5 @@ def test_new_files_take_no_others_place(library: CharacterLibrary) -> None:
     assert library.new_path("own") == library.folder / "own-2.npz"
     assert library.new_path("else") == library.folder / "else.npz"
     stuck = CharacterLibrary(library.folder / "own.npz" / "inside")
-    with pytest.raises(FacePoserError, match="cannot be made"):
+    with pytest.raises(FacePoserError, match="cannot be created"):
         stuck.make_folder()

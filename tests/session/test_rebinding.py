@@ -136,7 +136,7 @@ def test_places_are_found_again_in_another_order_of_the_mesh(tmp_path: Path) -> 
     session = open_session(str(path))
     count = sum(len(places) for places in rest_of(old, Document("", all_kinds(old)))) + 2
     assert session.remark == (
-        f'This session was made with another version of "own"; {count} points were placed again by their position.'
+        f'This session was made with another version of "own"; {count} points were reattached by position.'
     )
     expected = [*rest_of(old, Document("", all_kinds(old)))]
     found = rest_of(session.model, session.document)
@@ -180,7 +180,7 @@ def test_a_shape_that_a_pose_needs_and_that_is_gone_is_named(tmp_path: Path) -> 
     path, _ = saved(tmp_path, lambda character: without_shape(character, "mouthSmileLeft"))
     remark = open_session(str(path)).remark
     assert remark == (
-        'This session was made with another version of "own"; its poses were taken from the weights of the shapes; '
+        'This session was made with another version of "own"; its poses were converted from shape weights; '
         "this version lacks mouthSmileLeft."
     )
 
@@ -193,8 +193,8 @@ def test_shapes_sculpted_anew_keep_the_pose_by_its_weights(tmp_path: Path) -> No
 
     path, old = saved(tmp_path, sculpted)
     session = open_session(str(path))
-    assert "placed again" not in session.remark
-    assert "weights of the shapes" in session.remark
+    assert "reattached" not in session.remark
+    assert "shape weights" in session.remark
     assert [one.places for one in session.document.constraints] == [one.places for one in all_kinds(old)]
     jaw = session.model.weights_of(session.coefficients)[session.model.character.shape_names.index("jawOpen")]
     assert jaw == pytest.approx(0.4, abs=1e-3)
@@ -203,7 +203,7 @@ def test_shapes_sculpted_anew_keep_the_pose_by_its_weights(tmp_path: Path) -> No
 def test_a_character_of_another_size_takes_places_and_cameras_along(tmp_path: Path) -> None:
     path, old = saved(tmp_path, lambda character: renumbered(character, 2.5, 4.0))
     session = open_session(str(path))
-    assert "may be off" not in session.remark
+    assert "may be wrong" not in session.remark
     camera = in_front(old)
     for old_one, new_one in zip(all_kinds(old), session.document.constraints, strict=True):
         if old_one.places is None or old_one.camera is None:
@@ -247,7 +247,7 @@ def test_the_sentence_for_one_point(tmp_path: Path) -> None:
     Session(model, document).save(tmp_path / "s.json")
     save_character(tmp_path / "own.npz", renumbered(load_character("low")))
     remark = open_session(str(tmp_path / "s.json")).remark
-    assert remark == 'This session was made with another version of "own"; 1 point was placed again by its position.'
+    assert remark == 'This session was made with another version of "own"; 1 point was reattached by position.'
 
 
 def strip(path: Path, *keys: str) -> None:
@@ -265,7 +265,7 @@ def test_old_files_open_and_say_which_places_may_be_off(tmp_path: Path) -> None:
     strip(path, "character", "weights", "start_weights")
     session = open_session(str(path))
     assert session.document.constraints == all_kinds(old)
-    assert session.remark.startswith('This session does not say with which version of "own" it was made; if with')
+    assert session.remark.startswith('This session does not state with which version of "own" it was made; if it')
     assert "constraints[0] (point)" in session.remark
     assert "constraints[5] (fixed)" in session.remark
     assert "gaze" not in session.remark
@@ -278,7 +278,7 @@ def test_places_without_rest_positions_on_another_version(tmp_path: Path) -> Non
     path, _ = saved(tmp_path, renumbered)
     strip(path)
     session = open_session(str(path))
-    assert "2 points were placed again by their position" in session.remark, "those of the photo"
+    assert "2 points were reattached by position" in session.remark, "those of the photo"
     assert "the places of constraints[0] (point), constraints[1] (point)" in session.remark
     assert len(session.document.constraints) == 7
 
@@ -291,7 +291,7 @@ def test_places_that_the_character_has_no_more_are_left_out(tmp_path: Path) -> N
     path.write_text(json.dumps(data))
     session = open_session(str(path))
     assert len(session.document.constraints) == 6
-    assert "left out, for lack of their places on it: constraints[0] (point)" in session.remark
+    assert "removed, because their places no longer exist: constraints[0] (point)" in session.remark
 
 
 def test_a_pose_of_another_version_is_solved_anew_where_that_is_possible(tmp_path: Path) -> None:
@@ -302,7 +302,7 @@ def test_a_pose_of_another_version_is_solved_anew_where_that_is_possible(tmp_pat
     session = open_session(str(path))
     session.wait()
     assert len(session.coefficients) == session.model.n_coefficients
-    assert "its pose was solved anew; the places of constraints[0] (point) and constraints[1]" in session.remark
+    assert "its pose was solved again; the places of constraints[0] (point) and constraints[1]" in session.remark
     path.write_text(json.dumps(document.starting_from(np.full(7, 0.1)).to_json()))
     with pytest.raises(FacePoserError, match="coefficients has 7 numbers"):
         open_session(str(path))
@@ -318,7 +318,7 @@ def test_zeros_are_the_neutral_face_of_every_version(tmp_path: Path) -> None:
 
 def test_python_warns_and_commands_say_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, _ = saved(tmp_path, renumbered)
-    with pytest.warns(FacePoserWarning, match="points were placed again by their position"):
+    with pytest.warns(FacePoserWarning, match="points were reattached by position"):
         face = faceposer.load(path)
     assert face.constraints
     faceposer.load(tmp_path / "own.npz")
@@ -328,7 +328,7 @@ def test_python_warns_and_commands_say_so(tmp_path: Path, capsys: pytest.Capture
         with pytest.raises(SystemExit) as end:
             main([command, str(path), *target, "-o", str(tmp_path / output)])
         assert not end.value.code
-        assert "points were placed again by their position" in capsys.readouterr().err, command
+        assert "points were reattached by position" in capsys.readouterr().err, command
 
 
 def test_unsaved_work_is_kept_for_another_version_too(tmp_path: Path) -> None:
@@ -342,7 +342,7 @@ def test_unsaved_work_is_kept_for_another_version_too(tmp_path: Path) -> None:
     orphan = find_orphans(tmp_path / "journals").orphans[0]
     again = orphan.open()
     orphan.release()
-    assert "placed again" in again.remark
+    assert "reattached" in again.remark
     assert again.document.prior_weight == 3.0
 
 
@@ -358,7 +358,7 @@ def test_unsaved_work_is_kept_for_another_version_too(tmp_path: Path) -> None:
         (lambda data: data["constraints"][0]["rest"].append([0, 0, 0]), r"constraints\[0\].rest must be a list of 1"),
         (lambda data: data["constraints"][0].update(rest=[[0, "a", 0]]), r"constraints\[0\].rest\[0\]\[1\]"),
         (lambda data: data["constraints"][6].update(rest=[[0, 0, 0]]), r"constraints\[6\].rest must be a list of 0"),
-        (lambda data: data["weights"].pop(), "weights has 53 numbers where character.shapes has 54"),
+        (lambda data: data["weights"].pop(), "weights has 53 numbers, but character.shapes has 54"),
         (lambda data: data["animation"]["keys"][1]["weights"].pop(), r"animation.keys\[1\].weights has 53"),
         (lambda data: data["photos"][0]["pins"][1].update(rest=[1]), r"photos\[0\].pins\[1\].rest must be"),
     ],

@@ -1,0 +1,49 @@
+"""The saved state of a document: writing its session file, and detection of unsaved changes."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from faceposer.geometry.camera import Camera
+from faceposer.model.face_model import FaceModel
+from faceposer.session.document import Document, character_from, path_from, write_document
+
+
+class SavedState:
+    """The document as it was last saved or opened."""
+
+    def __init__(self, document: Document) -> None:
+        """Start with ``document`` as saved."""
+        self._document: Document | None = document
+
+    def differs_from(self, document: Document) -> bool:
+        """Return True if saving ``document`` would change the content of its file."""
+        return self._document is None or not document.same_input(self._document)
+
+    def mark_saved(self, document: Document) -> None:
+        """Record ``document`` as the content of the file."""
+        self._document = document
+
+    def mark_unsaved(self) -> None:
+        """Treat every document as changed until the next save."""
+        self._document = None
+
+    def save(self, document: Document, path: Path, model: FaceModel, camera: Camera | None = None) -> None:
+        """Write ``document`` to ``path``, with paths relative to its folder where possible, and record it as saved.
+
+        Args:
+            document: Document to save.
+            path: Session file.
+            model: Face model of the document's character.
+            camera: Current view, stored in the file; None for that of the document.
+
+        Raises:
+            FacePoserError: If the file cannot be written.
+        """
+        written = replace(
+            document,
+            character=character_from(document.character, path.parent),
+            photos=tuple(replace(photo, path=path_from(photo.path, path.parent)) for photo in document.photos),
+            camera=document.camera if camera is None else camera,
+        )
+        write_document(path, written.stamped(model))
+        self._document = document
