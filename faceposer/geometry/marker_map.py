@@ -129,7 +129,7 @@ class _MarkerMapFile(Struct):
 
     def __post_init__(self) -> None:
         if self.fixed and len(set(self.fixed)) < 3:
-            raise JsonError("has fewer than three markers; add more, or remove it to detect them automatically", "fixed")
+            raise JsonError("has fewer than three markers; add more, or remove it to detect them", "fixed")
 
 
 def read_marker_map(path: Path) -> MarkerMap:

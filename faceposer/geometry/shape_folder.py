@@ -135,7 +135,7 @@ def _positions(path: Path, rest: PolygonMesh, neutral: Path, faces: bytes | None
     difference = _first_difference(mesh, rest)
     if difference:
         raise FacePoserError(
-            f"The faces of the shape '{path}' differ from those of the neutral face '{neutral}': {difference}; {remedy}."
+            f"The faces of the shape '{path}' differ from the neutral face '{neutral}': {difference}; {remedy}."
         )
     return mesh.vertices
 
@@ -158,7 +158,7 @@ def _face_tail(text: bytes, count: int) -> bytes:
 
 
 def _face_key(text: bytes, count: int) -> bytes | None:
-    """Return the vertex indices of an OBJ's faces as text; None if there are not ``count`` faces, or any is relative."""
+    """Return the vertex indices of an OBJ's faces as text; None if they are not ``count`` or any is relative."""
     lines = [line for line in text.splitlines() if line.startswith((b"f ", b"f\t"))]
     # Indices of texture coordinates and normals are ignored, as exporters number them differently in each file.
     key = re.sub(rb"/\S*", b"", b"\n".join(lines))

@@ -26,7 +26,7 @@ class Performance:
         if self.coefficients.ndim != 2 or not len(self.coefficients):
             raise ValueError(f"poses of shape {self.coefficients.shape} where (frames, coefficients) is expected")
         if not (np.isfinite(self.rate) and self.rate > 0):
-            raise ValueError(f"rate must be positive and finite, not {self.rate}")
+            raise ValueError(f"rate must be a positive number of frames per second, not {self.rate}")
 
     def __len__(self) -> int:
         return len(self.coefficients)

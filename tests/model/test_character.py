@@ -163,7 +163,7 @@ def test_members_that_lie_are_refused(saved: Path) -> None:
     assert_refused(rewritten(saved, vertices=packed(["seven"])), "not real numbers")
     assert_refused(rewritten(saved, vertices=packed(np.array([{"a": 1}]))), "never loaded")
     huge = packed(np.zeros((7, 3), np.float32)).replace(b"(7, 3)", b"(7000000000, 3)".ljust(6))
-    assert_refused(rewritten(saved, vertices=huge), "larger than its data|damaged|cannot be used")
+    assert_refused(rewritten(saved, vertices=huge), "exceeds its data|damaged|cannot be used")
 
 
 def test_the_description_is_checked(saved: Path) -> None:
