@@ -65,8 +65,8 @@ def read_scene(file: GltfFile) -> Scene:
     nodes = file.all("nodes")
     children = [node.integers("children", high=len(nodes) - 1) for node in nodes]
     parents = [-1] * len(nodes)
-    for index, own in enumerate(children):
-        for child in own:
+    for index, child_ids in enumerate(children):
+        for child in child_ids:
             if parents[child] >= 0:
                 raise nodes[child].error(f"it is the child of two nodes, {parents[child]} and {index}")
             parents[child] = index
@@ -86,11 +86,11 @@ def read_scene(file: GltfFile) -> Scene:
     if file.root.data.get("scene") is None:
         return Scene(nodes, list(range(len(nodes))), worlds)
     reached = file.get("scenes", file.root, "scene").integers("nodes", high=len(nodes) - 1)
-    seen = set(reached)
+    visited = set(reached)
     for index in reached:
-        reached += [child for child in children[index] if child not in seen]
-        seen.update(children[index])
-    return Scene(nodes, sorted(seen), worlds)
+        reached += [child for child in children[index] if child not in visited]
+        visited.update(children[index])
+    return Scene(nodes, sorted(visited), worlds)
 
 
 def _local(node: GltfObject) -> NDArray[np.float64]:

@@ -129,7 +129,7 @@ class Character:
         return float(np.ptp(y))
 
     def part(self, name: str) -> Part:
-        """Return the part called ``name``.
+        """Return the part named ``name``.
 
         Raises:
             KeyError: If there is no such part.

@@ -100,4 +100,4 @@ def _check_names(character: "Character") -> None:
     )
     owners = {*MATERIALS, *(part.name for part in character.parts)}
     for name in character.textures:
-        _require(name in owners, f"texture '{name}' belongs to no material and no part")
+        _require(name in owners, f"texture '{name}' belongs to no material or part")

@@ -200,10 +200,10 @@ class FaceModel:
         if isinstance(weights, Mapping):
             vector = np.zeros(len(self.character.shape_names))
             for name, value in weights.items():
-                own = [name] if name in self.character.shape_names else halves_of(name)
-                if not own or any(shape not in self.character.shape_names for shape in own):
+                targets = [name] if name in self.character.shape_names else halves_of(name)
+                if not targets or any(shape not in self.character.shape_names for shape in targets):
                     raise KeyError(name)
-                vector[[self.character.shape_names.index(shape) for shape in own]] += value
+                vector[[self.character.shape_names.index(shape) for shape in targets]] += value
         else:
             vector = np.asarray(weights, dtype=np.float64)
         coefficients: Array = self.subspace.projection @ vector

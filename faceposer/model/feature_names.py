@@ -25,17 +25,17 @@ def feature_vertex(character: Character, name: str) -> int:
     """
     if name in character.feature_points:
         return character.feature_points[name]
-    wanted = _words(name)
+    query = _words(name)
     titles = {key: _words(title) for key, title in character.feature_titles.items() if key in character.feature_points}
-    fitting = {key: words - wanted for key, words in titles.items() if wanted and wanted <= words}
-    one_sided = {key: others for key, others in fitting.items() if not others & _SIDES}
+    matches = {key: words - query for key, words in titles.items() if query and query <= words}
+    one_sided = {key: others for key, others in matches.items() if not others & _SIDES}
     if one_sided:
         key = min(one_sided, key=lambda key: (len(one_sided[key]), _order(key)))
         return character.feature_points[key]
-    if fitting:
-        least = min(len(others) for others in fitting.values())
+    if matches:
+        least = min(len(others) for others in matches.values())
         shown = " or ".join(
-            f"'{character.feature_titles[key]}'" for key, others in fitting.items() if len(others) == least
+            f"'{character.feature_titles[key]}'" for key, others in matches.items() if len(others) == least
         )
         raise FacePoserError(f"'{name}' is ambiguous; choose {shown}.")
     close = difflib.get_close_matches(name, list(character.feature_titles.values()), 1, 0.4)
@@ -49,11 +49,11 @@ def region_vertices(character: Character, name: str) -> NDArray[np.int32]:
     Raises:
         FacePoserError: If no region matches.
     """
-    wanted = _words(name)
+    query = _words(name)
     found = [
         ids
         for key, ids in character.regions.items()
-        if wanted and _words(key) - wanted <= _SIDES - wanted and wanted <= _words(key)
+        if query and _words(key) - query <= _SIDES - query and query <= _words(key)
     ]
     if not found:
         available = ", ".join(sorted(character.regions)) or "none"

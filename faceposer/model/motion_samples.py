@@ -84,7 +84,8 @@ def sample_motion(character: Character, density: RigDensity) -> MotionSamples:
 def largest_motions(character: Character, rows: NDArray[np.intp]) -> Array:
     """Return the largest displacement of any vertex by each of the shapes ``rows``, in centimetres, shape (W,).
 
-    Eyeballs count, so that a gaze shape, which takes the lids along, is not mistaken for the target of a pull on a lid.
+    Eyeballs count, so that a gaze shape, which moves the lids as well, is not mistaken for the target of a pull on a
+    lid.
     """
     offsets = character.shapes[rows]
     squares = np.einsum("snd,snd->sn", offsets, offsets)

@@ -31,9 +31,9 @@ _GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("tongue", ("tongue",)),
     ("lips", ("mouth", "cheekPuff")),
 )
-#: Co-contractions on the same side: a shape, the shape that follows it, and by how much per unit. These are the
-#: orbicularis oculi in a felt smile (Ekman,
-#: Davidson and Friesen 1990: action units 6 and 12 together), the levator of the upper lid with the frontalis.
+#: Co-contractions on the same side: a shape, the shape that follows it, and its weight per unit. The orbicularis oculi
+#: contracts in a felt smile (Ekman, Davidson and Friesen 1990: action units 6 and 12 together), and the levator of the
+#: upper lid with the frontalis.
 CO_CONTRACTIONS: tuple[tuple[str, str, float], ...] = (
     ("mouthSmile", "cheekSquint", 0.75),
     ("mouthSmile", "eyeSquint", 0.35),

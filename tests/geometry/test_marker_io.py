@@ -161,7 +161,7 @@ def test_bad_tables_are_refused_by_place(tmp_path: Path) -> None:
         r"no column A\.z": "A.x,A.y\n1,2\n",
         r"Line 1 of .* has two columns named A\.x": "A.x,A.y,A.z,A.x\n1,2,3,4\n",
         "Line 3 of .* has 2 values instead of 3": "A.x,A.y,A.z\n1,2,3\n1,2\n",
-        "Line 2 of .* has 4 values, 3 are needed": "A.x,A.y,A.z\n1,2,3,4\n",
+        "Line 2 of .* has 4 values instead of 3": "A.x,A.y,A.z\n1,2,3,4\n",
         r"Line 2 of .* has 'up' in column A\.y": "A.x,A.y,A.z\n1,up,3\n",
         r"Line 2 of .* has 'inf' in column A\.y": "A.x,A.y,A.z\n1,inf,3\n",
         "has no frames below its header": "A.x,A.y,A.z\n\n",

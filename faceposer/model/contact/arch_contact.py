@@ -30,7 +30,7 @@ _FADES, _FADED, _LEVEL_FADES, _LEVEL_FADED = 0.06, 0.12, 0.04, 0.08
 # The same: spacing of the control points, largest neutral gap of skin that may touch the teeth, largest distance of
 # vertices with neighbours that may be deeper, start and margin of pushes.
 _SPACING, _TOUCHES, _NEAR, _START, _MARGIN = 0.022, 0.12, 0.01, 0.0001, 0.001
-# A vertex is also near only within this share of its longest edge.
+# Near vertices are also within this share of their longest edge.
 _STRETCHED = 0.6
 # Number of columns and rows of the blocks of the coarse test.
 _BLOCK = 4

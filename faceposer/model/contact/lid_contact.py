@@ -140,20 +140,20 @@ class LidContact:
     def apply(self, vertices: Singles) -> Iterator[Displacement]:
         """Correct the pose ``vertices``, shape (N, 3), in place."""
         balls = self._balls
-        linear, centres, look = balls.motion_of(vertices.take(balls.witnesses, axis=0))
-        looks = bool(look.any())
+        linear, centres, moving = balls.motion_of(vertices.take(balls.witnesses, axis=0))
+        eyes_move = bool(moving.any())
         if self._turning is not None:
-            yield from self._turning.apply(vertices, centres, looks)
+            yield from self._turning.apply(vertices, centres, eyes_move)
         places = vertices.take(self._samples.ids, axis=0)
-        if not looks and np.array_equal(places, self._at_rest):
+        if not eyes_move and np.array_equal(places, self._at_rest):
             return
         back: Array = np.asarray(np.linalg.inv(linear), dtype=np.float64)
         rows = np.ascontiguousarray(places.T)
         turns, shifts = back.astype(np.float32), -np.einsum("eij,ej->ei", back, centres).astype(np.float32)
         near = self._may_touch(rows, turns, shifts)
-        if not look.all():
+        if not moving.all():
             moved = (places.take(near, axis=0) != self._at_rest.take(near, axis=0)).any(axis=1)
-            near = near[moved | look.take(self._eye_of_sample.take(near))]
+            near = near[moved | moving.take(self._eye_of_sample.take(near))]
         if not len(near):
             return
 

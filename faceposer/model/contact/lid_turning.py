@@ -68,18 +68,18 @@ class Turning:
         )
         self._at_rest = character.vertices[self._vertices]
 
-    def apply(self, vertices: Singles, centres: Array, looks: bool) -> Iterator[Displacement]:
+    def apply(self, vertices: Singles, centres: Array, eyes_move: bool) -> Iterator[Displacement]:
         """Turn the lids of the pose ``vertices``, (N, 3), in place.
 
         Args:
             vertices: Posed vertices, shape (N, 3).
             centres: Centres of the eyes, shape (E, 3).
-            looks: True if an eye moves; otherwise lids at rest are skipped.
+            eyes_move: True if an eye moves; otherwise lids at rest are skipped.
         """
         centres_of_vertices = centres.take(self._eye_of_vertex, axis=0)
         for shares in self._shares:
             places = vertices.take(self._vertices, axis=0)
-            if not looks and np.array_equal(places, self._at_rest):
+            if not eyes_move and np.array_equal(places, self._at_rest):
                 return
             overlaps = self._overlaps(places - centres_of_vertices)
             if overlaps.max(initial=0.0) <= 0.0:
