@@ -33,7 +33,7 @@ _MAX_FILE_BYTES = 1 << 30
 
 @dataclass(frozen=True)
 class _Source:
-    """A file with the frames ``first`` to ``first + count - 1`` of a sequence."""
+    """A file with the frames ``first`` to ``first + count - 1``; a compressed one can only be read in order."""
 
     path: Path
     first: int

@@ -1,7 +1,7 @@
 """Strengths of the expression lines of a posed face, measured on its surface, however it was posed.
 
 Skin folds where it is compressed across its lines. Strain gauges are placed across them: pairs a and b of small patches
-of skin, with centres that are Gaussian averages of vertices. A gauge measures the relative change of their distance,
+of skin, with centres that are Gaussian averages of vertices. A gauge measures its relative shortening,
 
     e = 1 - |b - a| / |b₀ - a₀|,
 
