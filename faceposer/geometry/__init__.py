@@ -1,1 +1,1 @@
-"""Meshes, cameras and picking: geometry that knows nothing of faces."""
+"""Meshes, cameras, picking and file formats: geometry independent of face models."""

@@ -1,4 +1,4 @@
-"""Rotations, translations and scales that lay one set of points on another, in the least-squares sense."""
+"""Least-squares alignment of point sets by rotation, translation and scale."""
 
 from dataclasses import dataclass
 
@@ -7,18 +7,18 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-# Points whose extent across their longest direction is below this share of it lie on a line.
-_ON_A_LINE = 1e-6
+# Points are collinear if their second extent is below this share of the largest.
+_COLLINEAR = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Similarity:
-    """A turn, a scale and a shift, y = scale · rotation x + translation, or a batch of them.
+    """A similarity transform y = scale · rotation x + translation, or a batch of them.
 
     Attributes:
         rotation: Proper rotations (determinant 1), shape (..., 3, 3).
-        translation: Shape (..., 3).
-        scale: Shape (...,); 1 for a rigid motion.
+        translation: Translations, shape (..., 3).
+        scale: Scales, shape (...,); 1 for rigid motions.
     """
 
     rotation: Array
@@ -26,63 +26,67 @@ class Similarity:
     scale: Array
 
     def apply(self, points: ArrayLike) -> Array:
-        """Return ``points``, (..., M, 3), moved; one set is moved by each of a batch, and a batch one by one."""
+        """Return the transformed ``points``, (..., M, 3); batch dimensions broadcast."""
         return self.apply_to_directions(points) + self.translation[..., None, :]
 
     def apply_to_directions(self, directions: ArrayLike) -> Array:
-        """Return differences between points, (..., M, 3), turned and scaled but not shifted."""
+        """Return the rotated and scaled ``directions``, (..., M, 3), without translation."""
         turned: Array = np.asarray(directions, dtype=np.float64) @ np.swapaxes(self.rotation, -1, -2)
         return self.scale[..., None, None] * turned
 
     def inverse(self) -> "Similarity":
-        """Return what takes everything back."""
+        """Return the inverse transform."""
         rotation = np.swapaxes(self.rotation, -1, -2)
         scale = 1.0 / self.scale
         return Similarity(rotation, -scale[..., None] * (rotation @ self.translation[..., None])[..., 0], scale)
 
 
 def determines_rotation(points: ArrayLike, weights: ArrayLike | None = None) -> NDArray[np.bool_]:
-    """Return whether sets of ``points``, (..., M, 3), tell a rotation: three that are not on a line, shape (...,).
+    """Test whether sets of ``points``, (..., M, 3), determine a rotation: three points that are not collinear.
 
-    Points without weight, or with a coordinate that is not finite, do not count.
+    Points without weight, or with a coordinate that is not finite, are ignored.
+
+    Returns:
+        A mask of shape (...,).
     """
     given = np.asarray(points, dtype=np.float64)
-    seen, counted = _seen(given, _as_weights(weights, given.shape[:-1]))
-    centred = (seen - _centre(seen, counted)[..., None, :]) * np.sqrt(counted)[..., None]
-    # The singular values of the points are the square roots of these; M x M and 3 x 3 have the same.
+    known, w = _without_missing(given, _as_weights(weights, given.shape[:-1]))
+    centred = (known - _centre(known, w)[..., None, :]) * np.sqrt(w)[..., None]
+    # The extents are singular values, from the eigenvalues of a 3 x 3 matrix.
     extents = np.sqrt(np.maximum(np.linalg.eigvalsh(np.swapaxes(centred, -1, -2) @ centred), 0.0))
-    told: NDArray[np.bool_] = extents[..., 1] > _ON_A_LINE * np.maximum(extents[..., 2], np.finfo(float).tiny)
-    return told
+    largest = np.maximum(extents[..., 2], np.finfo(float).tiny)
+    determined: NDArray[np.bool_] = extents[..., 1] > _COLLINEAR * largest
+    return determined
 
 
 def rigid_alignment(
     source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None, scale: bool = False
 ) -> Similarity:
-    """Return the motion that takes ``source`` nearest to ``target``: the least Σ w ‖y - s R x - t‖².
+    """Return the transform of ``source`` that minimises Σ w ‖y - s R x - t‖² to ``target``.
 
-    The closed form by a singular value decomposition, with the sign of the last singular vector chosen such that the
-    result never mirrors (Kabsch 1976; Umeyama, "Least-squares estimation of transformation parameters between two point
+    The closed-form solution by singular value decomposition, with the sign of the last singular vector chosen to
+    exclude reflections (Kabsch 1976; Umeyama, "Least-squares estimation of transformation parameters between two point
     patterns", PAMI 13, 1991, eqs. 34-43).
 
     Args:
-        source: Points, shape (..., M, 3); leading dimensions, as of ``target``, are a batch and broadcast.
-        target: Where they should be, shape (..., M, 3), in the same order.
-        weights: Of the points, shape (..., M), not negative; all count alike by default. Points with a coordinate that
-            is not finite in either set have no weight, so that missing markers may be left as NaN.
-        scale: Whether the size may change too.
+        source: Points x, shape (..., M, 3); leading dimensions, also of ``target``, are batches and broadcast.
+        target: Corresponding points y, shape (..., M, 3).
+        weights: Nonnegative weights w of the points, shape (..., M); equal by default. Points with a coordinate that is
+            not finite in either set get no weight, so that missing markers may be NaN.
+        scale: True to estimate the scale s; otherwise it is 1.
 
     Raises:
-        ValueError: If the shapes do not fit, a weight is negative or not finite, or in some set of the batch fewer than
-            three points that are not on a line are left, so that no rotation is determined.
+        ValueError: If the shapes do not match, a weight is negative or not finite, or a set of the batch does not have
+            three points that are not collinear, so that the rotation is undetermined.
     """
     x, y = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if x.ndim < 2 or x.shape[-1] != 3 or x.shape[-2:] != y.shape[-2:]:
         raise ValueError(f"source and target must both be (..., M, 3), not {x.shape} and {y.shape}")
     x, y = np.broadcast_arrays(x, y)
-    x, w = _seen(x, _as_weights(weights, x.shape[:-1]))
-    y, w = _seen(y, w)
+    x, w = _without_missing(x, _as_weights(weights, x.shape[:-1]))
+    y, w = _without_missing(y, w)
     if not (determines_rotation(x, w) & determines_rotation(y, w)).all():
-        raise ValueError("at least three points that are not on a line are needed to align two sets")
+        raise ValueError("aligning two sets requires at least three points that are not on a line")
 
     w = w / w.sum(axis=-1, keepdims=True)
     x_centre, y_centre = _centre(x, w), _centre(y, w)
@@ -107,8 +111,8 @@ def _as_weights(weights: ArrayLike | None, shape: tuple[int, ...]) -> Array:
     return np.broadcast_to(given, np.broadcast_shapes(given.shape, shape))
 
 
-def _seen(points: Array, weights: Array) -> tuple[Array, Array]:
-    """Return the points with zeros, and no weight, where a coordinate is not finite."""
+def _without_missing(points: Array, weights: Array) -> tuple[Array, Array]:
+    """Return points and weights, both 0 for points with a coordinate that is not finite."""
     finite = np.asarray(np.isfinite(points).all(axis=-1))
     return np.where(finite[..., None], points, 0.0), np.where(finite, weights, 0.0)
 

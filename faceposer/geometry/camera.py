@@ -1,8 +1,8 @@
-"""The pinhole camera that drawing, picking and solving share, and the orbit around a face that artists steer.
+"""The pinhole camera used for drawing, picking and solving, and the orbit view of the window.
 
 Camera space has x to the right, y down and z forward; pixels have their origin at the top left. This is the paper's
-projection (Lau et al. 2009, eqs. (4) and (5)) with one focal length in pixels, so that a window that is not square does
-not stretch the picture.
+projection (Lau et al. 2009, eqs. (4) and (5)) with a single focal length in pixels, so that windows that are not square
+do not stretch the image.
 """
 
 import math
@@ -19,7 +19,7 @@ from faceposer.geometry.alignment import Similarity
 Array = NDArray[np.float64]
 ViewName = Literal["front", "back", "left", "right", "three-quarter", "top", "bottom"]
 
-# Yaw turns the camera towards the character's left (+x), pitch raises it; degrees.
+# Yaw, towards the character's left (+x), and pitch, upwards, of the camera in degrees.
 VIEW_ANGLES: dict[str, tuple[float, float]] = {
     "front": (0.0, 0.0),
     "back": (180.0, 0.0),
@@ -35,15 +35,15 @@ _NEAREST = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole camera: u = focal x / z + width / 2 + shift and v likewise with y and height, in camera space.
+    """A pinhole camera: u = focal x / z + width / 2 + shift in camera space, and v likewise with y and height.
 
     Attributes:
-        rotation: World to camera, orthonormal, shape (3, 3).
-        translation: Added after the rotation, in the unit of the mesh, shape (3,).
+        rotation: Rotation from world to camera, shape (3, 3).
+        translation: Translation after the rotation, in the unit of the mesh, shape (3,).
         focal: Focal length in pixels.
-        size: Width and height of the picture in pixels.
-        shift: From the middle of the picture to where the optical axis meets it, in pixels: a view that shows part of a
-            photo has its middle elsewhere.
+        size: Width and height of the image in pixels.
+        shift: Offset of the principal point from the middle of the image, in pixels; not zero in views of a part of a
+            photo.
     """
 
     rotation: Array
@@ -86,11 +86,11 @@ class Camera:
 
     @property
     def principal_point(self) -> Array:
-        """The pixel that the optical axis meets, shape (2,)."""
+        """The pixel on the optical axis, shape (2,)."""
         return np.array([self.size[0] / 2.0 + self.shift[0], self.size[1] / 2.0 + self.shift[1]])
 
     def following(self, frame: Similarity) -> "Camera":
-        """Return the camera that sees what ``frame`` moves just where this one sees it before it is moved."""
+        """Return the camera moved along with ``frame``: it projects moved points to the pixels of the unmoved ones."""
         if float(frame.scale) == 1.0 and not frame.translation.any() and np.array_equal(frame.rotation, np.eye(3)):
             return self
         rotation = self.rotation @ frame.rotation.T
@@ -109,7 +109,7 @@ class Camera:
         return self.focal * local[:, :2] / depth + self.principal_point
 
     def project_with_jacobian(self, points: ArrayLike) -> tuple[Array, Array]:
-        """Return pixels and their derivatives by the world points (paper, eq. (23)).
+        """Return pixels and their derivatives with respect to the world points (paper, eq. (23)).
 
         Args:
             points: World positions, shape (n, 3).
@@ -133,10 +133,10 @@ class Camera:
         return self.center, direction / np.linalg.norm(direction)
 
     def transferred(self, pixel: Sequence[float] | Array, other: "Camera") -> tuple[float, float] | None:
-        """Return where ``other`` shows what this camera shows at ``pixel``, or None unless both stand in one place.
+        """Return the pixel in ``other`` that corresponds to ``pixel``, or None if their viewpoints differ.
 
-        Cameras of one view in windows of different sizes, or that show another part of one photo, differ only by scale
-        and by where the optical axis meets the picture.
+        Cameras of the same view in windows of different sizes, or of different parts of a photo, differ only in scale
+        and principal point.
         """
         if not self.same_viewpoint(other):
             return None
@@ -145,28 +145,28 @@ class Camera:
         return (u, v)
 
     def same_viewpoint(self, other: "Camera") -> bool:
-        """Whether both look from one place in one direction, however large their pictures are."""
-        # A view that was written to a file and taken up again differs in the last digits.
+        """Return True if both cameras have the same position and orientation, regardless of their image sizes."""
+        # A view restored from a file differs in the last digits.
         turned = np.abs(self.rotation - other.rotation).max()
         moved = np.abs(self.translation - other.translation).max()
         return bool(turned <= 1e-9 and moved <= 1e-7)
 
     def resized(self, size: tuple[int, int]) -> "Camera":
-        """Return the camera for another picture size with the same vertical framing."""
+        """Return the camera for another image size with the same vertical framing."""
         scale = size[1] / self.size[1]
         return replace(self, focal=self.focal * scale, size=size, shift=(self.shift[0] * scale, self.shift[1] * scale))
 
 
 @dataclass(frozen=True)
 class OrbitView:
-    """A view that circles a target, as artists steer it.
+    """A view that orbits a target.
 
     Attributes:
-        target: The point looked at, in the unit of the mesh.
-        yaw: Turn of the camera towards the character's left, radians.
-        pitch: Rise of the camera, radians, kept within 89 degrees.
-        distance: From the camera to the target, in the unit of the mesh.
-        fov_y: Vertical field of view, radians.
+        target: Point at the centre of the view, in the unit of the mesh.
+        yaw: Turn of the camera towards the character's left, in radians.
+        pitch: Elevation of the camera, in radians, limited to 89 degrees.
+        distance: Distance from the camera to the target, in the unit of the mesh.
+        fov_y: Vertical field of view, in radians.
     """
 
     target: tuple[float, float, float]
@@ -186,16 +186,16 @@ class OrbitView:
         """
         low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
         yaw, pitch = (math.radians(angle) for angle in VIEW_ANGLES[name])
-        # The nearest face of the box must fit, not only its middle plane.
+        # The nearest face of the box must fit, not just its middle plane.
         distance = 0.56 * (high[1] - low[1]) / math.tan(fov_y / 2.0) + 0.5 * (high[2] - low[2])
         x, y, z = (low + high) / 2.0
         return cls((float(x), float(y), float(z)), yaw, pitch, float(distance), fov_y)
 
     @classmethod
     def of_camera(cls, camera: Camera, near: ArrayLike) -> "OrbitView":
-        """Return the view that sees what ``camera`` sees, circling what lies before it at the depth of ``near``, (3,).
+        """Return the view equal to ``camera`` that orbits the point in front of it at the depth of ``near``, (3,).
 
-        A roll of the camera and a pitch beyond 89 degrees, which no orbit makes, are lost.
+        A roll of the camera and a pitch beyond 89 degrees, which orbits do not have, are lost.
         """
         right, _, forward = camera.rotation
         pitch = math.asin(min(max(-forward[1], -1.0), 1.0))
@@ -210,7 +210,7 @@ class OrbitView:
         )
 
     def looking(self, name: str) -> "OrbitView":
-        """Return this view turned to the direction ``name``, target and distance kept."""
+        """Return the view from the direction ``name`` with the same target and distance."""
         yaw, pitch = (math.radians(angle) for angle in VIEW_ANGLES[name])
         return replace(self, yaw=yaw, pitch=pitch)
 
@@ -227,25 +227,25 @@ class OrbitView:
         return np.stack([right, np.cross(forward, right), forward])
 
     def camera(self, size: tuple[int, int]) -> Camera:
-        """Return the pinhole camera of this view for a picture of ``size`` pixels."""
+        """Return the pinhole camera of this view for an image of ``size`` pixels."""
         rotation = self._axes()
         center = np.asarray(self.target) - self.distance * rotation[2]
         focal = 0.5 * max(size[1], 1) / math.tan(self.fov_y / 2.0)
         return Camera(rotation, -rotation @ center, focal, size)
 
     def orbited(self, dx: float, dy: float, size: tuple[int, int]) -> "OrbitView":
-        """Return the view after a drag of (dx, dy) pixels; a drag over the picture's height turns by 180 degrees."""
+        """Return the view after a drag by (dx, dy) pixels; a drag over the image's height turns it by 180 degrees."""
         speed = math.pi / max(size[1], 1)
         pitch = min(max(self.pitch + dy * speed, -_MAX_PITCH), _MAX_PITCH)
         return replace(self, yaw=math.remainder(self.yaw - dx * speed, 2.0 * math.pi), pitch=pitch)
 
     def panned(self, dx: float, dy: float, size: tuple[int, int]) -> "OrbitView":
-        """Return the view after a pan in which what lies at the target's depth follows the pointer."""
+        """Return the view after a pan by (dx, dy) pixels, in which points at the target's depth follow the pointer."""
         per_pixel = 2.0 * self.distance * math.tan(self.fov_y / 2.0) / max(size[1], 1)
         right, down, _ = self._axes()
         x, y, z = np.asarray(self.target) - (dx * right + dy * down) * per_pixel
         return replace(self, target=(float(x), float(y), float(z)))
 
     def zoomed(self, factor: float, limits: tuple[float, float] = (5.0, 1000.0)) -> "OrbitView":
-        """Return the view with what lies at the target drawn ``factor`` times as large, within distance ``limits``."""
+        """Return the view magnified by ``factor`` at the target, with the distance kept within ``limits``."""
         return replace(self, distance=min(max(self.distance / factor, limits[0]), limits[1]))

@@ -1,4 +1,4 @@
-"""Relaxed curves through given points: cubic Bezier pieces whose bending ends at zero (paper, section 4.4)."""
+"""Relaxed (natural) cubic Bezier curves through given points (paper, section 4.4)."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,9 +10,9 @@ Array = NDArray[np.float64]
 def relaxed_bezier(points: ArrayLike) -> Array:
     """Return the Bezier control points, shape (n - 1, 4, 2), of the relaxed curve through ``points``, shape (n, 2).
 
-    First and second derivatives agree where two pieces meet, and the second derivative is zero at both ends. The
-    interior B-spline points solve the paper's eq. (14): a tridiagonal system (1, 4, 1) with the right-hand side 6 S,
-    less the end points in its first and last row. Two points give a straight line.
+    First and second derivatives are continuous, and the second derivative is zero at both ends. The interior B-spline
+    points solve the paper's eq. (14), a tridiagonal system (1, 4, 1) with the right-hand side 6 S, less the end points
+    in its first and last row. Two points give a straight line.
 
     Raises:
         ValueError: If there are fewer than two points.
@@ -30,7 +30,7 @@ def relaxed_bezier(points: ArrayLike) -> Array:
         spline[1:-1] = solve_banded((1, 1), bands, right)
     pieces = np.empty((count - 1, 4, 2))
     pieces[:, 0], pieces[:, 3] = through[:-1], through[1:]
-    # Each side of the B-spline's polygon is cut into thirds.
+    # The Bezier points divide each edge of the B-spline's control polygon into thirds.
     pieces[:, 1] = (2.0 * spline[:-1] + spline[1:]) / 3.0
     pieces[:, 2] = (spline[:-1] + 2.0 * spline[1:]) / 3.0
     return pieces
@@ -41,7 +41,7 @@ def curve_at(pieces: Array, parameters: ArrayLike) -> tuple[Array, Array]:
 
     Args:
         pieces: Bezier control points, shape (n, 4, 2).
-        parameters: From 0 to n; whole numbers are the ends of the pieces.
+        parameters: Parameters from 0 to n; integers are the ends of the pieces.
     """
     at = np.clip(np.asarray(parameters, dtype=np.float64), 0.0, len(pieces))
     index = np.minimum(at.astype(np.intp), len(pieces) - 1)
@@ -54,12 +54,12 @@ def curve_at(pieces: Array, parameters: ArrayLike) -> tuple[Array, Array]:
 
 
 def even_parameters(n_pieces: int, per_piece: int) -> Array:
-    """Return parameters that cut each of ``n_pieces`` into ``per_piece`` parts, shape (n_pieces * per_piece + 1,)."""
+    """Return parameters that divide each of ``n_pieces`` into ``per_piece`` parts, (n_pieces * per_piece + 1,)."""
     return np.linspace(0.0, n_pieces, n_pieces * per_piece + 1)
 
 
 def nearest_parameter(pieces: Array, point: ArrayLike, per_piece: int = 32) -> tuple[float, float]:
-    """Return the parameter at which the curve passes nearest to ``point``, shape (2,), and how far away it is then."""
+    """Return the parameter of the sample of the curve nearest to ``point``, shape (2,), and its distance."""
     parameters = even_parameters(len(pieces), per_piece)
     positions, _ = curve_at(pieces, parameters)
     distances = np.hypot(*(positions - np.asarray(point, dtype=np.float64)).T)

@@ -1,8 +1,8 @@
-"""A surface that follows handles: the smoothest displacement that takes each of them where it should be.
+"""Deformation of a surface by handles: the smoothest displacement that interpolates them.
 
 Linear variational deformation (Botsch and Sorkine, "On linear variational surface deformation methods", TVCG 14, 2008,
-section 3): of all displacements that interpolate the handles, the one that bends and stretches the surface least, by
-the integrals of its squared Laplacian and gradient. It knows the surface, not space: lips part although they touch.
+section 3): of all displacements that interpolate the handles, the one with the least bending and stretching, the
+integrals of its squared Laplacian and gradient. It acts along the surface, so that touching lips can part.
 """
 
 import numpy as np
@@ -15,26 +15,26 @@ from faceposer.geometry.picking import SurfacePoints
 
 Array = NDArray[np.float64]
 
-# Cotangents of angles below three degrees tell of slivers, not of the surface.
+# Cotangents of angles below three degrees are limited, as they belong to slivers.
 _LARGEST_COTANGENT = 20.0
 _SMALLEST_WEIGHT = 1e-3
 _SMALLEST_AREA = 1e-3
-# Share of the box's diagonal that the surface follows beyond the outermost handles, and how stiff it is against
-# stretching over that distance: measured, see docs/training.md.
+# Default reach as a share of the diagonal of the handles' bounding box, and stiffness against stretching over that
+# distance; see the measurements in docs/training.md.
 _REACH = 1.0 / 6.0
 _STRETCHING = 8.0
 
 
 class MarkerDeformer:
-    """Deforms one surface by handles, for any number of frames.
+    """Deformation of a surface by handles, for any number of frames.
 
-    The displacements of all vertices are linear in those of the handles. The system is factorised once, and solved once
-    for each handle; after that a frame is one product of an (N, H) matrix.
+    The displacements of all vertices are linear in those of the handles. The system is factorised once and solved once
+    per handle; each frame is then a product with an (N, H) matrix.
 
     Attributes:
         weights: Displacement of each vertex per displacement of each handle, shape (N, H).
-        places: Where the handles are at rest, shape (H, 3).
-        n_handles: Number H.
+        places: Positions of the handles at rest, shape (H, 3).
+        n_handles: Number H of handles.
     """
 
     def __init__(
@@ -44,20 +44,21 @@ class MarkerDeformer:
         handles: SurfacePoints | ArrayLike,
         reach: float | None = None,
     ) -> None:
-        """Prepare a surface.
+        """Factorise the system of a surface.
 
-        Vertices at the same place, as meshes have along the seams of their texture, move as one. Pieces of the surface
-        without a handle stay.
+        Vertices at the same position, as along texture seams, move together. Components of the surface without a handle
+        do not move.
 
         Args:
-            vertices: Shape (N, 3).
-            triangles: Shape (T, 3).
-            handles: H places on the surface, or vertex ids, shape (H,).
-            reach: Vertices farther than this from every handle, along edges, stay. By default a sixth of the diagonal
-                of the box around all handles, or more where they are far apart; infinite lets everything move.
+            vertices: Positions at rest, shape (N, 3).
+            triangles: Vertex ids, shape (T, 3).
+            handles: H points on the surface, or vertex ids, shape (H,).
+            reach: Distance along edges from the nearest handle beyond which vertices do not move; unlimited if
+                infinite. By default, a sixth of the diagonal of the handles' bounding box, or more if they are far
+                apart.
 
         Raises:
-            ValueError: If there is no handle, or one is not on the surface, or two are at the same place.
+            ValueError: If there is no handle, a handle is not on the surface, or two are at the same place.
         """
         points = handles if isinstance(handles, SurfacePoints) else SurfacePoints.at_vertices(np.asarray(handles))
         self._vertices = np.asarray(vertices, dtype=np.float64)
@@ -65,8 +66,8 @@ class MarkerDeformer:
         nodes, node_of = np.unique(self._vertices, axis=0, return_inverse=True)
         node_of = node_of.reshape(-1)
         faces = node_of[np.asarray(triangles)]
-        whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-        faces = faces[whole]
+        proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+        faces = faces[proper]
 
         self.n_handles = len(corners)
         self.places: Array = np.einsum("hc,hck->hk", weights, self._vertices[corners])
@@ -85,12 +86,12 @@ class MarkerDeformer:
         self.weights = self.weights[node_of]
 
     def complete(self, displacements: ArrayLike) -> Array:
-        """Return the handles' ``displacements``, (..., H, 3), with NaN replaced by what the others make of these.
+        """Return the handles' ``displacements``, (..., H, 3), with NaN inferred from the other handles.
 
-        A handle that is missing is free: it goes where the surface goes that the others pull.
+        A missing handle moves freely with the surface that the others deform.
 
         Raises:
-            ValueError: If the shape does not fit, or all handles are missing at once.
+            ValueError: If the shape does not match, or all handles of a frame are missing.
         """
         filled = np.array(displacements, dtype=np.float64)
         if filled.shape[-2:] != (self.n_handles, 3):
@@ -107,16 +108,16 @@ class MarkerDeformer:
         return filled
 
     def displaced(self, displacements: ArrayLike) -> Array:
-        """Return the vertices, (..., N, 3), for ``displacements`` of the handles, (..., H, 3), NaN where unknown."""
+        """Return the vertices, (..., N, 3), for ``displacements`` of the handles, (..., H, 3), NaN if unknown."""
         filled = self.complete(displacements)
         frames = filled.reshape(-1, self.n_handles, 3)
-        # One product of large matrices is several times faster than one per frame with three columns.
+        # A single product of large matrices is several times faster than one per frame with three columns.
         moved = self.weights @ np.moveaxis(frames, 1, 0).reshape(self.n_handles, -1)
         vertices = np.moveaxis(moved.reshape(len(self.weights), len(frames), 3), 1, 0) + self._vertices
         return vertices.reshape(*filled.shape[:-2], -1, 3)
 
     def __call__(self, targets: ArrayLike) -> Array:
-        """Return the vertices, (..., N, 3), with the handles at ``targets``, (..., H, 3), NaN where unknown."""
+        """Return the vertices, (..., N, 3), with the handles at ``targets``, (..., H, 3), NaN if unknown."""
         return self.displaced(np.asarray(targets, dtype=np.float64) - self.places)
 
 
@@ -125,7 +126,7 @@ def _corners(points: SurfacePoints, triangles: Ints, n_vertices: int) -> tuple[N
     if not len(faces):
         raise ValueError("at least one handle is needed")
     if faces.max() >= len(triangles) or (-1 - faces.min()) >= n_vertices:
-        raise ValueError("a handle is on no triangle and no vertex of the surface")
+        raise ValueError("a handle refers to a triangle or vertex that does not exist")
     is_vertex = faces < 0
     corners = np.empty((len(faces), 3), dtype=np.intp)
     corners[is_vertex] = -1 - faces[is_vertex, None]
@@ -134,7 +135,7 @@ def _corners(points: SurfacePoints, triangles: Ints, n_vertices: int) -> tuple[N
 
 
 def _distances(nodes: Array, faces: Ints, sources: Ints) -> Array:
-    """Return the length of the shortest way along edges to any of the ``sources``, infinite where there is none."""
+    """Return the length of the shortest path along edges to any of the ``sources``, infinite if there is none."""
     edges = np.unique(np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1), axis=0)
     lengths = np.linalg.norm(nodes[edges[:, 0]] - nodes[edges[:, 1]], axis=1)
     graph = sparse.csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(nodes), len(nodes)))
@@ -143,7 +144,7 @@ def _distances(nodes: Array, faces: Ints, sources: Ints) -> Array:
 
 
 def _default_reach(places: Array) -> float:
-    """Return a share of the handles' extent, but so much that they share the surface between them."""
+    """Return a share of the handles' extent, but at least their median spacing."""
     if len(places) == 1:
         return np.inf
     between = np.linalg.norm(places[:, None] - places[None], axis=2)
@@ -168,7 +169,7 @@ def _energy(nodes: Array, faces: Ints, stretching: float) -> sparse.csr_array:
         areas += np.bincount(at, twice_area / 6.0, minlength=n)
     graph = sparse.coo_array((weights, (ends[:, 0], ends[:, 1])), shape=(n, n)).tocsr()
     graph = (graph + graph.T).tocsr()
-    # Negative weights, of edges between obtuse corners, would let the field oscillate.
+    # Negative weights, of edges opposite to obtuse angles, would cause oscillations.
     graph.data = np.maximum(graph.data, _SMALLEST_WEIGHT)
     laplacian = sparse.dia_array((graph.sum(axis=1)[None, :], [0]), shape=(n, n)).tocsr() - graph
     used = areas > 0.0
@@ -178,10 +179,10 @@ def _energy(nodes: Array, faces: Ints, stretching: float) -> sparse.csr_array:
 
 
 def _responses(energy: sparse.csr_array, select: sparse.csr_array) -> tuple[Array, Array]:
-    """Return the fields of least ``energy`` for one handle at a time, (n, H), and the energy over handles, (H, H).
+    """Return the fields of least ``energy`` per unit of each handle, (n, H), and the energy over handles, (H, H).
 
-    With A = energy + w S'S the least energy under S x = d is at x = A^-1 S' (S A^-1 S')^-1 d, whatever w is: the
-    handles add the same to all candidates. A is positive definite, which the energy alone is not.
+    With A = energy + w S'S, the least energy subject to S x = d is at x = A^-1 S' (S A^-1 S')^-1 d for any w, since the
+    added term is constant under the constraint. A is positive definite, unlike the energy alone.
     """
     stiff = float(energy.diagonal().mean())
     system = (energy + stiff * (select.T @ select)).tocsc()

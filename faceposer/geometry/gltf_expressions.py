@@ -1,6 +1,6 @@
-"""The expressions of VRM avatars: named blends of a glTF file's morph targets.
+"""Expressions of VRM avatars: named blends of morph targets in a glTF file.
 
-Avatars for "perfect sync" have ARKit's shapes among them. Sources: VRMC_vrm-1.0 (expressions.md) and VRM 0.x
+Avatars for "perfect sync" include ARKit's shapes. Sources: VRMC_vrm-1.0 (expressions.md) and VRM 0.x
 (blendShapeMaster).
 """
 
@@ -13,13 +13,13 @@ from faceposer.geometry.gltf_file import GltfFile, GltfObject, clean_name
 
 @dataclass(frozen=True)
 class Bind:
-    """One morph target's part in an expression.
+    """The contribution of a morph target to an expression.
 
     Attributes:
-        holder: "nodes" or "meshes", which of the two ``index`` counts.
-        index: Of the node or mesh with the target.
-        target: Number of the target.
-        weight: What it counts, usually 0..1.
+        holder: "nodes" or "meshes", the list that ``index`` refers to.
+        index: Index of the node or mesh with the target.
+        target: Index of the target.
+        weight: Weight of the target, usually from 0 to 1.
     """
 
     holder: str
@@ -29,9 +29,9 @@ class Bind:
 
 
 def read_expressions(file: GltfFile) -> dict[str, list[Bind]]:
-    """Return the morph targets of each expression by its name; none for what is no avatar.
+    """Return the morph targets of each expression by name; empty for files without an avatar.
 
-    An expression that refers to what is not there is left out, as one without morph targets is.
+    Expressions without morph targets, or with references to missing objects, are left out.
     """
     clips: list[tuple[str, GltfObject]] = []
     extensions = file.root.child("extensions")
@@ -61,9 +61,9 @@ def _bind(file: GltfFile, bind: GltfObject, holder: str, key: str, whole: float)
 
 
 def spelling_key(name: str) -> str:
-    """Return what is the same for spellings of one shape: the last part, without case, separators, or length of sides.
+    """Return a key common to all spellings of a shape: the last part in lower case, with sides as l and r.
 
-    An avatar's expression often only repeats a target, as EyeBlinkLeft does eyeBlink_L.
+    An avatar's expression often duplicates a target in another spelling, as EyeBlinkLeft does eyeBlink_L.
     """
     plain = re.sub(r"[\W_]", "", re.split(r"[.:](?=..)", name)[-1].casefold())
     return re.sub(r"(?<=.)(left|right)$", lambda side: side[0][0], plain)

@@ -1,8 +1,8 @@
-"""The container, buffers and accessors of glTF 2.0, read with every count and offset checked before it is used.
+"""The container, buffers and accessors of glTF 2.0; all counts and offsets are checked before use.
 
-Sections named in this package's glTF modules are those of the Khronos glTF 2.0 specification, revision 2.0.1. The JSON
-is kept as it is: of valid files, ready-made object models refuse some (extras may be anything) and take seconds for
-avatars of some thousand accessors.
+Section numbers in the glTF modules of this package refer to the Khronos glTF 2.0 specification, revision 2.0.1. The
+JSON is not converted to objects: existing object models reject some valid files (extras may be anything) and take
+seconds for avatars with thousands of accessors.
 """
 
 import base64
@@ -20,22 +20,23 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 
 _MAX_BYTES = 1 << 30
-#: Entries that an accessor may have without a byte in the file standing behind each.
+#: Limit on the entries of an accessor without data in the file.
 _MAX_UNBACKED = 1_000_000
-#: Numbers in the JSON are smaller, so that products of a few of them are finite.
+#: Bound on numbers in the JSON, which keeps products of a few of them finite.
 _LARGEST = 1e30
 _MAGIC = b"glTF"
 _JSON_CHUNK, _BINARY_CHUNK = 0x4E4F534A, 0x004E4942
-#: Components by type of accessor, and numpy's type by its component type (3.6.2.2).
+#: Number of components by accessor type, and NumPy type by component type (3.6.2.2).
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 
 
 class GltfObject:
-    """A JSON object of the file, with its place in it for what goes wrong.
+    """A JSON object of the file, with its place in the document for error messages.
 
     Attributes:
-        place: Such as "accessors[3]"; empty for the whole.
+        place: Place such as "accessors[3]"; empty for the root.
+        data: The JSON object.
     """
 
     def __init__(self, path: Path, place: str, data: dict[str, Any]) -> None:
@@ -43,40 +44,40 @@ class GltfObject:
         self.place = place
         self.data = data
 
-    def error(self, what: str) -> FacePoserError:
-        """Return the error that ``what`` is wrong here."""
+    def error(self, problem: str) -> FacePoserError:
+        """Return the error that reports the ``problem`` in this object."""
         return FacePoserError(
-            f"The rig '{self._path}' is broken in {self.place or 'its JSON'}: {what}; export it again."
+            f"The rig '{self._path}' is broken in {self.place or 'its JSON'}: {problem}; export it again."
         )
 
     def integer(self, key: str, default: int | None = None, high: int = 1 << 40) -> int:
-        """Return the whole number ``key``, from 0 to ``high``, or ``default`` where it is missing and that is given."""
+        """Return the integer ``key``, from 0 to ``high``, or ``default``, if given, for a missing one."""
         value = self.data.get(key)
         if value is None and default is not None:
             return default
         if isinstance(value, float) and value.is_integer():
             value = int(value)
         if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= high:
-            said = "is missing" if value is None else f"is {str(value)[:40]!r}, no whole number from 0 to {high}"
-            raise self.error(f"'{key}' {said}")
+            reason = "is missing" if value is None else f"is {str(value)[:40]!r}, not an integer from 0 to {high}"
+            raise self.error(f"'{key}' {reason}")
         return value
 
     def text(self, key: str) -> str:
-        """Return the text ``key``, empty where there is none."""
+        """Return the text ``key``, empty if there is none."""
         value = self.data.get(key)
         return value if isinstance(value, str) else ""
 
     def name(self, key: str = "name") -> str:
-        """Return the text ``key`` as a name of one line that can be written to any file."""
+        """Return the text ``key`` as a name in one line that can be written to any file."""
         return clean_name(self.text(key))
 
     def names(self, key: str) -> list[str]:
-        """Return the list of names ``key``, with empty ones for what is no text; empty where there is none."""
+        """Return the list of names ``key``, with "" for items that are not text; empty if it is missing."""
         values = self.data.get(key)
         return [clean_name(v) if isinstance(v, str) else "" for v in values] if isinstance(values, list) else []
 
     def numbers(self, key: str, default: list[float]) -> NDArray[np.float64]:
-        """Return the numbers ``key``, as many as ``default`` has, which stands in where they are missing."""
+        """Return the list of numbers ``key``, of the length of ``default``, or ``default`` if it is missing."""
         values = self.data.get(key)
         if values is None:
             values = default
@@ -86,14 +87,14 @@ class GltfObject:
         return np.array(values, dtype=np.float64)
 
     def number(self, key: str, default: float) -> float:
-        """Return the number ``key``, or ``default`` where it is missing."""
+        """Return the number ``key``, or ``default`` if it is missing."""
         value = self.data.get(key, default)
         if not isinstance(value, int | float) or not abs(value) < _LARGEST:
             raise self.error(f"'{key}' must be a finite number")
         return float(value)
 
     def integers(self, key: str, high: int) -> list[int]:
-        """Return the list of whole numbers from 0 to ``high`` called ``key``, empty where it is missing."""
+        """Return the list ``key`` of integers from 0 to ``high``, empty if it is missing."""
         values = self.data.get(key)
         if values is None:
             return []
@@ -102,13 +103,13 @@ class GltfObject:
         return [GltfObject(self._path, self.place, {key: v}).integer(key, high=high) for v in values]
 
     def child(self, key: str) -> "GltfObject":
-        """Return the object ``key``, one without anything in it where there is none."""
+        """Return the object ``key``, empty if there is none."""
         value = self.data.get(key)
         place = f"{self.place}.{key}" if self.place else key
         return GltfObject(self._path, place, value if isinstance(value, dict) else {})
 
     def children(self, key: str) -> list["GltfObject"]:
-        """Return the list of objects ``key``, empty where it is missing."""
+        """Return the list of objects ``key``, empty if it is missing."""
         values = self.data.get(key)
         if values is None:
             return []
@@ -119,16 +120,16 @@ class GltfObject:
 
 
 def clean_name(text: str) -> str:
-    """Return ``text`` in one line, without halves of surrogate pairs, which no file can hold."""
+    """Return ``text`` in one line, without lone surrogates, which cannot be encoded."""
     return " ".join(text.encode("utf-8", "replace").decode("utf-8").split())
 
 
 class GltfFile:
-    """A glTF file open for reading: .glb, .vrm, or .gltf with what lies beside it.
+    """A glTF file open for reading: .glb, .vrm, or .gltf with its external files.
 
     Attributes:
-        path: The file.
-        root: Its JSON.
+        path: Path of the file.
+        root: Root of the JSON document.
     """
 
     def __init__(self, path: Path) -> None:
@@ -136,13 +137,13 @@ class GltfFile:
 
         Raises:
             OSError: If it cannot be read.
-            FacePoserError: If it is larger than 1 GB, cut off, or not glTF 2.
+            FacePoserError: If it is larger than 1 GB, truncated, or not glTF 2.
         """
         self.path = path
-        self._taken = 0
+        self._total_bytes = 0
         self._lists: dict[str, list[GltfObject]] = {}
         self._buffers: dict[int, memoryview] = {}
-        data = memoryview(self._file(path, "The rig"))
+        data = memoryview(self._read_file(path, "The rig"))
         self._binary: memoryview | None = None
         text = data
         if bytes(data[:4]) == _MAGIC:
@@ -151,11 +152,11 @@ class GltfFile:
             document = json.loads(bytes(text))
         except json.JSONDecodeError as error:
             raise FacePoserError(
-                f"The rig '{path}' is not glTF: its JSON is broken at line {error.lineno}, column {error.colno} "
+                f"The rig '{path}' is not glTF: its JSON is invalid at line {error.lineno}, column {error.colno} "
                 f"({error.msg}); export it again."
             ) from error
         except (ValueError, RecursionError) as error:
-            place = f" at byte {error.start} of it" if isinstance(error, UnicodeDecodeError) else ""
+            place = f" at byte {error.start}" if isinstance(error, UnicodeDecodeError) else ""
             raise FacePoserError(
                 f"The rig '{path}' is not glTF: its JSON cannot be read{place}; export it again."
             ) from error
@@ -166,27 +167,29 @@ class GltfFile:
         if version.partition(".")[0] != "2":
             raise FacePoserError(f"The rig '{path}' is glTF {version[:20]}; export it as glTF 2.")
 
-    def _file(self, path: Path, what: str) -> bytes:
-        """Return the bytes of a file, all files together being at most 1 GB."""
+    def _read_file(self, path: Path, noun: str) -> bytes:
+        """Return the bytes of a file; all files together must not exceed 1 GB."""
         if path.exists() and not path.is_file():
-            raise FacePoserError(f"{what} '{path}' is not a file.")
-        self._taken += path.stat().st_size
-        if self._taken > _MAX_BYTES:
-            raise FacePoserError(f"{what} '{path}' is larger than {_MAX_BYTES >> 30} GB; give a smaller one.")
+            raise FacePoserError(f"{noun} '{path}' is not a file.")
+        self._total_bytes += path.stat().st_size
+        if self._total_bytes > _MAX_BYTES:
+            raise FacePoserError(f"{noun} '{path}' is larger than {_MAX_BYTES >> 30} GB; choose a smaller one.")
         return path.read_bytes()
 
     def _chunks(self, data: memoryview) -> tuple[memoryview, memoryview | None]:
-        """Return the chunks of JSON and of binary data of a GLB (4.4)."""
-        cut = FacePoserError(f"The rig '{self.path}' is cut off after {len(data)} bytes; copy or export it again.")
+        """Return the JSON chunk and the binary chunk, if any, of a GLB (4.4)."""
+        truncated = FacePoserError(
+            f"The rig '{self.path}' is truncated after {len(data)} bytes; copy or export it again."
+        )
         if len(data) < 20:
-            raise cut
+            raise truncated
         version, length, first, kind = struct.unpack_from("<IIII", data, 4)
         if version != 2:
             raise FacePoserError(f"The rig '{self.path}' is binary glTF {version}; export it as glTF 2.")
         if length > len(data):
-            raise cut
+            raise truncated
         if kind != _JSON_CHUNK or 20 + first > length:
-            raise FacePoserError(f"The rig '{self.path}' is broken at byte 12: no chunk of JSON; export it again.")
+            raise FacePoserError(f"The rig '{self.path}' is broken at byte 12: no JSON chunk; export it again.")
         start = 20 + first
         if start + 8 > length:
             return data[20:start], None
@@ -207,7 +210,7 @@ class GltfFile:
         return self._lists[kind]
 
     def get(self, kind: str, by: GltfObject, key: str) -> GltfObject:
-        """Return the entry of the list ``kind`` whose number ``by`` has as its ``key``."""
+        """Return the entry of the list ``kind`` at the index ``key`` of ``by``."""
         entries = self.all(kind)
         index = by.integer(key)
         if index >= len(entries):
@@ -215,10 +218,10 @@ class GltfFile:
         return entries[index]
 
     def resource(self, by: GltfObject, uri: str) -> bytes:
-        """Return what ``uri`` stands for: data in itself, or a file beside this one.
+        """Return the data of ``uri``: embedded data, or the content of a file next to this one.
 
         Raises:
-            FacePoserError: If it is broken, on another computer, or cannot be read, naming it.
+            FacePoserError: If it is invalid, not local, or cannot be read.
         """
         if uri.startswith("data:"):
             head, _, body = uri.partition(",")
@@ -228,15 +231,15 @@ class GltfFile:
                 raise by.error("its data URI is not base64") from error
         name = unquote(uri)
         if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:", name):
-            raise by.error(f"it lies at '{name[:80]}', not beside the rig")
+            raise by.error(f"it is at '{name[:80]}', not next to the rig")
         path = self.path.parent / name
         try:
-            return self._file(path, f"What the rig '{self.path}' refers to in {by.place},")
+            return self._read_file(path, f"For {by.place} of the rig '{self.path}', the resource")
         except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or "it is no name of a file"
+            reason = getattr(error, "strerror", None) or "it is not a valid file name"
             raise FacePoserError(
                 f"The rig '{self.path}' needs '{str(path)[:200]}' ({by.place}), which cannot be read: {reason}; "
-                "put it there or export the rig as one .glb."
+                "copy it there or export the rig as a single .glb."
             ) from error
 
     def _buffer(self, by: GltfObject) -> memoryview:
@@ -252,12 +255,12 @@ class GltfFile:
                 raise buffer.error("it has neither 'uri' nor a binary chunk")
             length = buffer.integer("byteLength")
             if length > len(data):
-                raise buffer.error(f"it has {len(data)} bytes, not {length}, so something is cut off")
+                raise buffer.error(f"it is truncated: it has {len(data)} of {length} bytes")
             self._buffers[index] = data[:length]
         return self._buffers[index]
 
     def view(self, by: GltfObject, key: str = "bufferView") -> tuple[memoryview, int]:
-        """Return the bytes of the buffer view whose number ``by`` has, and its stride (0: none given)."""
+        """Return the bytes of the buffer view that ``by`` refers to, and its stride (0 if unspecified)."""
         view = self.get("bufferViews", by, key)
         if any("meshopt" in name for name in view.child("extensions").data):
             buffer = self.get("buffers", view, "buffer")
@@ -270,21 +273,21 @@ class GltfFile:
         start = view.integer("byteOffset", 0)
         length = view.integer("byteLength")
         if start + length > len(data):
-            raise view.error(f"its bytes {start} to {start + length} lie outside its buffer of {len(data)}")
+            raise view.error(f"its bytes {start} to {start + length} exceed its buffer of {len(data)}")
         return data[start : start + length], view.integer("byteStride", 0, high=1 << 20)
 
     def count(self, by: GltfObject, key: str) -> int:
-        """Return how many entries the accessor whose number ``by`` has as its ``key`` declares."""
+        """Return the number of entries of the accessor at the index ``key`` of ``by``."""
         return self.get("accessors", by, key).integer("count")
 
     def floats(self, by: GltfObject, key: str, kind: str) -> NDArray[np.floating]:
-        """Return the numbers of the accessor of type ``kind`` whose number ``by`` has as its ``key``.
+        """Return the numbers of the accessor of type ``kind`` at the index ``key`` of ``by``, (count, components).
 
-        Shape (count, components); single precision as the file has it, double for whole numbers, which are scaled to
-        0..1 or -1..1 if they are normalised (3.11).
+        Floats are in single precision as in the file; integers are converted to double precision, and scaled to 0..1 or
+        -1..1 if they are normalised (3.11).
 
         Raises:
-            FacePoserError: If it is of another type or reaches out of its data, naming it.
+            FacePoserError: If it is of another type or exceeds its data.
         """
         accessor = self.get("accessors", by, key)
         values = self._values(accessor, kind)
@@ -296,17 +299,17 @@ class GltfFile:
         return scaled
 
     def integers(self, by: GltfObject, key: str, kind: str) -> NDArray[np.int64]:
-        """Return the whole numbers of an accessor, shape (count, components); for the rest like ``floats``."""
+        """Return the integers of an accessor, shape (count, components); otherwise like ``floats``."""
         accessor = self.get("accessors", by, key)
         values = self._values(accessor, kind)
         if values.dtype.kind == "f":
-            raise accessor.error("whole numbers are needed, not floats")
+            raise accessor.error("it must have integers, not floats")
         return values.astype(np.int64)
 
     def _values(self, accessor: GltfObject, kind: str) -> NDArray[Any]:
         count = accessor.integer("count", high=(1 << 32) - 1)
         if accessor.text("type") != kind:
-            raise accessor.error(f"its type is '{accessor.text('type')[:20]}' where {kind} is needed")
+            raise accessor.error(f"its type is '{accessor.text('type')[:20]}', not {kind}")
         dtype = self._dtype(accessor)
         columns = _COLUMNS[kind]
         if accessor.data.get("bufferView") is not None:
@@ -319,28 +322,28 @@ class GltfFile:
             return values
         sparse = accessor.child("sparse")
         number = sparse.integer("count", high=count)
-        places, fillings = sparse.child("indices"), sparse.child("values")
-        index = self._array(places, number, 1, self._dtype(places))[:, 0]
+        indices, replacements = sparse.child("indices"), sparse.child("values")
+        index = self._array(indices, number, 1, self._dtype(indices))[:, 0]
         if index.dtype.kind == "f" or (number and int(index.max()) >= count):
-            raise places.error(f"an index is not one of the accessor's {count} entries")
+            raise indices.error(f"an index is not one of the accessor's {count} entries")
         values = values.copy()
-        values[index] = self._array(fillings, number, columns, dtype)
+        values[index] = self._array(replacements, number, columns, dtype)
         return values
 
     def _dtype(self, by: GltfObject) -> np.dtype[Any]:
         kind = by.integer("componentType")
         if kind not in _DTYPES:
-            raise by.error(f"'componentType' is {kind}, which is none of {', '.join(map(str, _DTYPES))}")
+            raise by.error(f"'componentType' is {kind}, not one of {', '.join(map(str, _DTYPES))}")
         return np.dtype(_DTYPES[kind])
 
     def _array(self, by: GltfObject, count: int, columns: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-        """Return what lies in the buffer view of ``by`` as an array, which takes no memory of its own."""
+        """Return an array of ``count`` entries in the buffer view of ``by``, without copying."""
         data, stride = self.view(by)
         start = by.integer("byteOffset", 0)
         size = columns * dtype.itemsize
         stride = stride or size
         if stride < size:
-            raise by.error(f"its entries of {size} bytes overlap, being only {stride} apart")
+            raise by.error(f"its entries of {size} bytes overlap with a stride of {stride}")
         end = start + (count - 1) * stride + size if count else start
         if end > len(data):
             raise by.error(f"its {count} entries end at byte {end} of a buffer view of {len(data)}")

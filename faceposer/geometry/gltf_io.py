@@ -1,4 +1,4 @@
-"""Reading faces with morph targets from glTF 2.0: .glb, .gltf, and the avatars of .vrm."""
+"""Reading of faces with morph targets from glTF 2.0: .glb, .gltf, and avatars in .vrm."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,7 +20,7 @@ from faceposer.geometry.gltf_nodes import Placement, Scene, place, read_scene
 from faceposer.geometry.polygon_mesh import Group, MorphMesh, PolygonMesh, no_polygons
 
 GLTF_SUFFIXES = (".glb", ".gltf", ".vrm")
-#: What a face may have: far more than any, and less than would exhaust a usual computer.
+#: Limits on a face: far more than any has, and less than would exhaust memory.
 MAX_VERTICES = 5_000_000
 MAX_OFFSET_BYTES = 2 << 30
 _MAX_TRIANGLES = 20_000_000
@@ -30,7 +30,7 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 @dataclass(eq=False)
 class _Part:
-    """Vertices that one or more primitives of a shown mesh share."""
+    """Vertices shared by one or more primitives of a mesh in the scene."""
 
     node: int
     mesh: int
@@ -44,7 +44,7 @@ class _Part:
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """A primitive of a shown mesh."""
+    """A primitive of a mesh in the scene."""
 
     name: str
     primitive: GltfObject
@@ -53,19 +53,19 @@ class _Piece:
 
 
 def read_gltf(path: Path) -> MorphMesh:
-    """Return all meshes with faces of the default scene as one, with the morph targets of all by name.
+    """Read all meshes of the default scene as one mesh, with their morph targets combined by name.
 
-    The nodes come in the file's order, each primitive as a group called by the node (or mesh, and by its number where
-    there are several); primitives that share vertices in the file do so here. Positions are in the world's coordinates
-    and the file's unit (the standard's is metres; avatars of VRM 0.x look along -z), skinned meshes as their joints at
-    rest carry them; default weights of targets, normals and vertex colours are not read. A target without a name is
-    called "target 1" and so on; expressions of avatars are added where no target has their name.
+    Nodes are in the file's order. Each primitive is a group named after its node or mesh, numbered if there are
+    several; primitives that share vertices in the file share them in the result. Positions are in world space and the
+    file's unit (metres by the standard; avatars of VRM 0.x look along -z), with skinned meshes transformed by their
+    joints at rest. Default weights of targets, normals and vertex colours are not read. Targets without a name are
+    named "target 1" and so on; expressions of avatars are added unless a target has the same name.
 
     Args:
-        path: A .glb, .gltf or .vrm of at most 1 GB.
+        path: Path of a .glb, .gltf or .vrm file of at most 1 GB.
 
     Raises:
-        FacePoserError: If it cannot be read, is broken or compressed, has no faces, or has two targets of one name.
+        FacePoserError: If it cannot be read, is invalid or compressed, has no faces, or has two targets of one name.
     """
     try:
         file = GltfFile(path)
@@ -75,14 +75,14 @@ def read_gltf(path: Path) -> MorphMesh:
     pieces, parts = _plan(file, scene)
     count = parts[-1].vertices.stop if parts else 0
     if not count:
-        raise FacePoserError(f"The rig '{path}' shows no mesh with faces; export it with the face in its scene.")
+        raise FacePoserError(f"The scene of the rig '{path}' has no mesh with faces; add the face to its scene.")
     names = dict.fromkeys(name for part in parts for name in part.names)
     expressions = _new_expressions(file, parts, list(names))
     size = (len(names) + len(expressions)) * count * 12
     if size > MAX_OFFSET_BYTES:
         raise FacePoserError(
             f"The rig '{path}' has {len(names) + len(expressions)} targets of {count} vertices, which would take "
-            f"{size >> 20} MB; give one of less than {MAX_OFFSET_BYTES >> 20} MB."
+            f"{size >> 20} MB; choose a rig that takes less than {MAX_OFFSET_BYTES >> 20} MB."
         )
     vertices = np.empty((count, 3))
     uvs: list[NDArray[np.float64] | None] = []
@@ -111,7 +111,7 @@ def read_gltf(path: Path) -> MorphMesh:
 
 
 def _plan(file: GltfFile, scene: Scene) -> tuple[list[_Piece], list[_Part]]:
-    """Return what is to be read, before anything is."""
+    """Return the primitives to read and the vertices that they share, without reading any data."""
     pieces: list[_Piece] = []
     parts: dict[tuple[object, ...], _Part] = {}
     named = material_names(file)
@@ -133,7 +133,7 @@ def _plan(file: GltfFile, scene: Scene) -> tuple[list[_Piece], list[_Part]]:
             if not vertices:
                 continue
             material = read_material(file, named, primitive)
-            key = (index, *_shared(primitive), material.channel, str(material.transform))
+            key = (index, *_sharing_key(primitive), material.channel, str(material.transform))
             if key not in parts:
                 names = _target_names(file, mesh, primitive)
                 parts[key] = _Part(index, number, primitive, material, slice(count, count + vertices), names)
@@ -142,26 +142,26 @@ def _plan(file: GltfFile, scene: Scene) -> tuple[list[_Piece], list[_Part]]:
             pieces.append(_Piece(title, primitive, material.name, parts[key]))
             if count > MAX_VERTICES or len(pieces) > _MAX_PIECES:
                 raise FacePoserError(
-                    f"The rig '{file.path}' shows more than {MAX_VERTICES} vertices or {_MAX_PIECES} meshes; export "
-                    "the face alone."
+                    f"The rig '{file.path}' has more than {MAX_VERTICES} vertices or {_MAX_PIECES} meshes; export "
+                    "the face only."
                 )
-    _drop_owners([part for part in parts.values() if part.names])
+    _strip_deformers([part for part in parts.values() if part.names])
     return pieces, list(parts.values())
 
 
-def _drop_owners(parts: list[_Part]) -> None:
-    """Take the deformer's name out of targets' names where it keeps those of several meshes apart.
+def _strip_deformers(parts: list[_Part]) -> None:
+    """Remove the deformer's name from target names if it differs between meshes.
 
-    Maya calls the same shape blendShape1.jawOpen in the head and blendShape2.jawOpen in the lashes.
+    Maya names the same shape blendShape1.jawOpen in the head and blendShape2.jawOpen in the lashes.
     """
-    owners = [{name.rpartition(".")[0] for name in part.names} for part in parts]
-    if all(len(owner) == 1 for owner in owners) and len(set.union(set(), *owners)) > 1:
+    deformers = [{name.rpartition(".")[0] for name in part.names} for part in parts]
+    if all(len(names) == 1 for names in deformers) and len(set.union(set(), *deformers)) > 1:
         for part in parts:
             part.names = [name.rpartition(".")[2] or name for name in part.names]
 
 
-def _shared(primitive: GltfObject) -> tuple[str, ...]:
-    """Return what is the same for primitives of a node that have the same vertices and targets."""
+def _sharing_key(primitive: GltfObject) -> tuple[str, ...]:
+    """Return a key that is equal for primitives of a node with the same vertices and targets."""
     unread = ("NORMAL", "TANGENT", "COLOR_0")
     attributes = {k: v for k, v in primitive.child("attributes").data.items() if k not in unread}
     targets = [target.data.get("POSITION") for target in primitive.children("targets")]
@@ -178,10 +178,10 @@ def _refuse_draco(file: GltfFile, primitive: GltfObject) -> None:
 
 
 def _target_names(file: GltfFile, mesh: GltfObject, primitive: GltfObject) -> list[str]:
-    """Return the names of the morph targets of ``primitive``, none twice.
+    """Return the unique names of the morph targets of ``primitive``.
 
-    glTF itself has none: most exporters write ``extras.targetNames``, to the mesh or to the primitive; some name the
-    accessors.
+    The standard has no names: most exporters write ``extras.targetNames`` to the mesh or to the primitive; others name
+    the accessors.
     """
     targets = primitive.children("targets")
     names = mesh.child("extras").names("targetNames") or primitive.child("extras").names("targetNames")
@@ -196,15 +196,15 @@ def _target_names(file: GltfFile, mesh: GltfObject, primitive: GltfObject) -> li
     for i, name in enumerate(names):
         if name in first:
             raise FacePoserError(
-                f"The rig '{file.path}' has two targets called '{name}' in its mesh '{mesh.name()}', numbers "
-                f"{first[name] + 1} and {i + 1}; give one of them another name."
+                f"The rig '{file.path}' has two targets named '{name}' in its mesh '{mesh.name()}', numbers "
+                f"{first[name] + 1} and {i + 1}; rename one of them."
             )
         first[name] = i
     return names
 
 
 def _new_expressions(file: GltfFile, parts: list[_Part], names: list[str]) -> dict[str, list[tuple[_Part, int, float]]]:
-    """Return the parts, targets and weights of the expressions that no target is called by."""
+    """Return the parts, target indices and weights of expressions without a target of the same name."""
     taken = {spelling_key(name) for name in names}
     expressions: dict[str, list[tuple[_Part, int, float]]] = {}
     for name, binds in read_expressions(file).items():
@@ -229,9 +229,9 @@ def _positions(file: GltfFile, part: _Part) -> NDArray[np.float64]:
     assert part.placement is not None
     raw = file.floats(attributes, "POSITION", "VEC3")
     if len(part.placement.matrices) not in (1, len(raw)):
-        raise attributes.error(f"joints for {len(part.placement.matrices)} vertices of {len(raw)}")
+        raise attributes.error(f"it has joints for {len(part.placement.matrices)} of {len(raw)} vertices")
     points = part.placement.points(raw)
-    _refuse_infinite(points, attributes, "the position")
+    _require_finite(points, attributes, "the position")
     return points
 
 
@@ -244,14 +244,14 @@ def _offsets(file: GltfFile, part: _Part, target: GltfObject, name: str) -> NDAr
     assert part.placement is not None
     with np.errstate(over="ignore"):
         offsets = part.placement.offsets(file.floats(target, "POSITION", "VEC3")).astype(np.float32)
-    _refuse_infinite(offsets, target, f"the offset in the target '{name}'")
+    _require_finite(offsets, target, f"the offset in the target '{name}'")
     return offsets
 
 
-def _refuse_infinite(values: NDArray[np.floating], by: GltfObject, what: str) -> None:
+def _require_finite(values: NDArray[np.floating], by: GltfObject, noun: str) -> None:
     finite = np.isfinite(values).all(axis=1)
     if not finite.all():
-        raise by.error(f"{what} of vertex {int(np.argmin(finite)) + 1} is not finite")
+        raise by.error(f"{noun} of vertex {int(np.argmin(finite)) + 1} is not finite")
 
 
 def _uv(file: GltfFile, part: _Part) -> NDArray[np.float64] | None:
@@ -273,15 +273,15 @@ def _faces(file: GltfFile, pieces: list[_Piece]) -> tuple[NDArray[np.int32], tup
         done += len(triangles)
         if done > _MAX_TRIANGLES:
             raise FacePoserError(
-                f"The rig '{file.path}' has more than {_MAX_TRIANGLES} triangles; export the face alone."
+                f"The rig '{file.path}' has more than {_MAX_TRIANGLES} triangles; export the face only."
             )
     if not faces:
-        raise FacePoserError(f"The rig '{file.path}' shows no mesh with faces; export it with the face in its scene.")
+        raise FacePoserError(f"The scene of the rig '{file.path}' has no mesh with faces; add the face to its scene.")
     return np.concatenate(faces), tuple(groups)
 
 
 def _triangles(file: GltfFile, piece: _Piece) -> NDArray[np.int32]:
-    """Return the triangles of one primitive, shape (T, 3), counter-clockwise from outside (3.7.2.1)."""
+    """Return the triangles of a primitive, shape (T, 3), counter-clockwise seen from outside (3.7.2.1)."""
     primitive, vertices = piece.primitive, piece.part.vertices
     count = vertices.stop - vertices.start
     if primitive.data.get("indices") is None:
@@ -291,12 +291,12 @@ def _triangles(file: GltfFile, piece: _Piece) -> NDArray[np.int32]:
             raise primitive.error(f"it has more than {_MAX_TRIANGLES} triangles")
         index = file.integers(primitive, "indices", "SCALAR")[:, 0]
         if len(index) and (int(index.max()) >= count or int(index.min()) < 0):
-            worst = int(np.argmax((index >= count) | (index < 0)))
-            raise primitive.error(f"its index {worst + 1} is vertex {index[worst]} of {count}")
+            wrong = int(np.argmax((index >= count) | (index < 0)))
+            raise primitive.error(f"its index {wrong + 1} is vertex {index[wrong]} of {count}")
     mode = primitive.integer("mode", _TRIANGLES, high=_FAN)
     if mode == _TRIANGLES:
         if len(index) % 3:
-            raise primitive.error(f"its {len(index)} indices are no whole number of triangles")
+            raise primitive.error(f"its number of indices, {len(index)}, is not a multiple of 3")
         triangles = index.reshape(-1, 3)
     else:
         i = np.arange(max(len(index) - 2, 0))
@@ -304,7 +304,7 @@ def _triangles(file: GltfFile, piece: _Piece) -> NDArray[np.int32]:
             triangles = np.stack([index[i], index[i + 1 + i % 2], index[i + 2 - i % 2]], axis=1)
         else:
             triangles = np.stack([index[i + 1], index[i + 2], np.broadcast_to(index[:1], i.shape)], axis=1)
-        # Strips are stitched together by triangles without area.
+        # Strips are joined by degenerate triangles.
         a, b, c = triangles.T
         triangles = triangles[(a != b) & (b != c) & (c != a)]
     assert piece.part.placement is not None

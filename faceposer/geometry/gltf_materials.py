@@ -1,4 +1,4 @@
-"""Names, pictures and texture coordinates of the materials of a glTF file."""
+"""Materials of a glTF file: names, colour textures and texture coordinates."""
 
 from dataclasses import dataclass
 
@@ -8,17 +8,17 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.gltf_file import GltfFile, GltfObject
 
-_PICTURES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff")
+_IMAGE_SIGNATURES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff")
 
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """What a mesh needs to know of its material.
+    """The properties of a material that affect the mesh.
 
     Attributes:
-        name: Unlike those of all other materials; empty for no material.
-        channel: Attribute with the coordinates of its colour picture.
-        transform: Of those coordinates, homogeneous, shape (3, 3).
+        name: Unique name; empty for no material.
+        channel: Vertex attribute with the coordinates of the colour texture.
+        transform: Homogeneous transform of these coordinates, shape (3, 3); None for the identity.
     """
 
     name: str = ""
@@ -27,7 +27,7 @@ class Material:
 
 
 def material_names(file: GltfFile) -> list[str]:
-    """Return a name for each material, none twice: materials without one are called by their number."""
+    """Return a unique name for each material; materials without a name are numbered."""
     names: list[str] = []
     taken = set()
     for i, material in enumerate(file.all("materials")):
@@ -40,21 +40,21 @@ def material_names(file: GltfFile) -> list[str]:
 
 
 def read_material(file: GltfFile, names: list[str], primitive: GltfObject) -> Material:
-    """Return the material of ``primitive``, with the transform of KHR_texture_transform if it has one.
+    """Read the material of ``primitive``, including the transform of KHR_texture_transform.
 
     Raises:
-        FacePoserError: If it names a material that is not there, or its numbers are broken.
+        FacePoserError: If the material does not exist, or has invalid numbers.
     """
     if primitive.data.get("material") is None:
         return Material()
     material = file.get("materials", primitive, "material")
     texture = _colour_texture(material)
-    moved = texture.child("extensions").child("KHR_texture_transform")
-    channel = moved.integer("texCoord", texture.integer("texCoord", 0))
+    extension = texture.child("extensions").child("KHR_texture_transform")
+    channel = extension.integer("texCoord", texture.integer("texCoord", 0))
     transform = None
-    if moved.data:
-        (dx, dy), (sx, sy) = moved.numbers("offset", [0, 0]), moved.numbers("scale", [1, 1])
-        angle = moved.number("rotation", 0.0)
+    if extension.data:
+        (dx, dy), (sx, sy) = extension.numbers("offset", [0, 0]), extension.numbers("scale", [1, 1])
+        angle = extension.number("rotation", 0.0)
         c, s = np.cos(angle), np.sin(angle)
         transform = np.array([[c * sx, s * sy, dx], [-s * sx, c * sy, dy], [0, 0, 1]])
     return Material(names[primitive.integer("material")], f"TEXCOORD_{channel}", transform)
@@ -63,10 +63,10 @@ def read_material(file: GltfFile, names: list[str], primitive: GltfObject) -> Ma
 def texture_coordinates(
     file: GltfFile, material: Material, attributes: GltfObject, count: int
 ) -> NDArray[np.float64] | None:
-    """Return the coordinates of ``count`` vertices in the colour picture, if any: v up as in OBJ, shape (N, 2).
+    """Return the coordinates of ``count`` vertices in the colour texture, v up as in OBJ, (count, 2), or None.
 
     Raises:
-        FacePoserError: If they are of another number, or one is not finite.
+        FacePoserError: If their number differs, or one is not finite.
     """
     channel = material.channel if attributes.data.get(material.channel) is not None else "TEXCOORD_0"
     if attributes.data.get(channel) is None:
@@ -85,9 +85,9 @@ def texture_coordinates(
 
 
 def read_textures(file: GltfFile, names: list[str], used: set[str]) -> dict[str, bytes]:
-    """Return the colour pictures, PNG or JPEG, of the materials called ``used``.
+    """Return the encoded colour images, PNG or JPEG, of the materials named in ``used``.
 
-    Pictures in other forms (KTX2, WebP), missing, or broken are left out: a face can be posed without.
+    Images that are missing, damaged or in other formats (KTX2, WebP) are left out, as posing does not require them.
     """
     textures = {}
     for name, material in zip(names, file.all("materials"), strict=True):
@@ -100,11 +100,11 @@ def read_textures(file: GltfFile, names: list[str], used: set[str]) -> dict[str,
                 continue
             image = file.get("images", source, "source")
             uri = image.text("uri")
-            picture = file.resource(image, uri) if uri else bytes(file.view(image)[0])
+            encoded = file.resource(image, uri) if uri else bytes(file.view(image)[0])
         except FacePoserError:
             continue
-        if picture.startswith(_PICTURES):
-            textures[name] = picture
+        if encoded.startswith(_IMAGE_SIGNATURES):
+            textures[name] = encoded
     return textures
 
 

@@ -1,4 +1,4 @@
-"""Where the meshes of a glTF file stand: the transforms of nodes, and of skins at rest."""
+"""World transforms of the meshes of a glTF file: transforms of nodes, and of skins at rest."""
 
 from dataclasses import dataclass
 
@@ -7,23 +7,23 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.gltf_file import GltfFile, GltfObject
 
-#: Components by which two transforms may differ, relative to their largest, and still be the same.
-_SAME = 1e-5
+#: Tolerance of the components of equal transforms, relative to the largest.
+_TOLERANCE = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Transforms from a mesh's coordinates to the world's.
+    """Transforms from a mesh's coordinates to world space.
 
     Attributes:
-        matrices: Homogeneous, of a column vector: one for all vertices, shape (1, 4, 4), or one each, (N, 4, 4).
+        matrices: Homogeneous matrices for column vectors: one for all vertices, (1, 4, 4), or one each, (N, 4, 4).
     """
 
     matrices: NDArray[np.float64]
 
     @property
     def mirrors(self) -> bool:
-        """Whether the transform turns the surface inside out, so that faces must be listed the other way round."""
+        """True if the transform is a reflection, so that the orientation of faces must be reversed."""
         return bool(np.linalg.det(self.matrices[0, :3, :3]) < 0)
 
     def points(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -34,7 +34,7 @@ class Placement:
 
     def offsets(self, offsets: NDArray[np.floating]) -> NDArray[np.float64]:
         """Return ``offsets``, shape (N, 3), transformed by the linear part."""
-        # What overflows here, or has not been finite before, the caller tells with its place.
+        # Callers report values that are not finite, with their place.
         with np.errstate(over="ignore", invalid="ignore"):
             if len(self.matrices) == 1:
                 return offsets.astype(np.float64) @ self.matrices[0, :3, :3].T
@@ -46,9 +46,9 @@ class Scene:
     """The nodes of a file.
 
     Attributes:
-        nodes: All of them.
-        shown: Numbers of those that the default scene shows, rising; of all if there is no default scene.
-        worlds: Transform of each to the world, homogeneous, shape (nodes, 4, 4).
+        nodes: All nodes.
+        shown: Indices of the nodes in the default scene, ascending; of all nodes if there is no default scene.
+        worlds: Homogeneous world transform of each node, shape (nodes, 4, 4).
     """
 
     nodes: list[GltfObject]
@@ -57,16 +57,16 @@ class Scene:
 
 
 def read_scene(file: GltfFile) -> Scene:
-    """Return the nodes with their transforms (3.5.2, 3.5.3).
+    """Read the nodes with their transforms (3.5.2, 3.5.3).
 
     Raises:
-        FacePoserError: If a node is its own ancestor, has two parents, or its transform is no transform.
+        FacePoserError: If a node is its own ancestor, has two parents, or has an invalid transform.
     """
     nodes = file.all("nodes")
     children = [node.integers("children", high=len(nodes) - 1) for node in nodes]
     parents = [-1] * len(nodes)
-    for index, below in enumerate(children):
-        for child in below:
+    for index, child_ids in enumerate(children):
+        for child in child_ids:
             if parents[child] >= 0:
                 raise nodes[child].error(f"it is the child of two nodes, {parents[child]} and {index}")
             parents[child] = index
@@ -78,23 +78,23 @@ def read_scene(file: GltfFile) -> Scene:
             worlds[index] = worlds[parents[index]] @ local if parents[index] >= 0 else local
             order += children[index]
     if len(order) < len(nodes):
-        stray = min(set(range(len(nodes))).difference(order))
-        raise nodes[stray].error("it is an ancestor of itself")
+        cyclic = min(set(range(len(nodes))).difference(order))
+        raise nodes[cyclic].error("it is an ancestor of itself")
     finite = np.isfinite(worlds).all(axis=(1, 2))
     if not finite.all():
-        raise nodes[int(np.argmin(finite))].error("its transform to the world is not finite")
+        raise nodes[int(np.argmin(finite))].error("its world transform is not finite")
     if file.root.data.get("scene") is None:
         return Scene(nodes, list(range(len(nodes))), worlds)
     reached = file.get("scenes", file.root, "scene").integers("nodes", high=len(nodes) - 1)
-    seen = set(reached)
+    visited = set(reached)
     for index in reached:
-        reached += [child for child in children[index] if child not in seen]
-        seen.update(children[index])
-    return Scene(nodes, sorted(seen), worlds)
+        reached += [child for child in children[index] if child not in visited]
+        visited.update(children[index])
+    return Scene(nodes, sorted(visited), worlds)
 
 
 def _local(node: GltfObject) -> NDArray[np.float64]:
-    """Return a node's transform to its parent, from its matrix or T R S (3.5.3)."""
+    """Return a node's local transform from its matrix or T R S (3.5.3)."""
     if node.data.get("matrix") is not None:
         return node.numbers("matrix", np.eye(4).ravel().tolist()).reshape(4, 4).T
     x, y, z, w = node.numbers("rotation", [0, 0, 0, 1])
@@ -114,11 +114,11 @@ def _local(node: GltfObject) -> NDArray[np.float64]:
 
 
 def place(file: GltfFile, scene: Scene, index: int, primitive: GltfObject) -> Placement:
-    """Return the transform of the vertices of ``primitive``, shown by the node of number ``index``.
+    """Return the world transform of the vertices of ``primitive`` in the node ``index``.
 
-    A skinned mesh is shown as its joints at rest carry it, its node's own transform being ignored (3.7.3.3): vertex i
-    by the mean of world transform times inverse bind matrix of its joints, by their weights. Where all joints say the
-    same, as in a file at rest in its bind pose, that is one transform, and none at all for the usual identity.
+    A skinned mesh is transformed by its joints at rest, and the transform of its node is ignored (3.7.3.3): vertex i by
+    the weighted mean of world transform times inverse bind matrix of its joints. If these products are equal for all
+    joints, as in a file in its bind pose, a single transform is used, which is usually the identity.
     """
     node = scene.nodes[index]
     attributes = primitive.child("attributes")
@@ -138,16 +138,16 @@ def place(file: GltfFile, scene: Scene, index: int, primitive: GltfObject) -> Pl
             matrices = matrices @ bind[: len(joints)].astype(np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
     if not np.isfinite(matrices).all():
         raise skin.error("the transform of a joint is not finite")
-    if _same(matrices, matrices[:1]):
-        return Placement(np.eye(4)[None] if _same(matrices[:1], np.eye(4)[None]) else matrices[:1])
-    if len({file.count(attributes, f"{what}_{k}") for k in sets for what in ("JOINTS", "WEIGHTS")}) > 1:
+    if _nearly_equal(matrices, matrices[:1]):
+        return Placement(np.eye(4)[None] if _nearly_equal(matrices[:1], np.eye(4)[None]) else matrices[:1])
+    if len({file.count(attributes, f"{kind}_{k}") for k in sets for kind in ("JOINTS", "WEIGHTS")}) > 1:
         raise attributes.error("joints and weights differ in number")
     numbers = np.hstack([file.integers(attributes, f"JOINTS_{k}", "VEC4") for k in sets])
     weights = np.hstack([file.floats(attributes, f"WEIGHTS_{k}", "VEC4").astype(np.float64) for k in sets])
     if not np.isfinite(weights).all():
         raise attributes.error("a weight of a joint is not finite")
     if numbers.max(initial=0) >= len(joints):
-        raise attributes.error(f"a vertex hangs on joint {numbers.max()} of {len(joints)}")
+        raise attributes.error(f"a vertex refers to joint {numbers.max()} of {len(joints)}")
     weights[weights.sum(axis=1) <= 0, 0] = 1
     weights /= weights.sum(axis=1, keepdims=True)
     blended = np.zeros((len(numbers), 4, 4))
@@ -156,5 +156,5 @@ def place(file: GltfFile, scene: Scene, index: int, primitive: GltfObject) -> Pl
     return Placement(blended)
 
 
-def _same(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    return bool(np.abs(a - b).max() <= _SAME * max(1.0, float(np.abs(b).max())))
+def _nearly_equal(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    return bool(np.abs(a - b).max() <= _TOLERANCE * max(1.0, float(np.abs(b).max())))

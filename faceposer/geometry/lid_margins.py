@@ -1,8 +1,8 @@
-"""Where lids end on an eyeball: points of the skin along the edge of the opening through which the ball is seen.
+"""Margins of the lids: points of the skin along the edge of the opening in front of an eyeball.
 
-Seen from the ball's centre, directions have an azimuth from straight ahead towards +x and an elevation. In each of some
-columns of equal azimuth, the opening is the run of elevations around straight ahead that no skin covers; its ends lie
-on the margins of the lids and, being points of the skin, go with it in every pose.
+Directions from the ball's centre have an azimuth, from straight ahead towards +x, and an elevation. In each of several
+columns of constant azimuth, the opening is the range of elevations around straight ahead that no skin covers. Its ends
+are on the margins of the lids and, as points of the skin, move with it in every pose.
 """
 
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-#: Columns and coarse rows, and how often the ends between two rows are halved.
+#: Columns and coarse rows, and number of bisections of the ends between two rows.
 _AZIMUTHS = np.radians(np.arange(-75.0, 75.1, 5.0))
 _ELEVATIONS = np.radians(np.arange(-56.0, 56.1, 7.0))
 _HALVINGS = 6
-# Skin covers the ball if it lies between these distances from its centre, in radii.
+# Range of distances from the centre of the ball at which skin covers it, in radii.
 _NEAREST, _FARTHEST = 0.985, 1.45
-# Openings narrower than this in all, in columns, are none.
+# Least width of an opening, in columns.
 _FEWEST_COLUMNS = 4
 
 
@@ -27,9 +27,9 @@ class LidMargins:
     """Points of the skin along the margins of the lids of one eye, from one corner to the other.
 
     Attributes:
-        corners: Vertices of the triangle that each point lies on, shape (n, 3).
-        barycentric: Its shares in them, shape (n, 3).
-        count: Points of the upper lid, which come first; those of the lower lid follow.
+        corners: Vertex ids of the triangle of each point, shape (n, 3).
+        barycentric: Barycentric coordinates of each point, shape (n, 3).
+        count: Number of points of the upper lid, which precede those of the lower lid.
     """
 
     corners: NDArray[np.intp]
@@ -37,23 +37,23 @@ class LidMargins:
     count: int
 
     def angles(self, vertices: NDArray[np.floating], centre: ArrayLike) -> tuple[Array, Array]:
-        """Return azimuth and elevation, in radians, of the upper and of the lower margin seen from ``centre``.
+        """Return azimuth and elevation, in radians, of the upper and of the lower margin as seen from ``centre``.
 
         Args:
-            vertices: The pose, shape (N, 3).
-            centre: Of the ball, shape (3,).
+            vertices: Vertices of the pose, shape (N, 3).
+            centre: Centre of the ball, shape (3,).
 
         Returns:
             Two arrays of shape (n, 2), each sorted by azimuth.
         """
-        away = (self.barycentric[:, :, None] * vertices[self.corners]).sum(axis=1) - np.asarray(centre)
-        both = angles_of(away)
+        relative = (self.barycentric[:, :, None] * vertices[self.corners]).sum(axis=1) - np.asarray(centre)
+        both = angles_of(relative)
         upper, lower = both[: self.count], both[self.count :]
         return upper[upper[:, 0].argsort()], lower[lower[:, 0].argsort()]
 
 
 def angles_of(directions: Array) -> Array:
-    """Return azimuth and elevation, shape (n, 2), of ``directions``, shape (n, 3), not normalised."""
+    """Return azimuth and elevation, shape (n, 2), of ``directions`` of any length, shape (n, 3)."""
     x, y, z = directions.T
     return np.stack([np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))], axis=1)
 
@@ -67,18 +67,18 @@ def directions_of(azimuth: ArrayLike, elevation: ArrayLike) -> Array:
 def find_lid_margins(
     vertices: NDArray[np.floating], triangles: NDArray[np.integer], centre: Array, radius: float
 ) -> LidMargins | None:
-    """Return the margins of the lids around an eyeball, or None where skin leaves no opening of an eye's shape.
+    """Find the margins of the lids of an eyeball; return None if the skin has no eye-shaped opening in front of it.
 
     Args:
-        vertices: The neutral face, which looks along +z, shape (N, 3).
-        triangles: Of the skin, shape (T, 3).
-        centre: Of the ball, shape (3,).
-        radius: Of the ball.
+        vertices: Vertices of the neutral face, which looks along +z, shape (N, 3).
+        triangles: Triangles of the skin, shape (T, 3).
+        centre: Centre of the ball, shape (3,).
+        radius: Radius of the ball.
     """
     distance = np.linalg.norm(vertices - centre, axis=1)
     near = (distance < _FARTHEST * radius) & (vertices[:, 2] > centre[2])
     outside = distance > _NEAREST * radius
-    # Coarse triangles reach far beyond the lids.
+    # Coarse triangles extend far beyond the lids: one corner suffices.
     around = triangles[near[triangles].any(axis=1) & outside[triangles].any(axis=1)]
     if not len(around):
         return None
@@ -106,7 +106,7 @@ def find_lid_margins(
 
 
 def _runs(open_at: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
-    """Return column, first and last row of the opening in each column that it takes, from the middle outwards."""
+    """Return column, first and last row of the opening in each of its columns, traced from the middle outwards."""
     middle = len(_AZIMUTHS) // 2
     found: dict[int, tuple[int, int]] = {}
     for columns in (range(middle, len(_AZIMUTHS)), range(middle - 1, -1, -1)):
@@ -119,9 +119,9 @@ def _runs(open_at: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
     return [(column, *found[column]) for column in sorted(found)]
 
 
-def _run(column: NDArray[np.bool_], beside: tuple[int, int] | None) -> tuple[int, int] | None:
-    """Return first and last of the rows that are open next to ``beside``, or around straight ahead."""
-    low, high = beside or (len(column) // 2 - 2, len(column) // 2 + 2)
+def _run(column: NDArray[np.bool_], neighbour: tuple[int, int] | None) -> tuple[int, int] | None:
+    """Return the first and last open row adjacent to those of the ``neighbour`` column, or around straight ahead."""
+    low, high = neighbour or (len(column) // 2 - 2, len(column) // 2 + 2)
     rows = np.flatnonzero(column[low : high + 1]) + low
     if not len(rows):
         return None
@@ -130,12 +130,12 @@ def _run(column: NDArray[np.bool_], beside: tuple[int, int] | None) -> tuple[int
         first -= 1
     while last < len(column) - 1 and column[last + 1]:
         last += 1
-    # What is open to the end of the grid is no opening between two lids.
+    # An opening that extends to the border of the grid is not between two lids.
     return None if first == 0 or last == len(column) - 1 else (first, last)
 
 
 class _Skin:
-    """Triangles around the origin, which rays from there may meet."""
+    """Triangles of skin, for intersection with rays from the origin."""
 
     def __init__(self, corners: Array, radius: float) -> None:
         a, b, c = np.moveaxis(corners, 1, 0)
@@ -143,8 +143,8 @@ class _Skin:
         self._volume = np.einsum("td,td->t", a, self._edges[0])
         self._near, self._far = _NEAREST * radius, _FARTHEST * radius
 
-    def _shares(self, directions: Array) -> tuple[Array, Array]:
-        """Return barycentric shares times distance, shape (3, n, T), and distances, (n, T), of rays and triangles."""
+    def _intersections(self, directions: Array) -> tuple[Array, Array]:
+        """Return barycentric coordinates, (3, n, T), and distances, (n, T), of n rays on the planes of T triangles."""
         shares = directions @ self._edges.transpose(0, 2, 1)
         total = shares.sum(axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -152,14 +152,14 @@ class _Skin:
         return shares / np.where(total == 0.0, np.inf, total), distance
 
     def covering(self, directions: Array) -> NDArray[np.intp]:
-        """Return the nearest triangle outside the ball that each ray meets, or -1, shape (n,)."""
-        shares, distance = self._shares(directions)
+        """Return the nearest triangle outside the ball on each ray, or -1, shape (n,)."""
+        shares, distance = self._intersections(directions)
         meets = (shares >= -1e-9).all(axis=0) & (distance > self._near) & (distance < self._far)
         distance = np.where(meets, distance, np.inf)
         nearest = distance.argmin(axis=1)
         return np.where(meets.any(axis=1), nearest, -1)
 
     def barycentric(self, directions: Array, triangles: NDArray[np.intp]) -> Array:
-        """Return the shares, shape (n, 3), of where each ray meets its triangle."""
-        shares, _ = self._shares(directions)
+        """Return the barycentric coordinates of each ray on its triangle, shape (n, 3)."""
+        shares, _ = self._intersections(directions)
         return np.asarray(shares[:, np.arange(len(triangles)), triangles].T)

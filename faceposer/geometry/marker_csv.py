@@ -1,4 +1,4 @@
-"""Tables of marker motion: a plain one with a header, and the exports of Vicon Nexus and OptiTrack Motive."""
+"""CSV tables of marker motion: plain tables with a header, and exports of Vicon Nexus and OptiTrack Motive."""
 
 import csv
 import math
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 
-#: More than these are no motion of a face.
+#: Limits of a plausible motion of a face.
 MAX_MARKERS = 2_000
 MAX_FRAMES = 1_000_000
 _MAX_VALUES = 200_000_000
@@ -24,13 +24,13 @@ _LONGEST_PREAMBLE = 12
 
 @dataclass(frozen=True, eq=False)
 class MarkerTable:
-    """What a table tells.
+    """The content of a table of M markers in F frames.
 
     Attributes:
-        names: The markers' names, M of them.
-        positions: NaN where blank, shape (F, M, 3), or (F, M, 2) of a table of pixels.
-        rate: Frames per second, or None.
-        unit: The name of the unit, or "".
+        names: Names of the markers.
+        positions: Positions, shape (F, M, 3), or (F, M, 2) in a table of pixels; NaN for blank cells.
+        rate: Frames per second, or None if unknown.
+        unit: Name of the unit, or "" if unknown.
     """
 
     names: list[str]
@@ -41,7 +41,7 @@ class MarkerTable:
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """Where the table has what: a column for each axis of each name, and how long its lines are."""
+    """Layout of a table: the column of each axis of each marker, and the width of its lines."""
 
     columns: dict[str, list[int]]
     width: int
@@ -52,17 +52,17 @@ class _Layout:
 
 
 def parse_marker_csv(path: Path, pixels: bool = False) -> MarkerTable:
-    """Return the table in the file ``path``.
+    """Read the table in the file ``path``.
 
     Args:
-        path: The file.
-        pixels: Whether it may be a plain table of pixels, with x and y alone.
+        path: Path of the file.
+        pixels: True to accept plain tables of pixels, with x and y only.
 
     Raises:
         OSError: If the file cannot be opened.
         UnicodeDecodeError: If it is not text.
-        FacePoserError: If it is no table of markers, or has a line too short, too long or with something else than a
-            number in it.
+        FacePoserError: If it is not a table of markers, or a line has the wrong number of values or a value that is not
+            a number.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
@@ -79,12 +79,12 @@ def parse_marker_csv(path: Path, pixels: bool = False) -> MarkerTable:
     except csv.Error as error:
         raise FacePoserError(f"The table '{path}' cannot be read ({error}); export it again.") from error
     raise FacePoserError(
-        f"'{path}' has no header of markers in its first lines; name columns such as LipLeft.x, LipLeft.y, LipLeft.z."
+        f"'{path}' has no header of markers in its first lines; name the columns LipLeft.x, LipLeft.y, LipLeft.z, ..."
     )
 
 
 def _layout(cells: list[str], preamble: list[list[str]], path: Path, number: int, pixels: bool) -> _Layout | None:
-    """Return how the table is laid out if ``cells`` are the last line of its header."""
+    """Return the layout of the table if ``cells`` are the last line of its header, else None."""
     lower = [cell.lower() for cell in cells]
     if lower[:1] == ["frame"] and lower.count("x") > 0:
         return _motive(cells, preamble, path) if _row(preamble, "name") else _vicon(cells, preamble, path)
@@ -97,29 +97,29 @@ def _layout(cells: list[str], preamble: list[list[str]], path: Path, number: int
             places = columns.setdefault(match[1].strip(), [-1, -1, -1])
             axis = _AXES.index(match[2].lower())
             if places[axis] >= 0:
-                raise FacePoserError(f"Line {number} of '{path}' names the column {cell} twice; keep one.")
+                raise FacePoserError(f"Line {number} of '{path}' has two columns named {cell}; remove one of them.")
             places[axis] = column
     if pixels and all(places[2] < 0 for places in columns.values()):
         columns = {name: places[:2] for name, places in columns.items()}
     for name, places in columns.items():
         if -1 in places:
             lacking = _AXES[places.index(-1)]
-            wanted = "x, y and z" if len(places) == 3 else "x and y"
-            raise FacePoserError(f"Line {number} of '{path}' has no column {name}.{lacking}; a marker needs {wanted}.")
+            axes = "x, y and z" if len(places) == 3 else "x and y"
+            raise FacePoserError(f"Line {number} of '{path}' has no column {name}.{lacking}; a marker needs {axes}.")
     if not columns:
         return None
     return _Layout(columns, len(cells), cells, time=lower.index("time") if "time" in lower else None)
 
 
 def _vicon(cells: list[str], preamble: list[list[str]], path: Path) -> _Layout:
-    """Vicon Nexus: the section's name, the rate, the names over their x, the axes, and the units below."""
+    """Return the layout of Vicon Nexus: lines for section, rate, names above the x columns, axes and units."""
     names = preamble[-1] if preamble else []
     rate = next((value for line in reversed(preamble[:-1]) if line and (value := _number(line[0])) is not None), None)
     return _Layout(_triples(cells, names, path), len(cells), cells, rate, unit="\0")
 
 
 def _motive(cells: list[str], preamble: list[list[str]], path: Path) -> _Layout:
-    """OptiTrack Motive: keys and values in the first line, then a line each for types, names and quantities."""
+    """Return the layout of OptiTrack Motive: keys and values, then lines for types, names and quantities."""
     facts = dict(zip(preamble[0][::2], preamble[0][1::2], strict=False))
     names = list(_row(preamble, "name"))
     types = _row(preamble, "type") or ["Marker"] * len(cells)
@@ -134,7 +134,7 @@ def _motive(cells: list[str], preamble: list[list[str]], path: Path) -> _Layout:
 
 
 def _row(preamble: list[list[str]], kind: str) -> list[str]:
-    """Return the line of Motive's header whose second cell is ``kind``; the first is empty."""
+    """Return the line of Motive's header with an empty first cell and ``kind`` as the second, or []."""
     for line in preamble:
         if len(line) > 2 and not line[0] and line[1].lower() == kind:
             return ["", "", *line[2:]]
@@ -142,20 +142,20 @@ def _row(preamble: list[list[str]], kind: str) -> list[str]:
 
 
 def _triples(cells: list[str], names: Sequence[str], path: Path) -> dict[str, list[int]]:
-    """Return the columns of each name that stands above an x, with y and z after it."""
+    """Return the columns of each name above an x that is followed by y and z."""
     columns: dict[str, list[int]] = {}
     axes = [cell.lower() for cell in cells]
     for column, name in enumerate(names):
         if name and axes[column : column + 3] == list(_AXES):
             if name in columns:
-                raise FacePoserError(f"'{path}' has two markers with the name {name}; rename one.")
+                raise FacePoserError(f"'{path}' has two markers named {name}; rename one of them.")
             columns[name] = [column, column + 1, column + 2]
     return columns
 
 
 def _table(layout: _Layout, lines: Iterator[tuple[int, list[str]]], path: Path) -> MarkerTable:
     names, unit = list(layout.columns), layout.unit
-    wanted = [column for places in layout.columns.values() for column in places]
+    used = [column for places in layout.columns.values() for column in places]
     if len(names) > MAX_MARKERS:
         raise FacePoserError(f"'{path}' has {len(names)} markers; at most {MAX_MARKERS} are read.")
     frames: list[NDArray[np.float64]] = []
@@ -166,28 +166,28 @@ def _table(layout: _Layout, lines: Iterator[tuple[int, list[str]]], path: Path) 
             continue
         if not any(cell.strip() for cell in cells):
             if frames:
-                # Other sections may follow, of forces or of joints.
+                # Other sections, such as forces or joints, may follow.
                 break
             continue
         if len(cells) < layout.width or any(cell.strip() for cell in cells[layout.width :]):
             raise FacePoserError(
-                f"Line {number} of '{path}' has {len(cells)} values, {layout.width} are needed; mend or delete it."
+                f"Line {number} of '{path}' has {len(cells)} values instead of {layout.width}; correct or delete it."
             )
-        frames.append(np.array([_coordinate(cells[c], layout.header[c], path, number) for c in wanted]))
+        frames.append(np.array([_coordinate(cells[c], layout.header[c], path, number) for c in used]))
         if layout.time is not None:
             times.append(_coordinate(cells[layout.time], layout.header[layout.time], path, number))
             if len(times) > 1 and times[-1] < times[-2]:
                 raise FacePoserError(
-                    f"Line {number} of '{path}' has the time {times[-1]:g} after {times[-2]:g}; times must rise from "
-                    "line to line."
+                    f"Line {number} of '{path}' has the time {times[-1]:g} after {times[-2]:g}; times must not "
+                    "decrease."
                 )
-        if len(frames) > MAX_FRAMES or len(frames) * len(wanted) > _MAX_VALUES:
-            raise FacePoserError(f"'{path}' is too large for motion of a face; cut it into shorter takes.")
+        if len(frames) > MAX_FRAMES or len(frames) * len(used) > _MAX_VALUES:
+            raise FacePoserError(f"'{path}' is too large for motion of a face; split it into shorter takes.")
     if not frames:
-        raise FacePoserError(f"The table '{path}' has no frame below its header; export it again.")
+        raise FacePoserError(f"The table '{path}' has no frames below its header; export it again.")
     steps = np.diff(np.array(times)[np.isfinite(times)])
     step = float(np.median(steps)) if len(steps) else 0.0
-    # Times are rounded, so that one step tells less than all; a longer one has left out frames.
+    # Times are rounded, so that all steps are averaged; longer steps skip frames.
     rate = float(np.rint(steps / step).sum() / steps.sum()) if step > 0.0 and steps.min() > 0.0 else layout.rate
     n_axes = len(layout.columns[names[0]]) if names else len(_AXES)
     return MarkerTable(names, np.array(frames).reshape(len(frames), len(names), n_axes), rate, unit.strip("\0"))
@@ -200,8 +200,8 @@ def _coordinate(cell: str, name: str, path: Path, number: int) -> float:
     value = _number(cell)
     if value is None:
         raise FacePoserError(
-            f"Line {number} of '{path}' has '{cell[:20]}' in column {name}, which is not a number; mend it, or leave "
-            "the cell blank where the marker was not seen."
+            f"Line {number} of '{path}' has '{cell[:20]}' in column {name}, which is not a number; correct it, or "
+            "leave the cell blank for a missing marker."
         )
     return value
 

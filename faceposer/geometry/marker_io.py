@@ -1,4 +1,4 @@
-"""Motion of markers on a face, as motion capture systems record it, from C3D and CSV files."""
+"""Reading of motion capture markers on a face from C3D and CSV files."""
 
 import importlib
 import re
@@ -24,19 +24,19 @@ _UNITS = {
     **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 100.0),
     **dict.fromkeys(("in", "inch", "inches"), 2.54),
 }
-# What Vicon writes among the points of a C3D file, but is not a place.
+# Vicon's quantities among the points of a C3D file that are not positions.
 _NO_POINTS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
 
 
 @dataclass(frozen=True, eq=False)
 class MarkerMotion:
-    """Where M markers were in F frames.
+    """Positions of M markers in F frames.
 
     Attributes:
-        names: The markers' names.
-        positions: In units of the file, NaN where a marker was not seen, shape (F, M, 3).
-        rate: Frames per second, or None where the file does not tell.
-        unit_scale: Centimetres per unit of the positions, or None where the file does not tell.
+        names: Names of the markers.
+        positions: Positions in the unit of the file, shape (F, M, 3); NaN for missing markers.
+        rate: Frames per second, or None if unknown.
+        unit_scale: Centimetres per unit of the positions, or None if unknown.
     """
 
     names: tuple[str, ...]
@@ -46,13 +46,13 @@ class MarkerMotion:
 
     def __post_init__(self) -> None:
         if self.positions.ndim != 3 or self.positions.shape[1:] != (len(self.names), 3):
-            raise ValueError(f"positions of {len(self.names)} markers cannot be {self.positions.shape}")
+            raise ValueError(f"positions of {len(self.names)} markers cannot have shape {self.positions.shape}")
         if len(set(self.names)) < len(self.names):
             raise ValueError("two markers have the same name")
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """Whether each marker was seen in each frame, shape (F, M)."""
+        """Mask of markers with a known position in each frame, shape (F, M)."""
         return np.asarray(np.isfinite(self.positions).all(axis=2))
 
     def subset(self, names: Sequence[str]) -> "MarkerMotion":
@@ -62,21 +62,21 @@ class MarkerMotion:
 
 
 def read_markers(path: Path) -> MarkerMotion:
-    """Return the motion in a C3D or CSV file, told apart by the name's ending; docs/training.md has the forms of CSV.
+    """Read the motion in a C3D or CSV file, by its suffix; docs/training.md describes the CSV layouts.
 
-    Markers keep their names but for a character's name before a colon, where they are told apart without it. Unlabelled
-    points are left out. A marker that is exactly at the origin was not seen: several programs write that.
+    A prefix of marker names that ends in a colon is removed if the names remain unique. Unlabelled points are left out.
+    A marker exactly at the origin is missing, as several programs write that.
 
     Raises:
-        FacePoserError: If the file is of another kind, cannot be read, is damaged or too large, or has no marker; or if
-            the package for C3D is not installed.
+        FacePoserError: If the file is of another type, cannot be read, is damaged or too large, or has no markers; or
+            if the package for C3D is not installed.
     """
     suffix = path.suffix.lower()
     try:
         if suffix not in (".c3d", ".csv"):
-            raise FacePoserError(f"Markers cannot be read from '{path}'; give a file that ends in .c3d or .csv.")
+            raise FacePoserError(f"Markers cannot be read from '{path}'; choose a .c3d or .csv file.")
         if path.stat().st_size > _MAX_BYTES:
-            raise FacePoserError(f"'{path}' is too large for motion of a face; cut it into shorter takes.")
+            raise FacePoserError(f"'{path}' is too large for motion of a face; split it into shorter takes.")
         if suffix == ".csv":
             table = parse_marker_csv(path)
             return _motion(table.names, table.positions, table.rate, table.unit, path)
@@ -88,10 +88,10 @@ def read_markers(path: Path) -> MarkerMotion:
 
 
 def fill_gaps(motion: MarkerMotion, longest: int = 12) -> tuple[MarkerMotion, int]:
-    """Return the motion with short gaps filled, and how many positions were.
+    """Return the motion with short gaps filled, and the number of filled positions.
 
-    Each marker by itself is interpolated in time by piecewise cubic Hermite polynomials that do not overshoot (Fritsch
-    and Butland 1984, SciPy's PCHIP). Gaps of more than ``longest`` frames, and those at either end, stay.
+    Each marker is interpolated in time by monotone piecewise cubic Hermite polynomials (Fritsch and Butland 1984,
+    SciPy's PCHIP). Gaps of more than ``longest`` frames, and gaps at either end, remain.
     """
     from scipy.interpolate import PchipInterpolator
 
@@ -117,7 +117,7 @@ def _read_c3d(file: BinaryIO, path: Path) -> MarkerMotion:
         library = importlib.import_module("c3d")
     except ImportError:
         raise FacePoserError(
-            f"'{path}' needs a package for C3D files; install it with: pip install 'faceposer[markers]'."
+            f"Reading '{path}' requires a package for C3D files; install it with: pip install 'faceposer[markers]'."
         ) from None
     try:
         with warnings.catch_warnings():
@@ -134,9 +134,9 @@ def _read_c3d(file: BinaryIO, path: Path) -> MarkerMotion:
     except FacePoserError:
         raise
     except Exception as error:
-        # The package raises whatever its parser stumbles over in a damaged file: struct.error, AssertionError, ...
+        # The package's parser raises many exceptions for damaged files: struct.error, AssertionError, ...
         raise FacePoserError(
-            f"The C3D file '{path}' is damaged or of an unknown kind ({str(error)[:80] or type(error).__name__}); "
+            f"The C3D file '{path}' is damaged or not supported ({str(error)[:80] or type(error).__name__}); "
             "export it again, or as CSV."
         ) from error
     if len(frames) < expected:
@@ -151,7 +151,7 @@ def _read_c3d(file: BinaryIO, path: Path) -> MarkerMotion:
 
 
 def _labels(reader: Any) -> list[str]:
-    """Return the names of the points; from the 256th on they are in parameters of their own."""
+    """Return the names of the points; those after the 255th are in additional parameters."""
     labels = _strings(reader, "POINT:LABELS")
     for more in range(2, 2 + MAX_MARKERS // 255):
         further = _strings(reader, f"POINT:LABELS{more}")
@@ -171,13 +171,13 @@ def _strings(reader: Any, parameter: str) -> list[str]:
 def _motion(names: Iterable[str], positions: Array, rate: float | None, unit: str, path: Path) -> MarkerMotion:
     full = list(names)
     if not full:
-        raise FacePoserError(f"'{path}' has no marker with a name; label the markers and export it again.")
+        raise FacePoserError(f"'{path}' has no named markers; label the markers and export it again.")
     plain = [re.sub(r"^.*:", "", name).strip() for name in full]
     names = plain if len(set(plain)) == len(plain) and all(plain) else full
     for name in names:
         if names.count(name) > 1:
-            raise FacePoserError(f"'{path}' has two markers with the name {name}; rename one.")
+            raise FacePoserError(f"'{path}' has two markers named {name}; rename one of them.")
     positions = np.where((positions == 0.0).all(axis=2, keepdims=True), np.nan, positions)
     if not np.isfinite(positions).any():
-        raise FacePoserError(f"No marker is seen in any frame of '{path}'; export it again.")
+        raise FacePoserError(f"'{path}' has no position of any marker; export it again.")
     return MarkerMotion(tuple(names), positions, rate, _UNITS.get(unit.strip().lower()))

@@ -1,4 +1,4 @@
-"""Which marker sits where on a mesh: a JSON file written by hand."""
+"""Marker maps: the places of markers on a mesh, in JSON files written by hand."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ FORMAT = "faceposer.marker-map"
 VERSION = 1
 
 _MAX_BYTES = 16 * 2**20
-# A position farther than this share of the mesh's diagonal from its surface is in other units, or of another mesh.
+# Largest distance of a position from the surface, as a share of the mesh's diagonal; beyond it the units are wrong.
 _NEAR = 0.05
 _CANDIDATES = 64
 _FARTHEST = 1e9
@@ -30,14 +30,14 @@ Place = int | str | tuple[float, float, float]
 
 @dataclass(frozen=True)
 class MarkerMap:
-    """Where markers sit on a mesh.
+    """Places of markers on a mesh.
 
     Attributes:
-        places: By the marker's name: a vertex id, the name of an MPEG-4 feature point ("8.3"), or a position in the
+        places: Place by marker name: a vertex id, the name of an MPEG-4 feature point ("8.3"), or a position in the
             mesh's space, near its surface.
-        fixed: Names of markers that do not move against the skull, on the mesh or not; () if none are known.
-        neutral_frame: The frame with a relaxed face, counted from 0, or None for the first with all markers.
-        source: The file, for messages.
+        fixed: Names of markers, on the mesh or not, that are rigidly attached to the skull; () if unknown.
+        neutral_frame: Index of the frame with a relaxed face, from 0; None for the first frame with all markers.
+        source: Path of the file, for messages.
     """
 
     places: Mapping[str, Place]
@@ -46,17 +46,17 @@ class MarkerMap:
     source: Path = Path("marker map")
 
     def subset(self, names: Sequence[str]) -> "MarkerMap":
-        """Return the map of the markers ``names`` alone, in this order."""
+        """Return the map restricted to the markers ``names``, in this order."""
         return replace(self, places={name: self.places[name] for name in names})
 
     def surface_points(
         self, vertices: Floats, triangles: Ints, feature_points: Mapping[str, int] | None = None
     ) -> SurfacePoints:
-        """Return the markers' points, in the order of ``places``, on a mesh of (N, 3) vertices and (T, 3) triangles.
+        """Return the markers' points on a mesh, in the order of ``places``.
 
         Args:
-            vertices: The mesh at rest.
-            triangles: Its vertex ids.
+            vertices: Vertices of the mesh at rest, shape (N, 3).
+            triangles: Vertex ids, shape (T, 3).
             feature_points: Vertex id by feature point.
 
         Raises:
@@ -72,7 +72,7 @@ class MarkerMap:
                 continue
             if isinstance(place, str) and place not in features:
                 raise self._refusal(
-                    f"marker {name} is at feature point {place}, which the mesh does not have", "give a vertex"
+                    f"marker {name} is at feature point {place}, which the mesh does not have", "specify a vertex"
                 )
             vertex = features[place] if isinstance(place, str) else place
             if not 0 <= vertex < len(vertices):
@@ -93,7 +93,7 @@ class MarkerMap:
         if not distances[0, best] <= _NEAR * float(np.linalg.norm(np.ptp(vertices, axis=0))):
             where = ", ".join(f"{x:g}" for x in position)
             raise self._refusal(
-                f"marker {name} at ({where}) is far from the mesh", "give positions in the mesh's own space"
+                f"marker {name} at ({where}) is far from the mesh", "specify positions in the mesh's space"
             )
         return int(candidates[best]), weights[0, best]
 
@@ -122,21 +122,21 @@ _Places = dict[str, Annotated[_PlaceJson, Meta(description=_PLACE)]]
 
 
 class _MarkerMapFile(Struct):
-    # Other keys are the author's notes.
+    # Other keys are ignored, for the author's notes.
     markers: Annotated[_Places, Meta(min_length=1, description="an object with a place for each marker")]
     fixed: list[str] = field(default_factory=list)
     neutral_frame: Annotated[int, Meta(ge=0, description="the number of a frame, counted from 0")] | None = None
 
     def __post_init__(self) -> None:
         if self.fixed and len(set(self.fixed)) < 3:
-            raise JsonError("names fewer than three markers; name more, or remove it to have them found", "fixed")
+            raise JsonError("has fewer than three markers; add more, or remove it to detect them", "fixed")
 
 
 def read_marker_map(path: Path) -> MarkerMap:
-    """Return the marker map in the file ``path``; docs/training.md describes its form.
+    """Read the marker map in the file ``path``; docs/training.md describes the format.
 
     Raises:
-        FacePoserError: If it cannot be read, is no marker map, or says something that cannot be meant.
+        FacePoserError: If it cannot be read, is not a marker map, or has invalid values.
     """
 
     def parsed(data: Any) -> MarkerMap:

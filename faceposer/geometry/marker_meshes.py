@@ -1,4 +1,4 @@
-"""From the motion of markers to a mesh for each frame (section 3.1 of the paper)."""
+"""Conversion of the motion of markers to a mesh for each frame (section 3.1 of the paper)."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -15,33 +15,34 @@ from faceposer.geometry.mesh import Floats, Ints
 
 Array = NDArray[np.float64]
 
-#: Frames in which more than this share of the markers is missing are left out.
+#: Largest share of missing markers in a frame; frames with more are left out.
 MOST_MISSING = 0.2
-# Without markers on bone, this share of all markers, the least moving, stands for it.
+# Share of all markers, those that move least, that is used if no markers are rigidly attached to the skull.
 _HELD_SHARE = 0.15
 _FEWEST_HELD = 4
-# Evenly spread frames that tell which markers these are.
+# Number of evenly spaced frames from which these markers are determined.
 _ENOUGH_FRAMES = 2_000
-# Markers that fit their places worse than this share of their spread were mixed up: faces differ by a tenth.
+# Largest misfit of markers and their places, as a share of their spread, beyond which they were mixed up. Faces differ
+# by about a tenth.
 _LARGEST_MISFIT = 0.3
 _BATCH = 32
 
 
 @dataclass(frozen=True)
 class MarkerReport:
-    """What became of the motion.
+    """Report on the conversion of a motion.
 
     Attributes:
-        n_frames: Frames in the file.
-        used: Those that gave a mesh, counted from 0.
-        gaps_filled: Positions of markers that were interpolated in time.
-        completed: Positions that the other markers of the same frame had to tell.
-        unused: Markers of the file that the map does not have.
-        held: Markers by which the head's motion was taken out.
-        neutral_frame: The frame taken for the relaxed face.
+        n_frames: Number of frames in the file.
+        used: Indices, from 0, of the frames that were converted to meshes.
+        gaps_filled: Number of marker positions that were interpolated in time.
+        completed: Number of marker positions that were inferred from the other markers of the same frame.
+        unused: Markers of the file that are not in the map.
+        held: Markers by which the motion of the head was removed.
+        neutral_frame: Index of the frame used as the relaxed face.
         scale: Units of the mesh per unit of the markers.
-        misfit: Root mean square distance between markers and their places at rest, in units of the mesh: how far the
-            two faces differ.
+        misfit: Root mean square distance between markers and their places at rest, in units of the mesh, due to the
+            difference of the two faces.
     """
 
     n_frames: int
@@ -61,10 +62,10 @@ class MarkerReport:
 
 
 class MarkerMeshes:
-    """The meshes of a motion, made while one iterates, in the order of ``report.used``; each (N, 3)."""
+    """Iterable over the meshes of a motion, shape (N, 3) each, in the order of ``report.used``."""
 
     def __init__(self, deformer: MarkerDeformer, displacements: Array, report: MarkerReport) -> None:
-        """Take what ``meshes_from_markers`` found: ``displacements`` of shape (F, H, 3), NaN where unknown."""
+        """Initialise from the handles' ``displacements``, shape (F, H, 3), NaN if unknown."""
         self.deformer = deformer
         self.displacements = displacements
         self.report = report
@@ -86,20 +87,20 @@ def meshes_from_markers(
 ) -> MarkerMeshes:
     """Return the meshes that follow a motion, with the head at rest.
 
-    Short gaps are filled in time. Each frame is moved rigidly so that the markers on bone, or else those that move
-    least, are where they are in the neutral frame. One similarity takes the neutral frame's markers to their places on
-    the mesh; turned and scaled by it, only the displacements from the neutral frame reach the mesh, so that the face
-    may have other proportions than the performer's.
+    Short gaps are filled in time. Each frame is aligned rigidly with the neutral frame by the markers on the skull, or
+    else those that move least. A single similarity transform maps the neutral frame's markers to their places on the
+    mesh. Only displacements from the neutral frame, rotated and scaled by it, are transferred to the mesh, so that its
+    proportions may differ from the performer's.
 
     Args:
-        motion: The markers, in any units and orientation.
-        marker_map: Their places on the mesh.
-        vertices: The mesh at rest, shape (N, 3).
-        triangles: Its vertex ids, shape (T, 3).
+        motion: Motion of the markers, in any unit and orientation.
+        marker_map: Places of the markers on the mesh.
+        vertices: Vertices of the mesh at rest, shape (N, 3).
+        triangles: Vertex ids, shape (T, 3).
         feature_points: Vertex id by feature point, if the map uses them.
 
     Raises:
-        FacePoserError: If the map does not fit the motion or the mesh.
+        FacePoserError: If the map does not match the motion or the mesh.
     """
     source = marker_map.source
     check_names(motion, marker_map)
@@ -116,20 +117,20 @@ def meshes_from_markers(
 def displacements_of_markers(
     motion: MarkerMotion, marker_map: MarkerMap, places: Array, find_held: bool = True
 ) -> tuple[Array, MarkerReport]:
-    """Return how the mapped markers move on a mesh from the neutral frame on, with the head at rest.
+    """Return the displacements of the mapped markers on a mesh from the neutral frame, with the head at rest.
 
     Args:
-        motion: The markers, in any units and orientation.
-        marker_map: Which of them lie where.
-        places: Where that is on the mesh at rest, shape (H, 3).
-        find_held: Whether the least moving markers stand for bone if the map names none; else the head is taken to
-            be at rest then.
+        motion: Motion of the markers, in any unit and orientation.
+        marker_map: Places of the markers on the mesh.
+        places: Positions of these places on the mesh at rest, shape (H, 3).
+        find_held: True to remove the motion of the head by the markers that move least if the map names no fixed ones;
+            otherwise the head is then assumed to be at rest.
 
     Returns:
-        Displacements in all frames, shape (F, H, 3), NaN where unknown; and what became of the motion.
+        Displacements in all frames, shape (F, H, 3), NaN if unknown, and the report.
 
     Raises:
-        FacePoserError: If the map does not fit the motion or the places.
+        FacePoserError: If the map does not match the motion or the places.
     """
     source = marker_map.source
     check_names(motion, marker_map)
@@ -142,23 +143,23 @@ def displacements_of_markers(
     if not len(fixed) and find_held:
         candidates = np.flatnonzero(motion.seen[neutral])
         held = _least_moving(motion.positions[:, candidates], reference[candidates], candidates)
-    still, can_hold = motion.positions, np.ones(len(motion.positions), dtype=bool)
+    still, alignable = motion.positions, np.ones(len(motion.positions), dtype=bool)
     if len(held):
         if not determines_rotation(reference[held]):
-            raise FacePoserError(f"The markers that hold the head in '{source}' are on a line; name others as fixed.")
-        still, can_hold = _at_rest(motion.positions, reference, held)
+            raise FacePoserError(f"The fixed markers of '{source}' are on a line; choose others as fixed.")
+        still, alignable = _stabilised(motion.positions, reference, held)
 
     if not (determines_rotation(reference[mapped]) and determines_rotation(places)):
-        raise FacePoserError(f"The markers in '{source}' are fewer than three, or all on a line; map more of them.")
+        raise FacePoserError(f"'{source}' has fewer than three markers, or all are on a line; add more markers.")
     fit = rigid_alignment(reference[mapped], places, scale=True)
     misfit = _rms(fit.apply(reference[mapped]) - places)
     if misfit > _LARGEST_MISFIT * _rms(places - places.mean(axis=0)):
         raise FacePoserError(
-            f"The markers do not lie as '{source}' says (they are {misfit:.3g} off on average); check the names, left "
+            f"The markers do not match '{source}' (the root mean square error is {misfit:.3g}); check the names, left "
             "and right, and the neutral frame."
         )
     seen = np.asarray(np.isfinite(still[:, mapped]).all(axis=2))
-    used = np.flatnonzero(can_hold & (seen.mean(axis=1) >= 1.0 - MOST_MISSING))
+    used = np.flatnonzero(alignable & (seen.mean(axis=1) >= 1.0 - MOST_MISSING))
     report = MarkerReport(
         n_frames=len(motion.positions),
         used=tuple(int(frame) for frame in used),
@@ -174,12 +175,12 @@ def displacements_of_markers(
 
 
 def check_names(motion: MarkerMotion, marker_map: MarkerMap) -> None:
-    """Raise ``FacePoserError`` unless all markers of the map are some of the motion."""
+    """Raise ``FacePoserError`` unless the motion has all markers of the map."""
     for name in (*marker_map.places, *marker_map.fixed):
         if name not in motion.names:
             known = ", ".join(motion.names[:5]) + (", ..." if len(motion.names) > 5 else "")
             raise FacePoserError(
-                f"The marker map '{marker_map.source}' has {name}, which is no marker of the motion ({known})."
+                f"The marker map '{marker_map.source}' has marker {name}, which is not in the motion ({known})."
             )
 
 
@@ -191,25 +192,25 @@ def _neutral_frame(motion: MarkerMotion, marker_map: MarkerMap, needed: NDArray[
         if not complete.any():
             rare = motion.names[needed[np.argmin(motion.seen[:, needed].mean(axis=0))]]
             raise FacePoserError(
-                f"No frame has all markers of '{source}'; {rare} is seen least: take it out of the map."
+                f"No frame has all markers of '{source}'; remove {rare}, which is missing most often, from the map."
             )
         return int(np.argmax(complete))
     if frame >= len(complete):
         raise FacePoserError(f"The neutral frame of '{source}' is {frame}, but the motion has {len(complete)} frames.")
     if not complete[frame]:
-        lacking = ", ".join(motion.names[i] for i in needed if not motion.seen[frame, i])
-        raise FacePoserError(f"The neutral frame {frame} of '{source}' lacks {lacking}; choose one with all markers.")
+        missing = ", ".join(motion.names[i] for i in needed if not motion.seen[frame, i])
+        raise FacePoserError(f"The neutral frame {frame} of '{source}' lacks {missing}; choose one with all markers.")
     return frame
 
 
 def _least_moving(positions: Array, reference: Array, ids: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the ``ids`` of the markers that move least against each other: a trimmed fit, repeated until it stays."""
+    """Return the ``ids`` of the markers that move least relative to each other, by an iterated trimmed fit."""
     count = min(len(ids), max(_FEWEST_HELD, round(_HELD_SHARE * len(ids))))
     chosen = np.arange(len(ids))
     positions = positions[:: max(1, len(positions) // _ENOUGH_FRAMES)]
     for _ in range(20):
-        still, can_hold = _at_rest(positions, reference, chosen)
-        squared = np.sum((still[can_hold] - reference) ** 2, axis=2)
+        still, alignable = _stabilised(positions, reference, chosen)
+        squared = np.sum((still[alignable] - reference) ** 2, axis=2)
         known = np.asarray(np.isfinite(squared))
         moving = np.where(known, squared, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
         moving[~known.any(axis=0)] = np.inf
@@ -220,15 +221,16 @@ def _least_moving(positions: Array, reference: Array, ids: NDArray[np.intp]) -> 
     return ids[chosen]
 
 
-def _at_rest(positions: Array, reference: Array, held: NDArray[np.intp]) -> tuple[Array, NDArray[np.bool_]]:
-    """Return all frames with the ``held`` markers on their places in ``reference``, and which could be moved so."""
+def _stabilised(positions: Array, reference: Array, held: NDArray[np.intp]) -> tuple[Array, NDArray[np.bool_]]:
+    """Align all frames with ``reference`` by the ``held`` markers; return them and the mask of alignable frames."""
     seen = np.asarray(np.isfinite(positions[:, held]).all(axis=2))
-    # Both sets must tell a rotation by the markers that the frame has.
-    told = determines_rotation(positions[:, held]) & determines_rotation(reference[held], seen.astype(np.float64))
+    # The markers known in the frame must determine the rotation in both sets.
+    determined = determines_rotation(positions[:, held]) & determines_rotation(reference[held], seen.astype(np.float64))
     still = np.full_like(positions, np.nan)
-    if told.any():
-        still[told] = rigid_alignment(positions[told][:, held], reference[held]).apply(positions[told])
-    return still, np.asarray(told)
+    if determined.any():
+        fit = rigid_alignment(positions[determined][:, held], reference[held])
+        still[determined] = fit.apply(positions[determined])
+    return still, np.asarray(determined)
 
 
 def _rms(offsets: Array) -> float:

@@ -1,4 +1,4 @@
-"""Triangle meshes and their vertex normals."""
+"""Triangle meshes, vertex normals and vertex areas."""
 
 from dataclasses import dataclass
 
@@ -28,14 +28,14 @@ class TriangleMesh:
         if self.triangles.ndim != 2 or self.triangles.shape[1] != 3:
             raise ValueError(f"triangles must have shape (T, 3), not {self.triangles.shape}")
         if self.triangles.size and not 0 <= self.triangles.min() <= self.triangles.max() < len(self.vertices):
-            raise ValueError("triangles name vertices that do not exist")
+            raise ValueError("triangles refer to vertices that do not exist")
 
 
 class VertexNormals:
-    """Computes area-weighted vertex normals of one topology for any vertex positions.
+    """Area-weighted vertex normals of a fixed topology for any vertex positions.
 
-    The triangle-to-vertex sum is one sparse matrix, built once. Each triangle's cross product has twice its
-    area as length, so the plain sum over a vertex's triangles is the area-weighted normal.
+    The sum over the triangles of each vertex is a sparse matrix, built once. The length of a triangle's cross product
+    is twice its area, so that the plain sum is the area-weighted normal.
     """
 
     def __init__(self, triangles: Ints, n_vertices: int) -> None:
@@ -48,12 +48,12 @@ class VertexNormals:
         self._sum = sparse.csr_array((ones, (corners.ravel(), columns)), shape=(n_vertices, n_triangles))
 
     def __call__(self, vertices: Floats) -> NDArray[np.float32]:
-        """Return unit normals, shape (N, 3), for ``vertices`` of shape (N, 3); zero where no triangle gives one."""
+        """Return the unit normals of ``vertices``, shape (N, 3); zero for vertices without a triangle of any area."""
         positions = np.asarray(vertices, dtype=np.float32)
         a, b, c = (positions.take(corner, axis=0) for corner in self._corners)
         b -= a
         c -= a
-        # A cross product written out per component is several times faster than numpy.cross.
+        # Written out per component, the cross product is several times faster than numpy.cross.
         bx, by, bz = b.T
         cx, cy, cz = c.T
         face = np.empty((len(a), 3), dtype=np.float32)
@@ -67,7 +67,7 @@ class VertexNormals:
 
 
 def vertex_areas(vertices: Floats, triangles: Ints) -> NDArray[np.float64]:
-    """Return the area around each of the ``vertices``, (N, 3): a third of that of each of its ``triangles``, (N,)."""
+    """Return the area of each of the ``vertices``, (N, 3), a third of that of its ``triangles``, shape (N,)."""
     corners = vertices[triangles].astype(np.float64)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = 0.5 * np.sqrt(np.einsum("ij,ij->i", cross, cross))

@@ -1,4 +1,4 @@
-"""Many meshes of one topology: a folder of files, or arrays, read one after another in bounded memory."""
+"""Sequences of meshes of the same topology, in folders or arrays, read in bounded memory."""
 
 import math
 import re
@@ -26,14 +26,14 @@ ARRAY_SUFFIX = ".npz"
 _VERTICES = "vertices.npy"
 _NEUTRAL_WORDS = ("neutral", "rest", "base")
 _MAX_FRAMES = 1_000_000
-# Squares of larger coordinates, summed over a mesh, would leave single precision.
+# Bound on coordinates, which keeps sums of squares over a mesh within single precision.
 _LARGEST = 1e12
 _MAX_FILE_BYTES = 1 << 30
 
 
 @dataclass(frozen=True)
 class _Source:
-    """A file with the frames ``first`` to ``first + count - 1`` of a sequence, to be read in order if compressed."""
+    """A file with the frames ``first`` to ``first + count - 1``; a compressed one can only be read in order."""
 
     path: Path
     first: int
@@ -43,13 +43,13 @@ class _Source:
 
 @dataclass(frozen=True, eq=False)
 class MeshSequence:
-    """Examples of one mesh, to be read as often as one likes; it can be sent to other processes.
+    """A sequence of meshes of the same topology, which can be read repeatedly and pickled.
 
     Attributes:
-        neutral: The mesh that all are compared with.
-        neutral_name: Where it comes from.
-        sources: The files, in order.
-        face_digest: Of the neutral's OBJ text of faces, "" if it has none.
+        neutral: The neutral mesh, which defines the topology.
+        neutral_name: Name of the neutral mesh in messages.
+        sources: The files in order.
+        face_digest: Digest of the faces in the neutral OBJ file; "" if there is none.
     """
 
     neutral: PolygonMesh
@@ -62,40 +62,40 @@ class MeshSequence:
 
     @property
     def compressed(self) -> bool:
-        """Whether it takes long to reach a frame in the middle, since all before it must be unpacked."""
+        """True if random access is slow, since a file must be decompressed from its beginning."""
         return any(source.compressed for source in self.sources)
 
     def absolute(self) -> "MeshSequence":
-        """Return the same with paths that hold in any working folder."""
+        """Return the sequence with absolute paths."""
         return replace(self, sources=tuple(replace(source, path=source.path.absolute()) for source in self.sources))
 
     def read(self, first: int, stop: int) -> Iterator[Array]:
-        """Yield the vertices, (N, 3), of the frames from ``first`` to the one before ``stop``.
+        """Yield the vertices, (N, 3), of the frames from ``first`` to ``stop - 1``.
 
         Raises:
-            FacePoserError: If a file is damaged or has another topology than the neutral.
+            FacePoserError: If a file is damaged or its topology differs from the neutral mesh.
         """
         return self.pick(range(first, stop))
 
     def pick(self, frames: Sequence[int]) -> Iterator[Array]:
-        """Yield the vertices, (N, 3), of some ``frames``, given in ascending order.
+        """Yield the vertices, (N, 3), of ``frames``, given in ascending order.
 
         Raises:
-            FacePoserError: If a file is damaged or has another topology than the neutral.
+            FacePoserError: If a file is damaged or its topology differs from the neutral mesh.
         """
         for source in self.sources_of(frames):
-            wanted = [frame - source.first for frame in _between(frames, source.first, source.first + source.count)]
+            selected = [frame - source.first for frame in _between(frames, source.first, source.first + source.count)]
             if source.path.suffix.lower() == ARRAY_SUFFIX:
-                yield from self._read_arrays(source, wanted)
+                yield from self._read_arrays(source, selected)
             else:
                 yield self._read_mesh(source.path)
 
     def sources_of(self, frames: Sequence[int]) -> list[_Source]:
-        """Return the files that have some of ``frames``, given in ascending order."""
+        """Return the files that contain any of ``frames``, given in ascending order."""
         return [s for s in self.sources if _between(frames, s.first, s.first + s.count)]
 
     def name_of(self, frame: int) -> str:
-        """Return what to call a frame: its file, with its number in it where it has several."""
+        """Return the name of a frame for messages: its file, with its number in a file of several frames."""
         source = next(s for s in self.sources if s.first <= frame < s.first + s.count)
         return f"'{source.path}'" if source.count == 1 else f"frame {frame - source.first + 1} of '{source.path}'"
 
@@ -109,15 +109,16 @@ class MeshSequence:
         mesh = read_mesh(path)
         self._check_count(str(path), len(mesh.vertices))
         self._check_finite(f"'{path}'", mesh.vertices)
-        ours = self.neutral.polygons
-        if mesh.polygons.shape != ours.shape or not np.array_equal(mesh.polygons, ours):
-            n = min(len(mesh.polygons), len(ours))
-            width = min(mesh.polygons.shape[1], ours.shape[1])
-            differs = np.flatnonzero((mesh.polygons[:n, :width] != ours[:n, :width]).any(axis=1))
-            place = f"face {differs[0] + 1} differs" if len(differs) else f"{len(mesh.polygons)} faces, not {len(ours)}"
+        expected = self.neutral.polygons
+        if mesh.polygons.shape != expected.shape or not np.array_equal(mesh.polygons, expected):
+            n = min(len(mesh.polygons), len(expected))
+            width = min(mesh.polygons.shape[1], expected.shape[1])
+            differs = np.flatnonzero((mesh.polygons[:n, :width] != expected[:n, :width]).any(axis=1))
+            counts = f"{len(mesh.polygons)} faces, not {len(expected)}"
+            difference = f"face {differs[0] + 1} differs" if len(differs) else counts
             raise FacePoserError(
-                f"'{path}' has another topology than {self.neutral_name}: {place}; export all meshes from one, with "
-                "the order of vertices and faces kept."
+                f"The topology of '{path}' differs from {self.neutral_name}: {difference}; export all meshes with the "
+                "same vertices and faces in the same order."
             )
         return mesh.vertices
 
@@ -125,18 +126,16 @@ class MeshSequence:
         if count != len(self.neutral.vertices):
             raise FacePoserError(
                 f"'{name}' has {count} vertices, but {self.neutral_name} has {len(self.neutral.vertices)}; export all "
-                "meshes from one, with the order of vertices kept."
+                "meshes with the same vertices in the same order."
             )
 
     def _check_finite(self, name: str, vertices: Array) -> None:
-        # A comparison with NaN is false too.
-        sound = (np.abs(vertices) < _LARGEST).all(axis=1)
-        if not sound.all():
-            vertex = int(np.argmin(sound))
-            why = "too far away" if np.isfinite(vertices[vertex]).all() else "not finite"
-            raise FacePoserError(
-                f"{name[:1].upper()}{name[1:]} has a vertex that is {why}, number {vertex + 1}; export it anew."
-            )
+        # Comparisons with NaN are False.
+        valid = (np.abs(vertices) < _LARGEST).all(axis=1)
+        if not valid.all():
+            vertex = int(np.argmin(valid))
+            problem = "too far away" if np.isfinite(vertices[vertex]).all() else "not finite"
+            raise FacePoserError(f"Vertex {vertex + 1} of {name} is {problem}; export it again.")
 
     def _read_arrays(self, source: _Source, frames: Iterable[int]) -> Iterator[Array]:
         try:
@@ -155,35 +154,35 @@ class MeshSequence:
                     self._check_finite(f"frame {frame + 1} of '{source.path}'", vertices)
                     yield vertices
         except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, OSError) as error:
-            raise FacePoserError(f"'{source.path}' is damaged or cut off; write it again.") from error
+            raise FacePoserError(f"'{source.path}' is damaged or truncated; write it again.") from error
 
 
 def open_sequence(path: Path, neutral: Path | None = None) -> MeshSequence:
-    """Return the meshes in the folder ``path``, or in the one ``.npz`` file, in the natural order of their names.
+    """Open the meshes in the folder ``path``, in the natural order of their names, or in the ``.npz`` file ``path``.
 
-    A ``.npz`` has ``vertices`` of shape (F, N, 3) or (N, 3) and may have ``faces`` of shape (T, 3) or (T, 4).
+    A ``.npz`` file has ``vertices`` of shape (F, N, 3) or (N, 3), and optionally ``faces`` of shape (T, 3) or (T, 4).
 
     Args:
-        path: Folder of OBJ, PLY, STL, GLB, OFF or NPZ files, or one NPZ file.
-        neutral: The neutral mesh; if None, the file whose name says neutral, rest or base, else the first.
+        path: Folder of OBJ, PLY, STL, GLB, OFF or NPZ files, or an NPZ file.
+        neutral: File of the neutral mesh; if None, the file with neutral, rest or base in its name, else the first.
 
     Raises:
         FacePoserError: If there are no meshes, or the neutral cannot be read.
     """
     if path.is_dir():
         allowed = (*MESH_SUFFIXES, ARRAY_SUFFIX)
-        files = sorted((f for f in path.iterdir() if f.suffix.lower() in allowed and f.is_file()), key=_natural)
+        files = sorted((f for f in path.iterdir() if f.suffix.lower() in allowed and f.is_file()), key=_natural_key)
     elif path.suffix.lower() == ARRAY_SUFFIX and path.is_file():
         files = [path]
     else:
-        raise FacePoserError(f"'{path}' is no folder of meshes and no .npz file; give one of them.")
+        raise FacePoserError(f"'{path}' is not a folder of meshes or an .npz file; choose one of these.")
     if not files:
-        raise FacePoserError(f"The folder '{path}' has no meshes; put OBJ, PLY, STL, GLB or NPZ files there.")
+        raise FacePoserError(f"The folder '{path}' contains no meshes; add OBJ, PLY, STL, GLB or NPZ files.")
     chosen = neutral or _neutral_among(files)
     sources: list[_Source] = []
     for file in files:
         first = sources[-1].first + sources[-1].count if sources else 0
-        sources.append(_arrays(file, first) if file.suffix.lower() == ARRAY_SUFFIX else _Source(file, first, 1))
+        sources.append(_array_source(file, first) if file.suffix.lower() == ARRAY_SUFFIX else _Source(file, first, 1))
     total = sources[-1].first + sources[-1].count
     if total > _MAX_FRAMES:
         raise FacePoserError(f"'{path}' has {total} frames, more than {_MAX_FRAMES}; leave some out.")
@@ -194,11 +193,11 @@ def open_sequence(path: Path, neutral: Path | None = None) -> MeshSequence:
 
 
 def write_frames(path: Path, frames: Iterable[NDArray[np.floating]], count: int, n_vertices: int) -> None:
-    """Write ``count`` frames of shape (N, 3) to the ``.npz`` file ``path``, one after another, in single precision.
+    """Write ``count`` frames of shape (N, 3) incrementally to the ``.npz`` file ``path``, in single precision.
 
     Raises:
         OSError: If the file cannot be written.
-        ValueError: If there are not as many frames.
+        ValueError: If the number of frames is not ``count``.
     """
     header = {"descr": "<f4", "fortran_order": False, "shape": (count, n_vertices, 3)}
     written = 0
@@ -212,16 +211,16 @@ def write_frames(path: Path, frames: Iterable[NDArray[np.floating]], count: int,
 
 
 def frames_of(path: Path, neutral: PolygonMesh, name: str) -> MeshSequence:
-    """Return the frames in the ``.npz`` file ``path`` as examples of the mesh ``neutral``, called ``name``."""
-    return MeshSequence(neutral, name, (_arrays(path, 0),))
+    """Open the frames in the ``.npz`` file ``path`` as a sequence of the mesh ``neutral``, named ``name``."""
+    return MeshSequence(neutral, name, (_array_source(path, 0),))
 
 
 def _neutral_among(files: list[Path]) -> Path:
-    def says_neutral(file: Path) -> bool:
+    def is_neutral(file: Path) -> bool:
         words = re.split(r"[^a-z]+", file.stem.lower())
         return any(word in words for word in _NEUTRAL_WORDS)
 
-    return next((file for file in files if says_neutral(file)), files[0])
+    return next((file for file in files if is_neutral(file)), files[0])
 
 
 def _neutral_mesh(path: Path, meshes: list[Path]) -> PolygonMesh:
@@ -232,7 +231,7 @@ def _neutral_mesh(path: Path, meshes: list[Path]) -> PolygonMesh:
         return PolygonMesh(vertices, faces)
     if not meshes:
         raise FacePoserError(
-            f"'{path}' has no 'faces' of shape (T, 3) or (T, 4); store them beside 'vertices', or give the neutral "
+            f"'{path}' has no 'faces' of shape (T, 3) or (T, 4); store them with 'vertices', or specify the neutral "
             "mesh with --neutral."
         )
     return read_mesh(meshes[0])
@@ -244,10 +243,10 @@ def _between(frames: Sequence[int], begin: int, end: int) -> Sequence[int]:
 
 @contextmanager
 def _open_vertices(path: Path) -> Iterator[tuple[IO[bytes], zipfile.ZipInfo]]:
-    """Yield the array of vertices as a stream that is quick to seek in unless it is compressed.
+    """Yield the array of vertices as a stream, which is fast to seek unless it is compressed.
 
     Raises:
-        KeyError: If there is none.
+        KeyError: If there is no such array.
         zipfile.BadZipFile: If the file is damaged.
     """
     with zipfile.ZipFile(path) as archive:
@@ -256,7 +255,7 @@ def _open_vertices(path: Path) -> Iterator[tuple[IO[bytes], zipfile.ZipInfo]]:
             if info.compress_type != zipfile.ZIP_STORED:
                 yield stream, info
                 return
-    # zipfile reads all that it passes over; the bytes lie in the file as they are.
+    # To seek, zipfile reads everything in between; stored members are read directly from the file instead.
     with path.open("rb") as file:
         file.seek(info.header_offset)
         header = file.read(30)
@@ -269,7 +268,7 @@ def _open_vertices(path: Path) -> Iterator[tuple[IO[bytes], zipfile.ZipInfo]]:
         yield file, info
 
 
-def _arrays(path: Path, first: int) -> _Source:
+def _array_source(path: Path, first: int) -> _Source:
     try:
         with _open_vertices(path) as (stream, info):
             begin = stream.tell()
@@ -277,9 +276,9 @@ def _arrays(path: Path, first: int) -> _Source:
             if stream.tell() - begin + math.prod(shape) * dtype.itemsize > info.file_size:
                 raise EOFError
     except KeyError:
-        raise FacePoserError(f"'{path}' has no array 'vertices' of shape (frames, vertices, 3); store it so.") from None
+        raise FacePoserError(f"'{path}' has no array 'vertices'; store it with shape (frames, vertices, 3).") from None
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
-        raise FacePoserError(f"'{path}' is damaged or no .npz file; write it again.") from error
+        raise FacePoserError(f"'{path}' is damaged or is not an .npz file; write it again.") from error
     return _Source(path, first, 1 if len(shape) == 2 else shape[0], info.compress_type != zipfile.ZIP_STORED)
 
 
@@ -293,19 +292,19 @@ def _first_frame(path: Path) -> tuple[Array, NDArray[np.int32] | None]:
             if "faces.npy" not in archive.namelist():
                 return vertices, None
             if archive.getinfo("faces.npy").file_size > _MAX_FILE_BYTES:
-                raise FacePoserError(f"The faces in '{path}' are too many; give a smaller mesh.")
+                raise FacePoserError(f"'{path}' has too many faces; choose a smaller mesh.")
             with archive.open("faces.npy") as stream:
                 faces = np.lib.format.read_array(stream, allow_pickle=False)
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError) as error:
-        raise FacePoserError(f"'{path}' is damaged or no .npz file; write it again.") from error
-    sound = faces.ndim == 2 and faces.shape[1] in (3, 4) and faces.dtype.kind in "iu" and len(faces)
-    if not sound or faces.max() >= len(vertices) or faces.min() < -1 or (faces[:, :3] < 0).any():
+        raise FacePoserError(f"'{path}' is damaged or is not an .npz file; write it again.") from error
+    valid = faces.ndim == 2 and faces.shape[1] in (3, 4) and faces.dtype.kind in "iu" and len(faces)
+    if not valid or faces.max() >= len(vertices) or faces.min() < -1 or (faces[:, :3] < 0).any():
         raise FacePoserError(f"The faces in '{path}' must be vertex numbers from 0, shape (T, 3) or (T, 4).")
     return vertices, faces.astype(np.int32)
 
 
 def _array_header(stream: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Read the header of the array of vertices and return its shape and type."""
+    """Read the header of the array of vertices; return its shape and type."""
     try:
         version = np.lib.format.read_magic(stream)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
@@ -318,21 +317,23 @@ def _array_header(stream: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dt
             "(frames, vertices, 3)."
         )
     if fortran:
-        raise FacePoserError(f"The vertices in '{path}' are in Fortran order; store numpy.ascontiguousarray of them.")
+        raise FacePoserError(
+            f"The vertices in '{path}' are in Fortran order; store them in C order (numpy.ascontiguousarray)."
+        )
     if shape[-2] * 3 * dtype.itemsize > _MAX_FILE_BYTES:
-        raise FacePoserError(f"'{path}' claims {shape[-2]} vertices; give a smaller mesh.")
+        raise FacePoserError(f"'{path}' declares {shape[-2]} vertices; choose a smaller mesh.")
     return shape, dtype
 
 
 def _obj_positions(path: Path) -> tuple[Array, str]:
     try:
         if path.stat().st_size > _MAX_FILE_BYTES:
-            raise FacePoserError(f"The mesh '{path}' is larger than {_MAX_FILE_BYTES >> 30} GB; give a smaller one.")
+            raise FacePoserError(f"The mesh '{path}' is larger than {_MAX_FILE_BYTES >> 30} GB; choose a smaller one.")
         return read_obj_positions_and_digest(path)
     except OSError as error:
         raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
 
 
-def _natural(path: Path) -> list[Any]:
-    """Return what to sort names by, so that frame 10 comes after frame 9."""
+def _natural_key(path: Path) -> list[Any]:
+    """Return the key of the natural order of names, in which frame 10 follows frame 9."""
     return [(1, int(word), "") if word.isdigit() else (0, 0, word) for word in re.split(r"(\d+)", path.name.lower())]

@@ -1,4 +1,4 @@
-"""The plane of symmetry x = 0: which point of a surface lies across from which, and cameras seen in it."""
+"""Mirror correspondence of surface points across the plane of symmetry x = 0, and mirrored cameras."""
 
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -11,27 +11,27 @@ from faceposer.geometry.mesh import Floats, Ints
 from faceposer.geometry.picking import SurfacePoints
 
 if TYPE_CHECKING:
-    # The window's start does not wait for search trees: they are imported where they are built.
+    # Imported late to shorten the start of the window.
     from scipy.spatial import cKDTree
 
-_ACROSS = np.array([-1.0, 1.0, 1.0])
+_REFLECTION = np.array([-1.0, 1.0, 1.0])
 
 
 class SurfaceMirror:
-    """Finds the points of a surface that lie across from others when it is at rest."""
+    """Mirror correspondence of a surface at rest."""
 
     def __init__(self, vertices: Floats, triangles: Ints, tolerance: float) -> None:
-        """Prepare for the resting ``vertices``, (N, 3); beyond ``tolerance`` from its image none is found."""
+        """Prepare the correspondence of the ``vertices`` at rest, (N, 3), up to a distance of ``tolerance``."""
         self._vertices = np.asarray(vertices, dtype=np.float64)
         self._triangles = np.asarray(triangles)
         self._tolerance = tolerance
 
     @cached_property
     def vertices(self) -> NDArray[np.int64]:
-        """The vertex across from each vertex, shape (N,), or -1."""
+        """Index of the mirror vertex of each vertex, shape (N,); -1 if there is none within the tolerance."""
         from scipy.spatial import cKDTree
 
-        distances, nearest = cKDTree(self._vertices).query(self._vertices * _ACROSS)
+        distances, nearest = cKDTree(self._vertices).query(self._vertices * _REFLECTION)
         return np.where(distances <= self._tolerance, nearest, -1).astype(np.int64)
 
     @cached_property
@@ -41,19 +41,19 @@ class SurfaceMirror:
         return cKDTree(self._vertices[self._triangles].mean(axis=1))
 
     def points(self, points: SurfacePoints) -> SurfacePoints | None:
-        """Return the points across from ``points``, or None where one of them has no counterpart.
+        """Return the mirror points of ``points``, or None if a point has no counterpart.
 
-        Two halves may be cut into triangles along different diagonals, so that a point is looked up by its place.
+        Points on triangles are looked up by position, as the two halves may be triangulated differently.
         """
         on_vertex = points.faces < 0
         faces, weights = points.faces.copy(), points.barycentric.copy()
         if on_vertex.any():
-            across = self.vertices[-1 - points.faces[on_vertex]]
-            if (across < 0).any():
+            mirrored = self.vertices[-1 - points.faces[on_vertex]]
+            if (mirrored < 0).any():
                 return None
-            faces[on_vertex] = -1 - across
+            faces[on_vertex] = -1 - mirrored
         if not on_vertex.all():
-            places = points.subset(~on_vertex).positions(self._vertices, self._triangles) * _ACROSS
+            places = points.subset(~on_vertex).positions(self._vertices, self._triangles) * _REFLECTION
             _, candidates = self._centres.query(places, k=min(16, len(self._triangles)))
             candidates = np.asarray(candidates).reshape(len(places), -1)
             inside, distances = nearest_on_triangles(self._vertices[self._triangles[candidates]], places)
@@ -69,10 +69,17 @@ class SurfaceMirror:
 def nearest_on_triangles(
     corners: NDArray[np.float64], places: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return weights (n, k, 3) of the points of triangles ``corners`` (n, k, 3, 3) near ``places`` (n, 3), and how far.
+    """Return the barycentric coordinates of the nearest points on triangles, and their distances.
 
-    The point is the foot on the triangle's plane, moved inside by clipping its weights: exact for a foot inside, near
-    enough beside it to tell which triangle is meant.
+    Places are projected onto the plane of each triangle, with the barycentric coordinates clipped to 0 to 1: exact for
+    projections inside the triangle, and accurate enough outside to select the nearest triangle.
+
+    Args:
+        corners: Corners of k triangles for each place, shape (n, k, 3, 3).
+        places: Positions, shape (n, 3).
+
+    Returns:
+        Barycentric coordinates, shape (n, k, 3), and distances, shape (n, k).
     """
     a = corners[:, :, 0]
     edge1, edge2, offset = corners[:, :, 1] - a, corners[:, :, 2] - a, places[:, None] - a
@@ -87,8 +94,8 @@ def nearest_on_triangles(
 
 
 def mirrored_camera(camera: Camera) -> Camera:
-    """Return the camera that sees the mirrored world as ``camera`` sees the world, left and right exchanged."""
-    flip = np.diag(_ACROSS)
+    """Return the mirror image of ``camera``: its image of the mirrored world is the flipped image of the world."""
+    flip = np.diag(_REFLECTION)
     return Camera(
         flip @ camera.rotation @ flip,
         flip @ camera.translation,
@@ -99,7 +106,7 @@ def mirrored_camera(camera: Camera) -> Camera:
 
 
 def mirrored_pixels(pixels: ArrayLike, camera: Camera) -> NDArray[np.float64]:
-    """Return where ``mirrored_camera(camera)`` sees the mirror images of what ``camera`` sees at ``pixels``, (n, 2)."""
+    """Return the pixels of ``mirrored_camera(camera)`` that correspond to ``pixels`` of ``camera``, shape (n, 2)."""
     flipped = np.array(pixels, dtype=np.float64).reshape(-1, 2)
     flipped[:, 0] = camera.size[0] - flipped[:, 0]
     return flipped

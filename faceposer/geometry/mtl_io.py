@@ -1,24 +1,24 @@
-"""Writing the material libraries of Wavefront OBJ (MTL)."""
+"""Writing of material libraries for Wavefront OBJ (MTL)."""
 
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-# Neither ends of lines nor bytes that are no text can be in a name.
+# Control characters, line ends and surrogates, which names cannot contain.
 _UNWRITABLE = re.compile(r"[\x00-\x1f\x7f\x85\u2028\u2029\ud800-\udfff]")
 
 
 @dataclass(frozen=True)
 class MtlMaterial:
-    """A material of the Phong model that MTL describes.
+    """A Phong material in MTL.
 
     Attributes:
-        name: As ``usemtl`` calls it.
-        diffuse: Kd, red, green and blue as they are displayed (sRGB), 0 to 1; multiplied with the picture.
-        specular: Ks, one grey level from 0 to 1.
-        exponent: Ns, of the highlight, 0 to 1000.
-        picture: File name of the colour picture, in the folder of the library; "" for none.
-        transparent: Whether the alpha channel of the picture is the opacity too.
+        name: Name, as in ``usemtl``.
+        diffuse: Kd, sRGB colour from 0 to 1, multiplied with the texture.
+        specular: Ks, grey level from 0 to 1.
+        exponent: Ns, exponent of the highlight, 0 to 1000.
+        picture: File name of the colour texture in the folder of the library; "" for none.
+        transparent: True to use the alpha channel of the texture as opacity.
         opacity: d, 0 to 1.
     """
 
@@ -32,7 +32,7 @@ class MtlMaterial:
 
 
 def writable_name(name: str) -> str:
-    """Return ``name`` with an underscore for each character that a line of OBJ or MTL cannot hold."""
+    """Return ``name`` with underscores for all characters that OBJ and MTL cannot represent."""
     return _UNWRITABLE.sub("_", name)
 
 

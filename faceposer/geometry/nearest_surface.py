@@ -1,4 +1,4 @@
-"""Nearest points of a surface to places in space."""
+"""Nearest points on a surface."""
 
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -15,22 +15,22 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Triangles by the nearest centroids among which the nearest point is sought.
+# Number of triangles, those with the nearest centroids, that are tested for the nearest point.
 _CANDIDATES = 32
 
 
 class NearestSurface:
-    """Finds the nearest points of some triangles of a mesh."""
+    """Nearest point queries on some triangles of a mesh."""
 
     def __init__(self, vertices: Floats, triangles: Ints, chosen: NDArray[np.integer]) -> None:
-        """Look among the triangles ``chosen``, indices of shape (n,), n > 0, of ``triangles``, (T, 3)."""
+        """Prepare queries on the ``triangles``, (T, 3), with indices ``chosen``, shape (n,), n > 0."""
         self._vertices = np.asarray(vertices, dtype=np.float64)
         self._triangles = np.asarray(triangles)
         self._chosen = np.asarray(chosen, dtype=np.int64)
 
     @cached_property
     def _centroids(self) -> "cKDTree":
-        # The window's start does not wait for search trees.
+        # Imported late to shorten the start of the window.
         from scipy.spatial import cKDTree
 
         return cKDTree(self._vertices[self._triangles[self._chosen]].mean(axis=1))
@@ -46,7 +46,7 @@ class NearestSurface:
         return cKDTree(self._vertices[self._own_vertices])
 
     def points(self, places: Array) -> tuple[SurfacePoints, Array]:
-        """Return the nearest points of the surface to ``places``, shape (n, 3), and how far they are, shape (n,)."""
+        """Return the points on the surface nearest to ``places``, shape (n, 3), and their distances, shape (n,)."""
         _, near = self._centroids.query(places, k=min(_CANDIDATES, len(self._chosen)))
         candidates = self._chosen[np.asarray(near).reshape(len(places), -1)]
         weights, distances = nearest_on_triangles(self._vertices[self._triangles[candidates]], places)
@@ -54,6 +54,6 @@ class NearestSurface:
         return SurfacePoints(candidates[rows, best], weights[rows, best]), distances[rows, best]
 
     def at_vertices(self, places: Array) -> tuple[SurfacePoints, Array]:
-        """Return the nearest vertices of the surface to ``places``, shape (n, 3), and how far they are, shape (n,)."""
+        """Return the vertices of the surface nearest to ``places``, shape (n, 3), and their distances, shape (n,)."""
         distances, near = self._vertex_tree.query(places)
         return SurfacePoints.at_vertices(self._own_vertices[near]), np.asarray(distances, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Reading and writing Wavefront OBJ, with the order of vertices, faces and texture coordinates untouched."""
+"""Reading and writing of Wavefront OBJ, preserving the order of vertices, faces and texture coordinates."""
 
 import hashlib
 import re
@@ -14,7 +14,7 @@ from faceposer.files.atomic import write_text
 from faceposer.geometry.mtl_io import writable_name
 from faceposer.geometry.polygon_mesh import Group, PolygonMesh, no_polygons, pad_polygons
 
-# All faces are kept as wide as the widest.
+# Limit on the corners of a face, since the array of polygons is as wide as the largest.
 _MOST_CORNERS = 128
 
 
@@ -28,15 +28,15 @@ def write_obj(
     groups: Sequence[Group] = (),
     comment: str = "",
 ) -> None:
-    """Write a Wavefront OBJ with vertices and faces in the order given, all or nothing.
+    """Write a Wavefront OBJ atomically, with vertices and faces in the given order.
 
     Args:
-        path: The file.
-        vertices: Shape (N, 3); written so that single precision comes back exactly.
-        polygons: Vertex indices, shape (F, 3) or (F, 4); a triangle among quads has -1 last.
+        path: Path of the file.
+        vertices: Positions, shape (N, 3), written exactly in single precision.
+        polygons: Vertex indices, shape (F, 3) or (F, 4); triangles among quads end in -1.
         uv: Texture coordinates, shape (U, 2).
-        polygon_uvs: Indices into ``uv``, of the shape of ``polygons``.
-        normals: One per vertex, shape (N, 3).
+        polygon_uvs: Indices into ``uv``, of the same shape as ``polygons``.
+        normals: Vertex normals, shape (N, 3).
         groups: Named ranges of faces.
         comment: First line of the file.
 
@@ -48,7 +48,7 @@ def write_obj(
 
 
 class ObjWriter:
-    """Writes one surface in one place after another, with all that stays the same made into text only once."""
+    """Writer of a surface in many poses, which formats everything except positions and normals only once."""
 
     def __init__(
         self,
@@ -60,16 +60,16 @@ class ObjWriter:
         comment: str = "",
         library: str = "",
     ) -> None:
-        """Prepare what ``write_obj`` is told.
+        """Format the parts that do not depend on the pose.
 
         Args:
-            polygons: As for ``write_obj``.
-            uv: Likewise.
-            polygon_uvs: Likewise.
-            with_normals: Whether there will be normals.
-            groups: As for ``write_obj``.
-            comment: Likewise.
-            library: Name of the file with the materials, in the same folder; "" for none.
+            polygons: Vertex indices, as in ``write_obj``.
+            uv: Texture coordinates, as in ``write_obj``.
+            polygon_uvs: Indices into ``uv``, as in ``write_obj``.
+            with_normals: True if normals are written.
+            groups: Named ranges of faces.
+            comment: First line of the file.
+            library: Name of the material library in the same folder; "" for none.
         """
         self._head = [f"# {comment}"] if comment else []
         self._head += [f"mtllib {library}"] if library else []
@@ -91,7 +91,7 @@ class ObjWriter:
         self._faces += faces[done:]
 
     def write(self, path: Path, vertices: ArrayLike, normals: ArrayLike | None = None) -> None:
-        """Write the surface with ``vertices`` and ``normals``, each (N, 3), to ``path``, all or nothing.
+        """Write the surface with ``vertices`` and ``normals``, each (N, 3), atomically to ``path``.
 
         Raises:
             FacePoserError: If the file cannot be written.
@@ -99,7 +99,7 @@ class ObjWriter:
         write_text(path, self.text(vertices, normals), "mesh")
 
     def text(self, vertices: ArrayLike, normals: ArrayLike | None = None) -> str:
-        """Return the content of the file for ``vertices``, (N, 3), and normals."""
+        """Return the content of the file for ``vertices`` and ``normals``, each (N, 3)."""
         lines = [*self._head, *_rows("v", np.asarray(vertices), "%.9g"), *self._uv]
         if normals is not None:
             lines += _rows("vn", np.asarray(normals), "%.5f")
@@ -126,11 +126,11 @@ def _face(face: NDArray[np.integer], texture: NDArray[np.integer] | None, with_n
 
 
 def read_obj(path: Path) -> PolygonMesh:
-    """Return the mesh in the OBJ file ``path``; ``g``, ``o`` and ``usemtl`` begin groups.
+    """Read the mesh in the OBJ file ``path``; ``g``, ``o`` and ``usemtl`` begin groups.
 
     Raises:
         OSError: If the file cannot be read.
-        FacePoserError: If a line is broken, naming it.
+        FacePoserError: If a line is invalid.
     """
     tables: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
     polygons: list[tuple[int, ...]] = []
@@ -159,7 +159,7 @@ def read_obj(path: Path) -> PolygonMesh:
                     if len(corners) < 3:
                         raise ValueError("a face needs at least 3 corners")
                     if len(corners) > _MOST_CORNERS:
-                        raise ValueError(f"a face of {len(corners)} corners is too large; cut it into smaller ones")
+                        raise ValueError(f"a face of {len(corners)} corners is too large; split it into smaller ones")
                     polygons.append(tuple(_index(c[0], len(tables["v"])) for c in corners))
                     if all(len(c) > 1 and c[1] for c in corners):
                         polygon_uvs.append(tuple(_index(c[1], len(tables["vt"])) for c in corners))
@@ -185,30 +185,30 @@ def read_obj(path: Path) -> PolygonMesh:
 
 
 def read_obj_positions(path: Path) -> NDArray[np.float64]:
-    """Return the vertices alone of the OBJ file ``path``, shape (N, 3), many times faster than ``read_obj``.
+    """Read only the vertices of the OBJ file ``path``, shape (N, 3), many times faster than ``read_obj``.
 
     Raises:
         OSError: If the file cannot be read.
-        FacePoserError: If a line of a vertex is broken, naming it.
+        FacePoserError: If the line of a vertex is invalid.
     """
     return _positions(path, path.read_bytes().splitlines())
 
 
 def read_obj_positions_and_digest(path: Path) -> tuple[NDArray[np.float64], str]:
-    """Return the vertices of the OBJ file ``path``, shape (N, 3), and a digest of the vertices of its faces.
+    """Read the vertices of the OBJ file ``path``, shape (N, 3), and a digest of the vertex indices of its faces.
 
-    Files with the digest of one that was read whole have its faces; it is "" where indices count from the end, which
-    mean something else in every place.
+    Files with equal digests have the same faces. The digest is "" if indices count from the end, as their meaning
+    depends on their position.
 
     Raises:
         OSError: If the file cannot be read.
-        FacePoserError: If a line of a vertex is broken, naming it.
+        FacePoserError: If the line of a vertex is invalid.
     """
     data = path.read_bytes()
     vertices, faces = _run_of(data, b"v "), _run_of(data, b"f ")
     if vertices is not None and faces is not None:
         numbers = _numbers(vertices.replace(b"\nv ", b"\n")[2:])
-        # A row of six numbers has a colour; what has anything else is read line by line.
+        # Rows of six numbers have colours; all other files are read line by line.
         rows = vertices.count(b"\n") + 1
         if numbers is not None and len(numbers) in (3 * rows, 6 * rows):
             return np.ascontiguousarray(numbers.reshape(rows, -1)[:, :3]), _digest(faces)
@@ -217,21 +217,21 @@ def read_obj_positions_and_digest(path: Path) -> tuple[NDArray[np.float64], str]
 
 
 def _run_of(data: bytes, keyword: bytes) -> bytes | None:
-    """Return the lines that begin with ``keyword`` if they follow one another and are plain, else None."""
+    """Return the lines that begin with ``keyword`` if they are consecutive and plain, else None."""
     start = 0 if data.startswith(keyword) else data.find(b"\n" + keyword) + 1
     last = data.rfind(b"\n" + keyword) + 1
     end = data.find(b"\n", max(last, start))
     run = data[start : len(data) if end < 0 else end]
     if not run.startswith(keyword) or b"\r" in run or run.count(b"\n" + keyword) != run.count(b"\n"):
         return None
-    # The same with a tab may stand elsewhere.
+    # Other lines may have a tab after the keyword.
     return None if b"\n" + keyword[:1] + b"\t" in data else run
 
 
 @lru_cache(maxsize=4)
 def _digest(faces: bytes) -> str:
-    """Return a digest of the lines of faces; that of the file read before is at hand."""
-    # Exporters number normals anew in each file: what follows a vertex's slash does not count.
+    """Return a digest of the lines of faces; cached, since files of a sequence have the same faces."""
+    # Indices of texture coordinates and normals are ignored, as exporters number them differently in each file.
     plain = re.sub(rb"/\S*", b"", faces)
     return "" if b"-" in plain else hashlib.blake2b(plain).hexdigest()
 
@@ -239,7 +239,7 @@ def _digest(faces: bytes) -> str:
 def _positions(path: Path, lines: list[bytes]) -> NDArray[np.float64]:
     rows = [line[2:] for line in lines if line.startswith((b"v ", b"v\t"))]
     numbers = _numbers(b" ".join(rows))
-    # Rows of six numbers carry colours; others are read with care.
+    # Rows of six numbers have colours; all other files are read line by line.
     for columns in (3, 6):
         if numbers is not None and len(numbers) == columns * len(rows):
             return np.ascontiguousarray(numbers.reshape(-1, columns)[:, :3])
@@ -247,19 +247,19 @@ def _positions(path: Path, lines: list[bytes]) -> NDArray[np.float64]:
 
 
 def _numbers(text: bytes) -> NDArray[np.float64] | None:
-    """Return the numbers in ``text``, or None if there is anything else."""
+    """Return the numbers in ``text``; None or too few if it contains anything else."""
     try:
-        # It warns of anything else, which Python shows nobody, and gives what comes before: too few, as callers see.
-        # To turn the warning into an error for a while would not be safe among threads.
+        # Anything else causes a hidden DeprecationWarning and truncates the result, which callers detect by its length.
+        # Turning the warning into an error temporarily would not be thread-safe.
         return np.fromstring(text.decode("ascii"), dtype=np.float64, sep=" ")
     except (DeprecationWarning, UnicodeDecodeError, ValueError):
         return None
 
 
 def _index(word: str, count: int) -> int:
-    """Return the index from 0 that OBJ's index ``word`` (from 1, or from the end if negative) means."""
+    """Return the zero-based index of OBJ's index ``word``, which counts from 1, or from the end if negative."""
     value = int(word)
     index = value - 1 if value > 0 else count + value
     if value == 0 or not 0 <= index < count:
-        raise ValueError(f"index {value} names none of the {count} listed before")
+        raise ValueError(f"index {value} is out of range for the {count} entries listed before")
     return index

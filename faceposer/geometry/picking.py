@@ -1,4 +1,4 @@
-"""From pixels to points on a surface."""
+"""Points on a surface, and picking of them by pixels."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ _EPSILON = 1e-12
 
 @dataclass(frozen=True)
 class SurfacePoint:
-    """A point fixed to a triangle, so that it moves with the surface (paper, eq. (11)).
+    """A point on a triangle, which moves with the surface (paper, eq. (11)).
 
     Attributes:
         face: Index of the triangle.
-        barycentric: Weights of the triangle's three vertices; they sum to one.
+        barycentric: Barycentric coordinates in the triangle, which sum to one.
     """
 
     face: int
@@ -27,10 +27,10 @@ class SurfacePoint:
 
     @classmethod
     def at_vertex(cls, triangles: Ints, vertex: int) -> "SurfacePoint":
-        """Return the point at ``vertex`` by a triangle that has it.
+        """Return the point at ``vertex``, in terms of a triangle that contains it.
 
         Raises:
-            ValueError: If no triangle has the vertex.
+            ValueError: If no triangle contains the vertex.
         """
         rows, columns = np.nonzero(triangles == vertex)
         if rows.size == 0:
@@ -41,11 +41,11 @@ class SurfacePoint:
 
 @dataclass(frozen=True, eq=False)
 class SurfacePoints:
-    """Many points fixed to a surface, each to a triangle or to a vertex (paper, eq. (11)).
+    """An array of points on a surface, each on a triangle or at a vertex (paper, eq. (11)).
 
     Attributes:
-        faces: Index of each point's triangle, or -1 - v where the point is the vertex v, shape (n,).
-        barycentric: Weights of the triangle's three vertices, shape (n, 3); (1, 0, 0) where the point is a vertex.
+        faces: Index of each point's triangle, or -1 - v for the vertex v, shape (n,).
+        barycentric: Barycentric coordinates in the triangle, shape (n, 3); (1, 0, 0) for vertices.
     """
 
     faces: NDArray[np.int64]
@@ -55,21 +55,21 @@ class SurfacePoints:
         faces = np.array(self.faces, dtype=np.int64).reshape(-1)
         barycentric = np.array(self.barycentric, dtype=np.float64).reshape(-1, 3)
         if len(faces) != len(barycentric):
-            raise ValueError(f"{len(faces)} faces do not go with {len(barycentric)} barycentric weights")
+            raise ValueError(f"{len(faces)} faces, but {len(barycentric)} barycentric coordinates")
         for name, value in (("faces", faces), ("barycentric", barycentric)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
 
     @classmethod
     def of(cls, anchors: Sequence["SurfacePoint | int"]) -> "SurfacePoints":
-        """Return the points of ``anchors``, surface points or indices of vertices."""
+        """Return the points of ``anchors``, each a surface point or a vertex index."""
         faces = [-1 - anchor if isinstance(anchor, int) else anchor.face for anchor in anchors]
         weights = [(1.0, 0.0, 0.0) if isinstance(anchor, int) else anchor.barycentric for anchor in anchors]
         return cls(np.array(faces, dtype=np.int64), np.array(weights, dtype=np.float64))
 
     @classmethod
     def at_vertices(cls, vertices: ArrayLike) -> "SurfacePoints":
-        """Return the points at the ``vertices``, indices of shape (n,)."""
+        """Return the points at the vertices with indices ``vertices``, shape (n,)."""
         faces = -1 - np.asarray(vertices, dtype=np.int64)
         return cls(faces, np.tile([1.0, 0.0, 0.0], (len(faces), 1)))
 
@@ -101,7 +101,7 @@ class SurfacePoints:
         return SurfacePoint(face, (a, b, c))
 
     def subset(self, indices: NDArray[np.integer] | NDArray[np.bool_]) -> "SurfacePoints":
-        """Return the points ``indices``, or those where a mask of shape (n,) is true."""
+        """Return the points selected by ``indices`` or by a mask of shape (n,)."""
         return SurfacePoints(self.faces[indices], self.barycentric[indices])
 
     def joined(self, other: "SurfacePoints") -> "SurfacePoints":
@@ -111,7 +111,7 @@ class SurfacePoints:
         )
 
     def corners(self, triangles: Ints) -> NDArray[np.int64]:
-        """Return the vertices that each point is a mixture of, shape (n, 3)."""
+        """Return the vertices that the barycentric coordinates of each point refer to, shape (n, 3)."""
         on_face = self.faces >= 0
         if on_face.all():
             return np.asarray(triangles)[self.faces].astype(np.int64)
@@ -120,7 +120,7 @@ class SurfacePoints:
         return corners
 
     def check(self, triangles: Ints) -> None:
-        """Raise ``ValueError`` unless all points lie on a surface of these ``triangles``, shape (T, 3)."""
+        """Raise ``ValueError`` unless all points are on a surface with these ``triangles``, shape (T, 3)."""
         if not len(self):
             return
         face, vertex = int(self.faces.max()), int(-1 - self.faces.min())
@@ -130,7 +130,7 @@ class SurfacePoints:
             raise ValueError(f"vertex {vertex} belongs to no triangle")
 
     def positions(self, vertices: Floats, triangles: Ints) -> NDArray[np.float64]:
-        """Return where the points lie, shape (n, 3), for ``vertices`` of shape (N, 3)."""
+        """Return the positions of the points, shape (n, 3), for ``vertices`` of shape (N, 3)."""
         corners = np.asarray(vertices)[self.corners(triangles)].astype(np.float64)
         return np.einsum("nk,nkd->nd", self.barycentric, corners)
 
@@ -138,7 +138,7 @@ class SurfacePoints:
 def surface_positions(
     vertices: Floats, triangles: Ints, points: Sequence[SurfacePoint | int] | SurfacePoints
 ) -> NDArray[np.float64]:
-    """Return where ``points`` lie on the surface, shape (n, 3), for ``vertices`` of shape (N, 3)."""
+    """Return the positions of ``points`` on the surface, shape (n, 3), for ``vertices`` of shape (N, 3)."""
     if not len(points):
         return np.zeros((0, 3))
     batch = points if isinstance(points, SurfacePoints) else SurfacePoints.of(points)
@@ -146,15 +146,15 @@ def surface_positions(
 
 
 def pick(vertices: Floats, triangles: Ints, camera: Camera, pixel: Sequence[float]) -> SurfacePoint | None:
-    """Return the nearest point that the ray through ``pixel`` meets on a triangle facing the camera, or None.
+    """Return the nearest point under ``pixel`` on a triangle that faces the camera, or None.
 
-    The test is that of Moeller and Trumbore (1997), over all triangles at once.
+    All triangles are tested at once by the method of Moeller and Trumbore (1997).
 
     Args:
         vertices: Positions, shape (N, 3).
-        triangles: Counter-clockwise seen from outside, shape (T, 3).
-        camera: The camera that the pixel belongs to.
-        pixel: (u, v) from the top left.
+        triangles: Vertex indices, counter-clockwise seen from outside, shape (T, 3).
+        camera: Camera of the pixel.
+        pixel: Pixel (u, v) from the top left.
     """
     origin, direction = camera.ray(pixel)
     a, edge1, edge2 = _corner_and_edges(vertices, triangles)
@@ -170,19 +170,19 @@ def pick(vertices: Floats, triangles: Ints, camera: Camera, pixel: Sequence[floa
 def pick_pixels(
     vertices: Floats, triangles: Ints, camera: Camera, pixels: ArrayLike
 ) -> tuple[SurfacePoints, NDArray[np.bool_]]:
-    """Return the points that the rays through many ``pixels``, shape (n, 2), meet first, and which rays meet any, (n,).
+    """Return the nearest points under many ``pixels``, shape (n, 2), and the mask of pixels with a point, (n,).
 
-    Only the triangles near each pixel are tried, which a search tree over the pixels finds: it stands for the paper's
-    hierarchy of blocks (section 4.3). Triangles that face away are left out.
+    A search tree over the pixels, in place of the paper's hierarchy of blocks (section 4.3), limits the tests to
+    triangles near each pixel. Triangles that face away are ignored.
     """
-    # The window's start does not wait for search trees.
+    # Imported late to shorten the start of the window.
     from scipy.spatial import cKDTree
 
     targets = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
     positions = np.asarray(vertices, dtype=np.float64)
     corners = camera.project(positions)[np.asarray(triangles)]
     edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    # Pixels count downwards: what is counter-clockwise from outside has a negative area here.
+    # Pixels count downwards, so that triangles that face the camera have a negative area.
     front = edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0] < -_EPSILON
     low, high = targets.min(axis=0, initial=np.inf), targets.max(axis=0, initial=-np.inf)
     near = front & (corners.max(axis=1) >= low).all(axis=1) & (corners.min(axis=1) <= high).all(axis=1)
@@ -202,28 +202,28 @@ def pick_pixels(
     first = order[np.unique(pixel[order], return_index=True)[1]]
     met = np.zeros(len(targets), dtype=bool)
     met[pixel[first]] = True
-    return SurfacePoints(face[first], _cleaned(weights[first])), met
+    return SurfacePoints(face[first], _normalised(weights[first])), met
 
 
 def points_on_triangles(
     vertices: Floats, triangles: Ints, faces: ArrayLike, camera: Camera, pixels: ArrayLike
 ) -> SurfacePoints:
-    """Return the point of each triangle of ``faces``, shape (n,), under each of ``pixels``, shape (n, 2).
+    """Return the point on each triangle of ``faces``, shape (n,), under each of ``pixels``, shape (n, 2).
 
-    A picture of triangle numbers gives the triangle at a pixel's centre; where the pixel lies beside it, the point is
-    moved to its nearest edge.
+    An index image determines the triangle at the centre of a pixel; pixels outside their triangle are clamped to its
+    edges.
     """
     chosen = np.asarray(faces, dtype=np.int64)
     weights, _ = _along_rays(
         np.asarray(vertices, dtype=np.float64), np.asarray(triangles)[chosen], camera, np.asarray(pixels, dtype=float)
     )
-    return SurfacePoints(chosen, _cleaned(weights))
+    return SurfacePoints(chosen, _normalised(weights))
 
 
 def barycentric_on_triangle(
     vertices: Floats, triangles: Ints, face: int, camera: Camera, pixel: Sequence[float]
 ) -> SurfacePoint:
-    """Return the point of triangle ``face`` under ``pixel``; see ``points_on_triangles``."""
+    """Return the point on triangle ``face`` under ``pixel``; see ``points_on_triangles``."""
     point = points_on_triangles(vertices, triangles, [face], camera, [pixel])[0]
     assert isinstance(point, SurfacePoint)
     return point
@@ -232,9 +232,9 @@ def barycentric_on_triangle(
 def _along_rays(
     vertices: NDArray[np.float64], corners: Ints, camera: Camera, pixels: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the barycentric weights (n, 3) at which the ray of each pixel meets its plane, and the distances (n,).
+    """Return the barycentric coordinates (n, 3) of the ray of each pixel on its triangle's plane, and distances (n,).
 
-    Weights are a third each where the ray runs along the plane.
+    The coordinates are a third each for rays parallel to the plane.
     """
     offsets = (pixels - camera.principal_point) / camera.focal
     directions = np.column_stack([offsets, np.ones(len(offsets))]) @ camera.rotation
@@ -253,7 +253,7 @@ def _along_rays(
     return weights, np.einsum("ij,ij->i", edge2, across) * inverse
 
 
-def _cleaned(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def _normalised(weights: NDArray[np.float64]) -> NDArray[np.float64]:
     clipped = np.clip(weights, 0.0, 1.0)
     cleaned: NDArray[np.float64] = clipped / clipped.sum(axis=1, keepdims=True)
     return cleaned
@@ -272,7 +272,7 @@ def _intersect(
     edge1: NDArray[np.float64],
     edge2: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], ...]:
-    """Return the second and third corner's weights, the distance and the determinant (positive for front faces)."""
+    """Return the weights of the second and third corner, distances, and determinants (positive for front faces)."""
     normal_to_plane = np.cross(direction, edge2)
     determinant = np.einsum("ij,ij->i", edge1, normal_to_plane)
     inverse = 1.0 / np.where(np.abs(determinant) > _EPSILON, determinant, np.inf)

@@ -1,4 +1,4 @@
-"""The view through the camera of a photo, moved like a flat picture, so that photo and face stay together."""
+"""The view through the camera of a photo, which pans and zooms like a flat image to keep photo and face aligned."""
 
 import math
 from dataclasses import dataclass, replace
@@ -13,18 +13,18 @@ _MAX_PITCH = math.radians(89.0)
 
 @dataclass(frozen=True)
 class PictureView:
-    """What the camera of a photo sees, or a part of it; turned away from the photo only where that is allowed.
+    """A view of a photo or a part of it through the photo's camera, which can be orbited unless it is locked.
 
-    It has the moves of an ``OrbitView``, so that the same hand steers both.
+    It has the navigation methods of ``OrbitView``, so that both respond to the same input.
 
     Attributes:
-        photo: The camera of the whole photo, in the photo's pixels.
-        target: The point that a turn goes around, in the unit of the mesh.
-        zoom: How many times as large as where the whole photo fits.
-        middle: The pixel of the photo that lies in the middle of the view.
-        yaw: Turn away from the photo's camera, towards the right of its picture, radians.
-        pitch: Rise above the photo's camera, radians.
-        locked: Whether the view is kept from being turned.
+        photo: Camera of the whole photo, in the photo's pixels.
+        target: Centre of the orbit, in the unit of the mesh.
+        zoom: Magnification relative to the view in which the whole photo fits.
+        middle: Pixel of the photo in the middle of the view.
+        yaw: Turn away from the photo's camera, towards the right of the photo, in radians.
+        pitch: Elevation above the photo's camera, in radians.
+        locked: True if the view cannot be orbited.
     """
 
     photo: Camera
@@ -37,30 +37,30 @@ class PictureView:
 
     @classmethod
     def whole(cls, photo: Camera, target: tuple[float, float, float]) -> "PictureView":
-        """Return the view in which all of the photo can be seen."""
+        """Return the view of the whole photo."""
         return cls(photo, target, middle=(photo.size[0] / 2.0, photo.size[1] / 2.0))
 
     @property
     def aligned(self) -> bool:
-        """Whether it looks through the photo's camera, so that the photo fits to what is seen."""
+        """True if the view has the orientation of the photo's camera, so that photo and face are aligned."""
         return self.yaw == 0.0 and self.pitch == 0.0
 
     @property
     def distance(self) -> float:
-        """What falls as the picture grows, as the distance of an orbiting view does."""
+        """Inverse of the zoom, the counterpart of the distance of an orbit view."""
         return 1.0 / self.zoom
 
     def scale(self, size: tuple[int, int]) -> float:
-        """Return how many pixels of a view of ``size`` a pixel of the photo takes."""
+        """Return the size of a pixel of the photo in pixels of a view of ``size``."""
         return self.zoom * min(size[0] / self.photo.size[0], size[1] / self.photo.size[1])
 
     def camera(self, size: tuple[int, int]) -> Camera:
-        """Return the pinhole camera of this view for a picture of ``size`` pixels."""
+        """Return the pinhole camera of this view for an image of ``size`` pixels."""
         scale = self.scale(size)
         rotation, translation = self.photo.rotation, self.photo.translation
         if not self.aligned:
             turn = self._turn()
-            # The target stays where it is in the picture.
+            # Rotate about the target, which does not move in the image.
             near = rotation @ np.asarray(self.target) + translation
             rotation, translation = turn @ rotation, turn @ (translation - near) + near
         axis = self.photo.principal_point
@@ -76,28 +76,28 @@ class PictureView:
         return turned
 
     def through(self, photo: Camera) -> "PictureView":
-        """Return the view of the same part of the photo through another camera of it."""
+        """Return the view of the same part of the photo with another camera of the photo."""
         return replace(self, photo=photo)
 
     def back(self) -> "PictureView":
-        """Return the view that looks through the photo's camera again."""
+        """Return the view with the orientation of the photo's camera."""
         return replace(self, yaw=0.0, pitch=0.0)
 
     def showing(self, lower: Array, upper: Array, size: tuple[int, int]) -> "PictureView":
-        """Return the view that shows the photo from pixel ``lower`` to ``upper``, each (2,), as large as it can."""
+        """Return the view that fits the photo from pixel ``lower`` to ``upper``, shape (2,) each."""
         across, down = np.maximum(np.asarray(upper) - lower, 1.0)
         zoom = min(size[0] / across, size[1] / down) / replace(self, zoom=1.0).scale(size)
         x, y = ((np.asarray(lower) + upper) / 2.0).tolist()
         return replace(self, zoom=min(max(zoom, _ZOOMS[0]), _ZOOMS[1]), middle=(x, y))
 
-    # The moves of an orbiting view
+    # The navigation methods of OrbitView
 
     def looking(self, name: str) -> OrbitView:
-        """Return the orbiting view from the direction ``name``, which has nothing to do with the photo."""
+        """Return the orbit view from the direction ``name``, independent of the photo."""
         return OrbitView.of_camera(self.photo, self.target).looking(name)
 
     def orbited(self, dx: float, dy: float, size: tuple[int, int]) -> "PictureView":
-        """Return the view after a drag of (dx, dy) pixels, turned unless it is locked."""
+        """Return the view after a drag by (dx, dy) pixels; a locked view does not turn."""
         if self.locked:
             return self
         speed = math.pi / max(size[1], 1)
@@ -105,12 +105,12 @@ class PictureView:
         return replace(self, yaw=math.remainder(self.yaw + dx * speed, 2.0 * math.pi), pitch=pitch)
 
     def panned(self, dx: float, dy: float, size: tuple[int, int]) -> "PictureView":
-        """Return the view after the picture was moved by (dx, dy) pixels."""
+        """Return the view after a pan by (dx, dy) pixels."""
         scale = self.scale(size)
         return replace(self, middle=(self.middle[0] - dx / scale, self.middle[1] - dy / scale))
 
     def zoomed(self, factor: float, limits: tuple[float, float] = _ZOOMS) -> "PictureView":
-        """Return the view with everything ``factor`` times as large, within ``limits`` of the zoom."""
+        """Return the view magnified by ``factor``, with the zoom kept within ``limits``."""
         return replace(self, zoom=min(max(self.zoom * factor, limits[0]), limits[1]))
 
 

@@ -1,4 +1,4 @@
-"""Reading and writing PLY with the order of vertices and the corners of faces untouched: reads text and binary."""
+"""Reading of text and binary PLY and writing of binary PLY, preserving the order of vertices and face corners."""
 
 import re
 import warnings
@@ -23,13 +23,13 @@ _ENDIANS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _MAX_HEADER = 1 << 16
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 _MAX_CORNERS = 255
-#: Of a table of lists, which the longest widens for all.
+#: Limit on the entries of a table of lists, which is as wide as the longest list.
 _MAX_ENTRIES = 1 << 28
 
 
 @dataclass(frozen=True)
 class _Property:
-    """A column of an element: a number of type ``dtype``, or a list of them counted by a ``counter``."""
+    """A property of an element: a number of type ``dtype``, or a list of these with a length of type ``counter``."""
 
     name: str
     dtype: str
@@ -46,14 +46,14 @@ class _Element:
 def write_ply(
     path: Path, vertices: ArrayLike, polygons: NDArray[np.integer], normals: ArrayLike, comment: str = ""
 ) -> None:
-    """Write a binary PLY, little-endian and in single precision, all or nothing.
+    """Write a binary PLY atomically, little-endian and in single precision.
 
     Args:
-        path: The file.
-        vertices: Shape (N, 3).
-        polygons: Vertex indices, shape (F, K); a face of fewer corners ends in -1.
-        normals: One per vertex, shape (N, 3).
-        comment: A line of its header.
+        path: Path of the file.
+        vertices: Positions, shape (N, 3).
+        polygons: Vertex indices, shape (F, K); faces of fewer corners end in -1.
+        normals: Vertex normals, shape (N, 3).
+        comment: Comment in the header.
 
     Raises:
         FacePoserError: If the file cannot be written.
@@ -74,13 +74,13 @@ def write_ply(
 
 
 def read_ply(path: Path) -> PolygonMesh:
-    """Return the mesh in the PLY file ``path``, with texture coordinates of vertices or of faces' corners.
+    """Read the mesh in the PLY file ``path``, with texture coordinates of vertices or face corners.
 
     Source: G. Turk, The PLY Polygon File Format (1994).
 
     Raises:
         OSError: If the file cannot be read.
-        FacePoserError: If it is broken or cut off, naming the element.
+        FacePoserError: If it is invalid or truncated.
     """
     data = path.read_bytes()
     try:
@@ -92,10 +92,10 @@ def read_ply(path: Path) -> PolygonMesh:
 
 
 def _parse_header(data: bytes) -> tuple[bool, str, list[_Element], int]:
-    """Return whether the numbers are text, their byte order, the elements, and where their numbers begin."""
+    """Return True if the numbers are text, the byte order, the elements, and the offset of the first number."""
     head = re.match(rb"ply\r?\n(.*?\n)?end_header[ \t]*(\r\n|\n)", data[:_MAX_HEADER], re.DOTALL)
     if head is None:
-        raise ValueError("it does not begin with a header of PLY")
+        raise ValueError("it does not begin with a PLY header")
     form = ""
     elements: list[_Element] = []
     for number, line in enumerate(head[0].decode("latin-1").splitlines(), 1):
@@ -105,7 +105,7 @@ def _parse_header(data: bytes) -> tuple[bool, str, list[_Element], int]:
             if keyword == "format":
                 form = words[1]
             elif keyword == "element" and words[2].isdecimal():
-                # Every element takes at least a byte.
+                # Every element takes at least one byte.
                 if len(words[2]) > 12 or int(words[2]) > len(data):
                     raise ValueError(f"the file is too short for {words[2][:20]} of '{words[1]}'")
                 elements.append(_Element(words[1], int(words[2])))
@@ -116,17 +116,17 @@ def _parse_header(data: bytes) -> tuple[bool, str, list[_Element], int]:
             elif keyword == "property":
                 elements[-1].properties.append(_Property(words[2], _TYPES[words[1]]))
         except (IndexError, KeyError) as error:
-            raise ValueError(f"its header cannot be understood at line {number}") from error
+            raise ValueError(f"line {number} of its header is invalid") from error
     if form not in _ENDIANS:
-        raise ValueError(f"its format is '{form[:30]}', none of {', '.join(_ENDIANS)}")
+        raise ValueError(f"its format is '{form[:30]}', not one of {', '.join(_ENDIANS)}")
     return form == "ascii", _ENDIANS[form], elements, head.end()
 
 
 def _read(body: memoryview, text: bool, endian: str, elements: list[_Element]) -> dict[tuple[str, str], NDArray[Any]]:
-    """Return the columns by the names of element and property; lists as arrays padded with -1, then their lengths."""
+    """Return the columns by (element, property); lists are padded with -1, with their lengths in another column."""
     if text:
         numbers = _numbers(bytes(body))
-        # All numbers are now alike, so that the rest is as in a binary file of doubles.
+        # From here on, the numbers are treated like a binary file of doubles.
         body, endian = memoryview(numbers.tobytes()), "="
         double = [_Property(p.name, "f8", "f8" if p.counter else "") for e in elements for p in e.properties]
         kept = iter(double)
@@ -152,27 +152,27 @@ def _numbers(text: bytes) -> NDArray[np.float64]:
         try:
             [float(word) for word in line.split()]
         except ValueError as error:
-            raise ValueError(f"line {number} after its header is not all numbers") from error
+            raise ValueError(f"line {number} after its header has a value that is not a number") from error
     return np.array(text.split(), dtype=np.float64)
 
 
 def _read_element(
     body: memoryview, at: int, endian: str, element: _Element, columns: dict[tuple[str, str], NDArray[Any]]
 ) -> int:
-    """Add the columns of ``element``, which begins at byte ``at``, and return where it ends."""
+    """Add the columns of ``element``, which begins at byte ``at``, and return the offset of its end."""
     lists = [i for i, p in enumerate(element.properties) if p.counter]
     starts = at
     kinds: list[tuple[int, ...]] = []
     rows: list[NDArray[np.void]] = []
     done = 0
-    # Rows are taken in runs of those with lists of the same lengths, nearly always few runs.
+    # Rows are read in runs with lists of equal lengths, of which there are usually few.
     while done < element.count:
         lengths = _lengths(body, starts, endian, element, done)
         dtype = _row_type(tuple(element.properties), endian, lengths)
         most = min(element.count - done, (len(body) - starts) // dtype.itemsize)
         if most < 1:
-            raise ValueError(f"it is cut off in '{element.name}' {done + 1} of {element.count}")
-        # Looking ahead further only after runs have been long keeps mixed faces from being looked at again and again.
+            raise ValueError(f"it is truncated in '{element.name}' {done + 1} of {element.count}")
+        # The look-ahead grows with the length of runs, so that mixed faces are not read over and over.
         run = min(most, 2 * len(rows[-1]) + 16 if rows else most)
         table = np.frombuffer(body, dtype, run, starts)
         same = np.ones(run, dtype=bool)
@@ -189,7 +189,7 @@ def _read_element(
             continue
         wide = max(lengths[lists.index(i)] for lengths in kinds)
         if element.count * wide > _MAX_ENTRIES:
-            raise ValueError(f"its {element.count} lists of up to {wide} in '{element.name}' are too many")
+            raise ValueError(f"its {element.count} lists of up to {wide} entries in '{element.name}' are too large")
         values = np.full((element.count, wide), -1.0)
         counts = np.zeros(element.count, dtype=np.intp)
         row = 0
@@ -205,7 +205,7 @@ def _read_element(
 
 @cache
 def _row_type(properties: tuple[_Property, ...], endian: str, lengths: tuple[int, ...]) -> np.dtype[np.void]:
-    """Return the type of a row with lists of such ``lengths``, as far as these are known."""
+    """Return the type of a row with lists of the given ``lengths``, up to the first unknown length."""
     fields: list[Any] = []
     known = iter(lengths)
     for i, column in enumerate(properties):
@@ -228,10 +228,10 @@ def _lengths(body: memoryview, at: int, endian: str, element: _Element, row: int
             continue
         dtype = _row_type(tuple(element.properties), endian, tuple(lengths))
         if at + dtype.itemsize > len(body):
-            raise ValueError(f"it is cut off in '{element.name}' {row + 1} of {element.count}")
+            raise ValueError(f"it is truncated in '{element.name}' {row + 1} of {element.count}")
         length = np.frombuffer(body, dtype, 1, at)[f"n{i}"][0]
         if not 0 <= length <= 2 * _MAX_CORNERS or length != int(length):
-            raise ValueError(f"'{element.name}' {row + 1} has a list of {length}")
+            raise ValueError(f"'{element.name}' {row + 1} has a list of {length} entries")
         lengths.append(int(length))
     return tuple(lengths)
 
@@ -249,7 +249,7 @@ def _mesh(columns: dict[tuple[str, str], NDArray[Any]]) -> PolygonMesh:
     inside = np.arange(polygons.shape[1]) < lengths[:, None]
     wrong = (inside & ((polygons < 0) | (polygons >= len(vertices)) | (polygons % 1 != 0))).any(axis=1)
     if wrong.any():
-        raise ValueError(f"face {int(np.argmax(wrong)) + 1} has a corner that is none of the {len(vertices)} vertices")
+        raise ValueError(f"face {int(np.argmax(wrong)) + 1} has a corner outside the {len(vertices)} vertices")
     faces = polygons.astype(np.int32)
     uv, polygon_uvs = np.zeros((0, 2)), no_polygons()
     for names in _UV_NAMES:
@@ -267,7 +267,7 @@ def _mesh(columns: dict[tuple[str, str], NDArray[Any]]) -> PolygonMesh:
 
 
 def _table(columns: dict[tuple[str, str], NDArray[Any]], names: tuple[str, ...]) -> NDArray[np.float64] | None:
-    """Return columns of the vertices side by side, None if one is missing."""
+    """Return the columns ``names`` of the vertices as one array, (N, len(names)), or None if one is missing."""
     found = [columns.get(("vertex", name)) for name in names]
     if any(column is None or column.ndim != 1 for column in found):
         return None

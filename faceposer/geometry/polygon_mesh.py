@@ -1,4 +1,4 @@
-"""Meshes of polygons as files have them, with named groups of faces and morph targets."""
+"""Polygon meshes as stored in files, with named groups of faces and morph targets."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Group:
-    """A named run of faces.
+    """A named range of faces.
 
     Attributes:
-        name: Of the group; several runs may have the same.
-        polygons: First face and the one after the last.
-        material: Name of the material, if any.
+        name: Name of the group, not necessarily unique.
+        polygons: Half-open range of faces (first, end).
+        material: Name of the material, or "".
     """
 
     name: str
@@ -23,21 +23,21 @@ class Group:
 
 
 def no_polygons(columns: int = 3) -> NDArray[np.int32]:
-    """Return an empty table of faces."""
+    """Return an empty array of faces, shape (0, columns)."""
     return np.zeros((0, columns), dtype=np.int32)
 
 
 @dataclass(frozen=True, eq=False)
 class PolygonMesh:
-    """A mesh as a file has it.
+    """A mesh as stored in a file.
 
     Attributes:
-        vertices: In the file's order and unit, shape (N, 3).
-        polygons: Vertex indices per face in the file's order, shape (F, K); a face of fewer corners ends in -1.
+        vertices: Positions in the file's order and unit, shape (N, 3).
+        polygons: Vertex indices of each face in the file's order, shape (F, K); faces of fewer corners end in -1.
         uv: Texture coordinates, v up as in OBJ, shape (U, 2); empty if the file has none.
-        polygon_uvs: Indices into ``uv``, of the shape of ``polygons``; shape (0, 3) if there are none.
-        normals: As the file lists them, shape (M, 3); empty if it has none.
-        groups: Runs of faces, in order; what lies between them belongs to none.
+        polygon_uvs: Indices into ``uv``, of the same shape as ``polygons``; shape (0, 3) if there are none.
+        normals: Normals as listed in the file, shape (M, 3); empty if there are none.
+        groups: Groups in the order of their faces; faces between them belong to no group.
     """
 
     vertices: NDArray[np.float64]
@@ -48,18 +48,18 @@ class PolygonMesh:
     groups: tuple[Group, ...] = ()
 
     def triangles(self) -> NDArray[np.int32]:
-        """Return the faces as triangles about their first corner, shape (T, 3)."""
+        """Return the faces split into triangle fans, shape (T, 3)."""
         return triangle_fans(self.polygons)
 
 
 @dataclass(frozen=True, eq=False)
 class MorphMesh:
-    """A mesh with morph targets (blend shapes), as a file or a folder of files has them.
+    """A mesh with morph targets (blend shapes), as stored in a file or a folder of files.
 
     Attributes:
         mesh: The neutral face.
-        targets: Offsets of all vertices from the neutral, single precision, shape (N, 3), by the name in the file.
-        textures: Encoded colour images (PNG or JPEG) by the name of their material.
+        targets: Offsets of all vertices from the neutral face, single precision, shape (N, 3), by name in the file.
+        textures: Encoded colour images (PNG or JPEG) by material name.
     """
 
     mesh: PolygonMesh
@@ -68,7 +68,7 @@ class MorphMesh:
 
 
 def pad_polygons(faces: list[tuple[int, ...]]) -> NDArray[np.int32]:
-    """Return ``faces`` as one array, shape (F, K) with K the most corners and at least 3, shorter ones ending in -1."""
+    """Return ``faces`` as an array of shape (F, K), padded with -1; K is the most corners and at least 3."""
     lengths = np.fromiter((len(face) for face in faces), dtype=np.intp, count=len(faces))
     padded = np.full((len(faces), max(3, int(lengths.max(initial=3)))), -1, dtype=np.int32)
     for length in np.unique(lengths).tolist():
@@ -77,7 +77,7 @@ def pad_polygons(faces: list[tuple[int, ...]]) -> NDArray[np.int32]:
 
 
 def triangle_fans(polygons: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return ``polygons``, (F, K) padded with -1, as triangles about their first corners, shape (T, 3)."""
+    """Split ``polygons``, (F, K) padded with -1, into triangle fans around their first corners, shape (T, 3)."""
     columns = polygons.shape[1]
     fans = np.stack([polygons[:, [0, k, k + 1]] for k in range(1, columns - 1)], axis=1)
     triangles: NDArray[np.int32] = np.ascontiguousarray(fans[fans[:, :, 2] >= 0])

@@ -1,4 +1,4 @@
-"""Reading a face with its shapes from any kind of file or folder."""
+"""Reading of rigs, faces with shapes, from files and folders of any supported kind."""
 
 from pathlib import Path
 
@@ -11,34 +11,34 @@ from faceposer.geometry.shape_folder import SHAPE_SUFFIXES, read_shape_folder
 
 
 def read_rig(path: Path, neutral: Path | None = None) -> MorphMesh:
-    """Return the face with its shapes in ``path``.
+    """Read the face with its shapes in ``path``.
 
     Args:
-        path: A glTF file (.glb, .gltf, .vrm), or a folder with a mesh for each shape and one for the neutral.
-        neutral: The neutral's file, for a folder where its name does not tell.
+        path: A glTF file (.glb, .gltf, .vrm), or a folder with a mesh for each shape and one for the neutral face.
+        neutral: File of the neutral face, for folders in which it cannot be identified by its name.
 
     Raises:
-        FacePoserError: If it cannot be read, is broken, or has no shapes, naming the place.
+        FacePoserError: If it cannot be read, is invalid, or has no shapes.
     """
     if not path.exists():
-        raise FacePoserError(f"The rig '{path}' does not exist; give a folder of shapes or a glTF file.")
+        raise FacePoserError(f"The rig '{path}' does not exist; choose a folder of shapes or a glTF file.")
     if path.is_dir():
         rig = read_shape_folder(path, neutral)
         kind = "folder"
-        remedy = f"put a mesh for each shape beside the neutral ({', '.join(SHAPE_SUFFIXES)})"
+        remedy = f"add a mesh for each shape to the folder ({', '.join(SHAPE_SUFFIXES)})"
     elif path.suffix.lower() in GLTF_SUFFIXES:
         if neutral is not None:
-            raise FacePoserError(f"The rig '{path}' has its own neutral face; leave out '{neutral}'.")
+            raise FacePoserError(f"The rig '{path}' contains its neutral face; omit '{neutral}'.")
         rig = read_gltf(path)
         kind = "rig"
         remedy = "export it with its shape keys (blend shapes)"
     else:
         raise FacePoserError(
-            f"'{path}' is no rig that can be read; give a folder with a mesh for each shape, or one of "
+            f"'{path}' is not a supported rig; choose a folder with a mesh for each shape, or a file of type "
             f"{', '.join(GLTF_SUFFIXES)}."
         )
     if not len(rig.mesh.vertices) or not len(rig.mesh.polygons):
-        raise FacePoserError(f"The {kind} '{path}' has no faces; give one with a surface.")
+        raise FacePoserError(f"The {kind} '{path}' has no faces; choose one with a surface.")
     if not rig.targets:
         raise FacePoserError(f"The {kind} '{path}' has no shapes; {remedy}.")
     for name, offsets in rig.targets.items():
@@ -52,5 +52,5 @@ def read_rig(path: Path, neutral: Path | None = None) -> MorphMesh:
 
 
 def empty_targets(rig: MorphMesh) -> tuple[str, ...]:
-    """Return the names of the shapes that move nothing."""
+    """Return the names of the shapes that do not move any vertex."""
     return tuple(name for name, offsets in rig.targets.items() if not offsets.any())

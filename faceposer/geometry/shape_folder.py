@@ -1,4 +1,4 @@
-"""Reading a folder of shapes: one file for the neutral face and one for each shape, all of one topology."""
+"""Reading of shape folders: a file for the neutral face and one for each shape, all of the same topology."""
 
 import re
 from pathlib import Path
@@ -18,17 +18,18 @@ _MAX_FILE_BYTES = 1 << 30
 
 
 def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
-    """Return the meshes in ``folder`` as offsets from the neutral one, called by their files without a common prefix.
+    """Read the meshes in ``folder`` as offsets from the neutral face.
 
-    Faces, texture coordinates and groups are the neutral's.
+    Shapes are named by their files, without a common prefix. Faces, texture coordinates and groups are those of the
+    neutral face.
 
     Args:
-        folder: With OBJ, PLY, STL or OFF files, which have the same vertices in the same order.
-        neutral: The neutral's file, in the folder or elsewhere; found by its name if not given.
+        folder: Folder of OBJ, PLY, STL or OFF files with the same vertices in the same order.
+        neutral: File of the neutral face, in the folder or elsewhere; found by its name if None.
 
     Raises:
-        FacePoserError: If no neutral is found, two files have one name, or a file cannot be read or is of another
-            topology, naming it.
+        FacePoserError: If no neutral face is found, two shapes have the same name, or a file cannot be read or has a
+            different topology.
     """
     try:
         files = sorted(
@@ -51,7 +52,7 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
     if size > _MAX_OFFSET_BYTES:
         raise FacePoserError(
             f"The folder '{folder}' has {len(shapes)} shapes of {len(rest.vertices)} vertices, which would take "
-            f"{size >> 20} MB; give one of less than {_MAX_OFFSET_BYTES >> 20} MB."
+            f"{size >> 20} MB; choose a folder that takes less than {_MAX_OFFSET_BYTES >> 20} MB."
         )
     text = _obj_text(neutral)
     faces = _face_key(text, len(rest.polygons))
@@ -66,22 +67,22 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
 
 
 def _find_neutral(folder: Path, files: list[Path]) -> Path:
-    """Return the file that is called neutral, or else the one whose name ends in that word."""
+    """Return the file with a name for the neutral face, or else the one with a name that ends in such a word."""
     whole = [path for path in files if path.stem.lower() in NEUTRAL_NAMES]
     found = whole or [path for path in files if _last_word(path.stem) in NEUTRAL_NAMES]
     if len(found) > 1:
         raise FacePoserError(
             f"In the folder '{folder}' both '{found[0].name}' and '{found[1].name}' may be the neutral face; rename "
-            "one or say which it is."
+            "one or specify the neutral face."
         )
     if not files:
         raise FacePoserError(
-            f"The folder '{folder}' has no meshes; put a mesh for each shape there and one that is called neutral."
+            f"The folder '{folder}' contains no meshes; add a mesh for each shape and one named neutral."
         )
     if not found:
         raise FacePoserError(
-            f"The folder '{folder}' has no neutral face among its {len(files)} meshes; call it "
-            f"{', '.join(NEUTRAL_NAMES[:-1])} or {NEUTRAL_NAMES[-1]} ({', '.join(SHAPE_SUFFIXES)}), or say which it is."
+            f"The folder '{folder}' has no neutral face among its {len(files)} meshes; name it "
+            f"{', '.join(NEUTRAL_NAMES[:-1])} or {NEUTRAL_NAMES[-1]} ({', '.join(SHAPE_SUFFIXES)}), or specify it."
         )
     return found[0]
 
@@ -91,7 +92,7 @@ def _last_word(stem: str) -> str:
 
 
 def _shape_names(shapes: list[Path], neutral: Path) -> dict[str, Path]:
-    """Return the shapes by their names: the stems without what all files' begin with, up to a separator."""
+    """Return the files by shape name: the file stem without the prefix, up to a separator, that all files share."""
     stems = [path.stem for path in (*shapes, neutral)]
     ends = [end.end() for end in re.finditer(r"[\W_]+", stems[0])]
     cut = max((end for end in ends if all(stem.startswith(stems[0][:end]) for stem in stems)), default=0)
@@ -101,7 +102,7 @@ def _shape_names(shapes: list[Path], neutral: Path) -> dict[str, Path]:
         name = path.stem[cut:] or path.stem
         if name.lower() in folded:
             raise FacePoserError(
-                f"'{folded[name.lower()]}' and '{path}' are two shapes of one name, {name}; remove or rename one."
+                f"'{folded[name.lower()]}' and '{path}' have the same shape name, {name}; remove or rename one of them."
             )
         folded[name.lower()] = path
         names[name] = path
@@ -109,13 +110,13 @@ def _shape_names(shapes: list[Path], neutral: Path) -> dict[str, Path]:
 
 
 def _positions(path: Path, rest: PolygonMesh, neutral: Path, faces: bytes | None, tail: bytes) -> NDArray[np.float64]:
-    """Return the vertices of a shape, after its faces have been compared with the neutral's."""
+    """Return the vertices of a shape after comparing its faces with those of the neutral face."""
     positions: NDArray[np.float64] | None = None
     text = _obj_text(path) if faces is not None else b""
     before = len(text) - len(tail)
     same = bool(tail) and text.endswith(tail) and not any(0 <= text.find(b"\nf" + c) < before for c in (b" ", b"\t"))
     if text and (same or _face_key(text, len(rest.polygons)) == faces):
-        # Reading only the positions is many times faster than reading the faces too.
+        # Reading only the positions is many times faster than reading the faces as well.
         try:
             positions = read_obj_positions(path)
         except OSError as error:
@@ -134,13 +135,13 @@ def _positions(path: Path, rest: PolygonMesh, neutral: Path, faces: bytes | None
     difference = _first_difference(mesh, rest)
     if difference:
         raise FacePoserError(
-            f"The shape '{path}' has other faces than the neutral '{neutral}': {difference}; {remedy}."
+            f"The faces of the shape '{path}' differ from the neutral face '{neutral}': {difference}; {remedy}."
         )
     return mesh.vertices
 
 
 def _obj_text(path: Path) -> bytes:
-    """Return what is in an OBJ file, nothing for another one or one that is too large."""
+    """Return the content of an OBJ file, empty for other or too large files."""
     try:
         return path.read_bytes() if path.suffix.lower() == ".obj" and path.stat().st_size <= _MAX_FILE_BYTES else b""
     except OSError as error:
@@ -148,34 +149,34 @@ def _obj_text(path: Path) -> bytes:
 
 
 def _face_tail(text: bytes, count: int) -> bytes:
-    """Return an OBJ's ``text`` from the first of its ``count`` faces on, if that means the same whatever stands before.
+    """Return an OBJ's ``text`` from the first of its ``count`` faces on, for a fast comparison of faces.
 
-    That is compared at once. It means the same unless vertices follow or an index counts from the end.
+    It is empty if the faces depend on the preceding text, since vertices follow or an index counts from the end.
     """
     tail = text[text.find(b"\nf ") :]
     return b"" if b"\nv " in tail or b"-" in tail or tail.count(b"\nf ") != count else tail
 
 
 def _face_key(text: bytes, count: int) -> bytes | None:
-    """Return the vertices of an OBJ's faces as text, None if there are not ``count`` faces or any is relative."""
+    """Return the vertex indices of an OBJ's faces as text; None if they are not ``count`` or any is relative."""
     lines = [line for line in text.splitlines() if line.startswith((b"f ", b"f\t"))]
-    # Exporters number normals anew in each file: what follows a vertex's slash does not count.
+    # Indices of texture coordinates and normals are ignored, as exporters number them differently in each file.
     key = re.sub(rb"/\S*", b"", b"\n".join(lines))
-    # What an index from the end means depends on where the face stands.
+    # The meaning of an index that counts from the end depends on the position of the face.
     return None if b"-" in key or len(lines) != count else key
 
 
 def _first_difference(mesh: PolygonMesh, rest: PolygonMesh) -> str:
-    """Return in words where the faces differ, nothing if they are the same."""
+    """Return a description of the first difference between the faces, empty if there is none."""
     if np.array_equal(mesh.polygons, rest.polygons):
         return ""
     a, b = mesh.polygons, rest.polygons
     if a.shape != b.shape:
-        # Formats other than OBJ come in triangles, whose first corners depend on who made them.
+        # Other formats may be triangulated, with an arbitrary first corner.
         a, b = mesh.triangles(), rest.triangles()
         if len(a) != len(b):
             return f"it has {len(mesh.polygons)} faces, not {len(rest.polygons)}"
-    differing = (_turned(a) != _turned(b)).any(axis=1)
+    differing = (_lowest_first(a) != _lowest_first(b)).any(axis=1)
     if not differing.any():
         return ""
     face = int(np.argmax(differing))
@@ -183,8 +184,8 @@ def _first_difference(mesh: PolygonMesh, rest: PolygonMesh) -> str:
     return f"face {face + 1} has the corners {corners[0]}, not {corners[1]}"
 
 
-def _turned(faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return triangles with their lowest vertex first; other faces as they are."""
+def _lowest_first(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return triangles rotated so that the lowest vertex comes first; other faces unchanged."""
     if faces.shape[1] != 3:
         return faces
     turn = (np.arange(3) + np.argmin(faces, axis=1)[:, None]) % 3

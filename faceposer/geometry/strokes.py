@@ -1,4 +1,4 @@
-"""Strokes on the screen: the hand's tremor taken out, and the pixels that a brush covers."""
+"""Strokes on the screen: smoothing, and rasterisation of a round brush."""
 
 from typing import Literal, get_args
 
@@ -9,13 +9,13 @@ Array = NDArray[np.float64]
 StrokeShape = Literal["line", "closed", "filled"]
 STROKE_SHAPES: tuple[StrokeShape, ...] = get_args(StrokeShape)
 
-# Pixels between the points of a smoothed stroke, and the reach of the smoothing along it.
+# Spacing of the points of a smoothed stroke, and standard deviation of the smoothing along it, in pixels.
 _STEP = 2.0
 _SMOOTHING = 5.0
 
 
 def resampled(points: ArrayLike, step: float) -> Array:
-    """Return points about ``step`` apart along the polyline ``points``, shape (n, 2); both ends are kept."""
+    """Return points about ``step`` apart along the polyline ``points``, shape (n, 2), including both ends."""
     line = np.asarray(points, dtype=np.float64).reshape(-1, 2)
     lengths = np.hypot(*np.diff(line, axis=0).T)
     keep = np.concatenate([[True], lengths > 1e-9])
@@ -28,12 +28,12 @@ def resampled(points: ArrayLike, step: float) -> Array:
 
 
 def smoothed(points: ArrayLike, closed: bool = False, step: float = _STEP, reach: float = _SMOOTHING) -> Array:
-    """Return the stroke ``points``, shape (n, 2), without the tremor of the hand, ``step`` pixels apart.
+    """Return the stroke ``points``, shape (n, 2), resampled every ``step`` pixels and without the hand's tremor.
 
-    A Gaussian runs along the stroke with a standard deviation of ``reach`` pixels. It works on the offsets from the
-    straight line between the ends, continued by point reflection, so that the ends stay where they were.
+    A Gaussian filter with a standard deviation of ``reach`` pixels is applied along the stroke, to the offsets from the
+    chord between the ends. The offsets are continued by point reflection, so that the ends do not move.
     """
-    # The window's start does not wait for image filters.
+    # Imported late to shorten the start of the window.
     from scipy.ndimage import gaussian_filter1d
 
     line = np.asarray(points, dtype=np.float64).reshape(-1, 2)
@@ -50,12 +50,12 @@ def smoothed(points: ArrayLike, closed: bool = False, step: float = _STEP, reach
 
 
 def stroke_pixels(points: ArrayLike, width: float, shape: StrokeShape = "line") -> Array:
-    """Return the centres, shape (m, 2), of the pixels that a round brush covers, by rows from the top left.
+    """Return the centres, shape (m, 2), of the pixels that a round brush covers, row by row from the top left.
 
     Args:
-        points: The way of the brush, shape (n, 2).
+        points: Path of the brush, shape (n, 2).
         width: Diameter of the brush in pixels, at least 1.
-        shape: "line"; "closed", where the last point joins the first; "filled", where all that it encloses is covered.
+        shape: "line"; "closed" to connect the last point to the first; "filled" to cover the enclosed pixels as well.
     """
     line = np.asarray(points, dtype=np.float64).reshape(-1, 2)
     radius = max(width, 1.0) / 2.0
@@ -72,7 +72,7 @@ def stroke_pixels(points: ArrayLike, width: float, shape: StrokeShape = "line") 
 
 
 def _cover(covered: NDArray[np.bool_], low: NDArray[np.int_], begin: Array, end: Array, radius: float) -> None:
-    """Mark the pixels whose centre lies within ``radius`` of the segment from ``begin`` to ``end``."""
+    """Mark the pixels with a centre within ``radius`` of the segment from ``begin`` to ``end``."""
     first = np.maximum(np.floor(np.minimum(begin, end) - radius).astype(int) - low, 0)
     last = np.ceil(np.maximum(begin, end) + radius).astype(int) - low + 1
     x = np.arange(first[0], last[0]) + low[0] + 0.5 - begin[0]
@@ -80,20 +80,19 @@ def _cover(covered: NDArray[np.bool_], low: NDArray[np.int_], begin: Array, end:
     dx, dy = end - begin
     t = np.clip((x * dx + y * dy) / max(dx * dx + dy * dy, 1e-12), 0.0, 1.0)
     near = (x - t * dx) ** 2 + (y - t * dy) ** 2 <= radius * radius
-    # Where the brush is thin, at least the pixel that the segment passes through counts.
     block = covered[first[1] : last[1], first[0] : last[0]]
     block |= near[: block.shape[0], : block.shape[1]]
 
 
 def _fill(covered: NDArray[np.bool_], low: NDArray[np.int_], line: Array) -> None:
-    """Mark the pixels whose centre the closed polygon ``line`` encloses, by the even-odd rule."""
+    """Mark the pixels with a centre inside the closed polygon ``line``, by the even-odd rule."""
     x = np.arange(covered.shape[1]) + low[0] + 0.5
     y = np.arange(covered.shape[0]) + low[1] + 0.5
     covered |= enclosed(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), line).reshape(covered.shape)
 
 
 def enclosed(points: ArrayLike, polygon: ArrayLike) -> NDArray[np.bool_]:
-    """Return which of ``points``, shape (n, 2), lie inside ``polygon``, shape (m, 2), by the even-odd rule."""
+    """Return the mask of ``points``, (n, 2), inside ``polygon``, (m, 2), by the even-odd rule, shape (n,)."""
     at = np.asarray(points, dtype=np.float64)
     corners = np.asarray(polygon, dtype=np.float64)
     inside = np.zeros(len(at), dtype=bool)

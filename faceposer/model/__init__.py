@@ -1,1 +1,1 @@
-"""Characters, the subspace of their expressions and what is known of how faces move."""
+"""Characters, the subspace of their expressions, and the statistics of facial motion."""

@@ -1,4 +1,4 @@
-"""Characters: a polygon mesh in named parts, its facial action shapes, textures, regions and feature points."""
+"""Characters: a polygon mesh in named parts with facial shapes, textures, regions and feature points."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -33,14 +33,14 @@ Ints = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Part:
-    """A named piece of a character, such as an eye: one material, a run of polygons and the run of their vertices.
+    """A named part of a character, such as an eye: one material, and contiguous ranges of polygons and vertices.
 
     Attributes:
-        name: For example "skin" or "eye_left".
-        material: "skin", "eye", "teeth", "gums", "tongue", "lashes", or "film" for clear shells over an eye, which are
-            kept for files and not drawn.
-        polygons: First polygon and the one after the last.
-        vertices: First vertex and the one after the last.
+        name: Name such as "skin" or "eye_left".
+        material: "skin", "eye", "teeth", "gums", "tongue", "lashes", or "film" for transparent shells over an eye,
+            which are exported but not drawn.
+        polygons: Half-open range of polygons (first, end).
+        vertices: Half-open range of vertices (first, end).
     """
 
     name: str
@@ -51,33 +51,33 @@ class Part:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Character:
-    """A character that can be posed: its neutral mesh and all that belongs to it.
+    """A character that can be posed: its neutral mesh with shapes, textures and names.
 
-    Centimetres; y up, the face looks along +z, the character's left is +x, x = 0 is the plane of symmetry.
+    Units are centimetres; y is up, the face looks along +z, the character's left is +x, x = 0 is the plane of symmetry.
 
     Attributes:
-        name: Short name, as typed by a user.
-        title: Name to show.
+        name: Short name for commands and files.
+        title: Display name.
         vertices: Neutral positions, shape (N, 3).
-        polygons: Vertex ids of quads, shape (F, 4), counter-clockwise from outside; a triangle ends in -1.
+        polygons: Vertex ids of quads, shape (F, 4), counter-clockwise seen from outside; triangles end in -1.
         uv: Texture coordinates, v up as in OBJ, shape (U, 2).
-        polygon_uvs: Ids into ``uv`` per polygon corner, shape (F, 4); -1 where ``polygons`` has it.
-        parts: The pieces, in order; their runs of polygons and vertices are contiguous and cover everything.
+        polygon_uvs: Indices into ``uv`` per polygon corner, shape (F, 4); -1 where ``polygons`` has -1.
+        parts: The parts in order; their ranges of polygons and vertices cover the whole mesh.
         regions: Vertex ids by region name ("mouth", "brow_left", ...).
         feature_points: Vertex id by MPEG-4 feature point ("8.3", ...).
         feature_titles: Readable name of each feature point ("left mouth corner").
-        shape_names: Names of the shapes, S of them.
-        shapes: Offsets from neutral, shape (S, N, 3); all zero where the character lacks a shape. They are a rig's
+        shape_names: Names of the S shapes.
+        shapes: Offsets from neutral, shape (S, N, 3); all zero for a shape that the character lacks. They are a rig's
             shapes, or the principal modes of example meshes.
-        shape_limits: Least and greatest natural weight of each shape, shape (S, 2); 0 to 1 if left out.
-        textures: Encoded images (PNG or JPEG) by material, or by the name of the one part that has it.
-        credits: Where the data comes from and its licence.
-        statistics: How the weights of the shapes move together; None for what the program knows of ARKit's shapes.
-        origin: How the file that the character came from has it; None if it has it like this.
-        summary: What was learned and how well, as JSON.
+        shape_limits: Least and greatest natural weight of each shape, shape (S, 2); 0 to 1 if empty.
+        textures: Encoded images (PNG or JPEG) by material, or by part name for a texture of one part.
+        credits: Source of the data and its licence.
+        statistics: Statistics of the shapes' weights; None for the shipped ones of ARKit's shapes.
+        origin: The mesh as in the source file; None if it does not differ.
+        summary: JSON object that reports the training and its quality.
 
     Raises:
-        ValueError: If the arrays do not fit together.
+        ValueError: If the arrays are inconsistent.
     """
 
     name: str
@@ -107,32 +107,32 @@ class Character:
 
     @cached_property
     def triangles(self) -> Ints:
-        """Vertex ids, shape (T, 3): a quad (a, b, c, d) becomes (a, b, c) and (a, c, d), a triangle stays."""
+        """Vertex ids of all triangles, shape (T, 3); a quad (a, b, c, d) is split into (a, b, c) and (a, c, d)."""
         return self._split(self.polygons)
 
     @cached_property
     def triangle_uvs(self) -> Ints:
-        """Ids into ``uv`` per corner of ``triangles``, shape (T, 3)."""
+        """Indices into ``uv`` per corner of ``triangles``, shape (T, 3)."""
         return self._split(self.polygon_uvs)
 
     @cached_property
     def triangle_polygons(self) -> Ints:
-        """The polygon that each triangle comes from, shape (T,)."""
+        """Index of the polygon of each triangle, shape (T,)."""
         return np.repeat(np.arange(len(self.polygons), dtype=np.int32), 1 + self._is_quad)
 
     @property
     def height(self) -> float:
-        """Height of the head from the bottom of the chin to the crown, in centimetres (else of the whole mesh)."""
+        """Height from the bottom of the chin to the crown, in centimetres; of the whole mesh if these are unknown."""
         y = self.vertices[:, 1]
         if {"2.1", "11.4"} <= self.feature_points.keys():
             return float(y[self.feature_points["11.4"]] - y[self.feature_points["2.1"]])
         return float(np.ptp(y))
 
     def part(self, name: str) -> Part:
-        """Return the part called ``name``.
+        """Return the part named ``name``.
 
         Raises:
-            KeyError: If there is none.
+            KeyError: If there is no such part.
         """
         for part in self.parts:
             if part.name == name:
@@ -140,13 +140,13 @@ class Character:
         raise KeyError(name)
 
     def part_triangles(self, part: Part) -> tuple[int, int]:
-        """Return the first triangle of ``part`` and the one after its last."""
+        """Return the half-open range of triangles (first, end) of ``part``."""
         first = np.concatenate([[0], np.cumsum(1 + self._is_quad)])
         return int(first[part.polygons[0]]), int(first[part.polygons[1]])
 
     @cached_property
     def solid_triangles(self) -> NDArray[np.intp]:
-        """Indices of the triangles of all parts but lashes and films, which pointers pass through."""
+        """Indices of the triangles that picking can hit: those of all parts except lashes and films."""
         runs = [self.part_triangles(part) for part in self.parts if part.material not in SEE_THROUGH]
         return np.concatenate([np.arange(*run) for run in runs]) if runs else np.zeros(0, dtype=np.intp)
 

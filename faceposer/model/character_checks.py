@@ -1,4 +1,4 @@
-"""What must hold of a character for the rest of the program to rely on it."""
+"""Consistency checks of characters."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -8,15 +8,15 @@ if TYPE_CHECKING:
     from faceposer.model.character import Character
 
 MATERIALS = ("skin", "eye", "teeth", "gums", "tongue", "lashes", "film")
-#: Materials that are drawn over others, and that pointers pass through.
+#: Materials drawn over others, which picking ignores.
 SEE_THROUGH = ("lashes", "film")
 
 
 def check_character(character: "Character") -> None:
-    """Check that the arrays, parts and names of ``character`` fit together.
+    """Check that the arrays, parts and names of ``character`` are consistent.
 
     Raises:
-        ValueError: Saying what does not.
+        ValueError: If they are not; the message names the first inconsistency.
     """
     _check_arrays(character)
     _check_parts(character)
@@ -33,11 +33,11 @@ def _check_arrays(character: "Character") -> None:
     count = len(character.vertices)
     for name, columns in (("vertices", 3), ("polygons", 4), ("uv", 2), ("polygon_uvs", 4)):
         array = getattr(character, name)
-        _require(array.ndim == 2 and array.shape[1] == columns and len(array), f"{name} has the shape {array.shape}")
+        _require(array.ndim == 2 and array.shape[1] == columns and len(array), f"{name} has shape {array.shape}")
     expected = (len(character.shape_names), count, 3)
-    _require(character.shapes.shape == expected, f"shapes has the shape {character.shapes.shape}, not {expected}")
+    _require(character.shapes.shape == expected, f"shapes has shape {character.shapes.shape}, not {expected}")
     limits = character.shape_limits
-    _require(limits.shape == (expected[0], 2), f"shape_limits has the shape {limits.shape}, not {(expected[0], 2)}")
+    _require(limits.shape == (expected[0], 2), f"shape_limits has shape {limits.shape}, not {(expected[0], 2)}")
     _require((limits[:, 0] <= limits[:, 1]).all(), "a shape's least weight exceeds its greatest")
     for name in ("vertices", "uv", "shapes", "shape_limits"):
         _require(np.isfinite(getattr(character, name)).all(), f"{name} contains numbers that are not finite")
@@ -47,20 +47,20 @@ def _check_arrays(character: "Character") -> None:
         array = getattr(character, name)
         _require(
             (array[:, :3] >= 0).all() and (array[:, 3] >= -1).all() and array.max() < limit,
-            f"{name} names corners that do not exist",
+            f"{name} has indices out of range",
         )
         _require(((array[:, 3] < 0) == is_triangle).all(), "polygons and polygon_uvs disagree about triangles")
 
 
 def _check_parts(character: "Character") -> None:
-    """Check that the parts run through all polygons and vertices in order, and own the vertices they use."""
+    """Check that the parts cover all polygons and vertices in order, and use only their own vertices."""
     polygon = vertex = 0
     for part in character.parts:
         _require(part.material in MATERIALS, f"part '{part.name}' has the unknown material '{part.material}'")
         _require(
             part.polygons[0] == polygon < part.polygons[1] <= len(character.polygons)
             and part.vertices[0] == vertex < part.vertices[1] <= len(character.vertices),
-            f"part '{part.name}' does not follow on the part before it",
+            f"part '{part.name}' does not follow the part before it",
         )
         polygon, vertex = part.polygons[1], part.vertices[1]
         used = character.polygons[slice(*part.polygons)]
@@ -76,28 +76,28 @@ def _check_parts(character: "Character") -> None:
 
 
 def _check_names(character: "Character") -> None:
-    """Check shapes' names, regions, feature points and textures."""
+    """Check the names of shapes, and the regions, feature points and textures."""
     count = len(character.vertices)
     _require(len(set(character.shape_names)) == len(character.shape_names), "two shapes have the same name")
     statistics = character.statistics
     _require(
         statistics is None or any(name in statistics.shape_names for name in character.shape_names),
-        "its statistics speak of none of its shapes",
+        "its statistics cover none of its shapes",
     )
     _require(
         character.origin is None or character.origin.vertex_ids.max(initial=-1) < count,
-        "the record of its original file names vertices that do not exist",
+        "the record of its source file refers to vertices that do not exist",
     )
     for name, ids in character.regions.items():
         _require(
             ids.ndim == 1 and (not ids.size or (ids.min() >= 0 and ids.max() < count)),
-            f"region '{name}' names vertices that do not exist",
+            f"region '{name}' refers to vertices that do not exist",
         )
     for name, vertex in character.feature_points.items():
-        _require(0 <= vertex < count, f"feature point '{name}' names a vertex that does not exist")
+        _require(0 <= vertex < count, f"feature point '{name}' refers to a vertex that does not exist")
     _require(
         character.feature_titles.keys() <= character.feature_points.keys(), "there are titles without feature points"
     )
     owners = {*MATERIALS, *(part.name for part in character.parts)}
     for name in character.textures:
-        _require(name in owners, f"texture '{name}' belongs to no material and no part")
+        _require(name in owners, f"texture '{name}' belongs to no material or part")

@@ -1,7 +1,7 @@
-"""The file of a character: one ``.npz`` with all that belongs to a character.
+"""Character files: one ``.npz`` archive per character.
 
-Its member ``meta`` is JSON (format, version, names, parts, shape names, feature points, credits); all other members are
-plain arrays. Nothing in it is pickled.
+The member ``meta`` is JSON (format, version, names, parts, shape names, feature points, credits); all other members are
+plain arrays. Nothing is pickled.
 """
 
 import dataclasses
@@ -24,17 +24,17 @@ from faceposer.model.origin import Origin
 from faceposer.resources import asset_path
 
 FORMAT = "faceposer.subject"
-#: Version 2 may have limits of the shapes, statistics, an origin and a summary.
+#: Version 2 added optional shape limits, statistics, an origin and a summary.
 VERSION = 2
 
 _MAX_BYTES = 1 << 30
 _MAX_MEMBERS = 500
-#: Centimetres per unit of the integers in which offsets are stored, unless a larger offset needs a larger step.
+#: Quantisation step of stored offsets in centimetres, unless a large offset requires a larger step.
 _SHAPE_STEP = 2e-4
 
 
 def available_characters() -> list[tuple[str, str]]:
-    """Return (name, title) of every character that is installed, sorted by name.
+    """Return (name, title) of every installed character, sorted by name.
 
     Raises:
         FacePoserError: If a character file is damaged.
@@ -43,10 +43,10 @@ def available_characters() -> list[tuple[str, str]]:
 
 
 def load_character(name_or_path: str | os.PathLike[str]) -> Character:
-    """Load an installed character by its name, or any character file by its path (which ends in ``.npz``).
+    """Load an installed character by its name, or a character file by its path (ending in ``.npz``).
 
     Raises:
-        FacePoserError: If there is no such character, or the file is not a sound character file.
+        FacePoserError: If there is no such character, or the file is not a valid character file.
     """
     text = os.fspath(name_or_path)
     path = Path(text).expanduser()
@@ -56,7 +56,7 @@ def load_character(name_or_path: str | os.PathLike[str]) -> Character:
             names = ", ".join(f"'{p.stem}'" for p in sorted(asset_path("characters").glob("*.npz")))
             raise FacePoserError(
                 f"There is no character '{text}'; choose one of {names or '(none installed)'}, or give the path of a "
-                "character file, which ends in .npz."
+                "character file (.npz)."
             )
         path = installed
     members = _read_members(path, None)
@@ -69,9 +69,9 @@ def load_character(name_or_path: str | os.PathLike[str]) -> Character:
 
 
 def save_character(path: str | os.PathLike[str], character: Character) -> None:
-    """Write ``character`` to ``path``, compressed, replacing the file only when it is complete.
+    """Write ``character`` to the compressed file ``path``, atomically.
 
-    Offsets are rounded to a step of about 2 micrometres, vertices and texture coordinates are kept as they are.
+    Offsets are rounded to steps of about 2 micrometres; vertices and texture coordinates are stored exactly.
 
     Raises:
         FacePoserError: If the file cannot be written.
@@ -91,15 +91,13 @@ def save_character(path: str | os.PathLike[str], character: Character) -> None:
         "credits": character.credits,
         "summary": dict(character.summary),
     }
-    learned: dict[str, NDArray[Any]] = {}
+    optional: dict[str, NDArray[Any]] = {}
     if character.statistics is not None:
-        texts, arrays_of_it = character.statistics.as_members()
-        meta["statistics"] = texts
-        learned |= {f"statistics.{name}": array for name, array in arrays_of_it.items()}
+        meta["statistics"], members = character.statistics.as_members()
+        optional |= {f"statistics.{name}": array for name, array in members.items()}
     if character.origin is not None:
-        texts, arrays_of_it = character.origin.as_members()
-        meta["origin"] = texts
-        learned |= {f"origin.{name}": array for name, array in arrays_of_it.items()}
+        meta["origin"], members = character.origin.as_members()
+        optional |= {f"origin.{name}": array for name, array in members.items()}
     text = json.dumps(meta, ensure_ascii=False, indent=1)
     arrays: dict[str, NDArray[Any]] = {
         "meta": np.frombuffer(text.encode("utf-8"), dtype=np.uint8),
@@ -109,7 +107,7 @@ def save_character(path: str | os.PathLike[str], character: Character) -> None:
         "polygon_uvs": character.polygon_uvs,
         "shapes": np.rint(character.shapes / step).astype(np.int16),
         "shape_limits": character.shape_limits,
-        **learned,
+        **optional,
     }
     arrays |= {f"region.{name}": ids for name, ids in character.regions.items()}
     arrays |= {f"texture.{name}": np.frombuffer(data, np.uint8) for name, data in character.textures.items()}
@@ -125,8 +123,8 @@ def _read_title(path: Path) -> str:
     return str(_parse_meta(path, _read_members(path, {"meta"}))["title"])
 
 
-def _read_members(path: Path, wanted: set[str] | None) -> dict[str, NDArray[Any]]:
-    """Read the arrays of the archive ``path``, all or those in ``wanted``; sizes are checked before memory is taken."""
+def _read_members(path: Path, named: set[str] | None) -> dict[str, NDArray[Any]]:
+    """Read all arrays of the archive ``path``, or those ``named``; sizes are checked before memory is allocated."""
     try:
         with zipfile.ZipFile(path) as archive:
             entries = archive.infolist()
@@ -135,7 +133,7 @@ def _read_members(path: Path, wanted: set[str] | None) -> dict[str, NDArray[Any]
             members = {}
             for entry in entries:
                 name = entry.filename.removesuffix(".npy")
-                if wanted is None or name in wanted:
+                if named is None or name in named:
                     with archive.open(entry) as stream:
                         members[name] = _read_array(stream, entry.file_size)
             return members
@@ -144,7 +142,7 @@ def _read_members(path: Path, wanted: set[str] | None) -> dict[str, NDArray[Any]
     except OSError as error:
         _refuse(path, f"it cannot be read ({error.strerror or error})")
     except (zipfile.BadZipFile, EOFError, zlib.error, NotImplementedError, RuntimeError):
-        _refuse(path, "it is damaged or not a character; copy or build it again")
+        _refuse(path, "it is damaged or is not a character file; copy it again")
     except ValueError as error:
         _refuse(path, str(error))
 
@@ -159,10 +157,10 @@ def _read_array(stream: IO[bytes], size: int) -> NDArray[Any]:
         raise ValueError("it contains pickled objects, which are never loaded")
     count = int(np.prod(shape, dtype=object)) if shape else 1
     if count * dtype.itemsize > size:
-        raise ValueError("an array claims to be larger than its data")
+        raise ValueError("the declared size of an array exceeds its data")
     data = stream.read(count * dtype.itemsize)
     if len(data) != count * dtype.itemsize:
-        raise ValueError("an array ends too early")
+        raise ValueError("an array is truncated")
     return np.frombuffer(data, dtype=dtype).reshape(shape, order="F" if fortran_order else "C")
 
 
@@ -170,11 +168,11 @@ def _parse_meta(path: Path, members: Mapping[str, NDArray[Any]]) -> dict[str, An
     try:
         meta = json.loads(members["meta"].tobytes().decode("utf-8"))
     except (KeyError, ValueError, RecursionError):
-        _refuse(path, "it is not a Face Poser character (its description is missing or unreadable)")
+        _refuse(path, "it is not a Face Poser character file (its metadata is missing or unreadable)")
     if not isinstance(meta, dict) or meta.get("format") != FORMAT:
-        _refuse(path, "it is not a Face Poser character")
+        _refuse(path, "it is not a Face Poser character file")
     if meta.get("version") not in range(1, VERSION + 1):
-        _refuse(path, f"it has version {meta.get('version')!r}, this program reads versions 1 to {VERSION}")
+        _refuse(path, f"it has version {meta.get('version')!r}; this program reads versions 1 to {VERSION}")
     if not all(isinstance(meta.get(key), str) for key in ("name", "title", "credits")):
         _refuse(path, "its name, title or credits are not text")
     return meta
@@ -183,7 +181,7 @@ def _parse_meta(path: Path, members: Mapping[str, NDArray[Any]]) -> dict[str, An
 def _build(meta: dict[str, Any], members: Mapping[str, NDArray[Any]]) -> Character:
     step = float(meta["shape_step"])
     if not 0.0 < step < 1.0:
-        raise ValueError(f"the step of its shapes is {step}")
+        raise ValueError(f"the quantisation step of its shapes is {step}")
     if members["shapes"].dtype != np.int16:
         raise ValueError("its shapes are not 16-bit integers")
     return Character(

@@ -1,19 +1,19 @@
-"""Where expression lines lie on a face and how deep they are: one map of heights for all faces, in their chart.
+"""Height map of the expression lines, shared by all faces, in the coordinates of their chart.
 
-Forehead lines follow the brows, frown lines stand between them, crow's feet radiate from the outer corners of the
+Forehead lines follow the brows, frown lines run between them, crow's feet radiate from the outer corners of the
 eyes, bunny lines cross the sides of the nose, nasolabial folds run from its wings past the corners of the mouth, and
-marionette lines run down from these. Skin that is pushed together is a sheet that buckles: broad rounded folds with a
-narrower valley between, not a furrow in a plane (Wu, Kalra and Magnenat Thalmann, "Simulation of static and dynamic
+marionette lines run down from these. Compressed skin buckles like a sheet: broad rounded folds with a narrower valley
+between them, not a furrow in a plane (Wu, Kalra and Magnenat Thalmann, "Simulation of static and dynamic
 wrinkles of skin", 1996; Bando, Kuratate and Nishita, "A simple method for modeling wrinkles on human skin", 2002). Each
 line is a valley along a smooth curve with a fold on both sides,
 
     h(d) = -a [exp(-d² / 2 v²) - ⅓ exp(-d² / 2 (c v)²)] + b exp(-(d - s)² / 2 (0.8 s)²),  v = w (1 ± l),
 
-d the signed distance to the curve, w the width, a the depth, l the lean: where skin hangs over the line, as the cheek
-does over the nasolabial fold, that side is steep (-) and the other runs out gently (+). c is 2, and 1.3 on the gentle
-side of lines that lean much, where hardly a fold stands up. h has a continuous slope. b is the swelling of the skin at
-the distance s on the steep side. Depth, width and course vary along the curves, which fade out at both ends, and the
-two sides of the face differ a little.
+with d the signed distance to the curve, w the width, a the depth and l the lean: where skin hangs over the line, as the
+cheek does over the nasolabial fold, that side is steep (-) and the other is gentle (+). c is 2, or 1.3 on the gentle
+side of strongly leaning lines, which have hardly a fold there. h has a continuous slope. b is the swelling of the skin
+at distance s on the steep side. Depth, width and course vary along the curves, which fade out at both ends, and the two
+sides of the face differ slightly.
 """
 
 from dataclasses import dataclass
@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Part of the chart that the map covers: least u, greatest u, least v, greatest v, in centimetres of the chart.
+#: Extent of the map in the chart: least u, greatest u, least v, greatest v, in centimetres of the chart.
 EXTENT = (-8.0, 8.0, -8.5, 9.0)
-#: Layers of the map; in each, lines of different groups lie apart: in the first forehead lines, crow's feet and
-#: nasolabial folds, in the second frown lines, bunny lines and marionette lines, which come near to these.
+#: Number of layers. Lines of different groups are well separated within a layer: the first has forehead lines, crow's
+#: feet and nasolabial folds, the second frown lines, bunny lines and marionette lines, which come close to the former.
 LAYERS = 2
 #: Samples per centimetre of the chart.
 DENSITY = 40
@@ -36,7 +36,7 @@ _STEP = 0.05
 _SMOOTHED_CM = 0.22
 _SEED = 7
 # Lines that lean more than this have hardly a fold on their gentle side.
-_MUCH = 0.3
+_STRONG_LEAN = 0.3
 
 
 @dataclass(frozen=True)
@@ -44,17 +44,17 @@ class _Line:
     """A valley along a curve of the left side: y as a function of x, where x is u or v.
 
     Attributes:
-        along: Which coordinate x is.
+        along: The coordinate that x stands for.
         knots: Pairs (x, y) with rising x.
-        depth: In centimetres.
-        width: Standard deviation across, in centimetres.
-        ends: Over which lengths it fades at the least and the greatest x.
-        swelling: Height beside it, in centimetres, and at which distance; the sign says on which side.
-        lean: How much steeper the side with the swelling, or that of greater y, is than the other, as a share.
-        wobble: Amplitude of its irregular course, in centimetres.
-        unevenness: How much its depth varies along it, as a share; its width varies by two thirds of that.
-        layer: Of the map.
-        sides: On which sides of the face it is; 0 for one line that crosses the middle.
+        depth: Depth in centimetres.
+        width: Standard deviation across the line, in centimetres.
+        ends: Lengths over which the line fades at the least and the greatest x.
+        swelling: Height of the swelling in centimetres, and its signed distance from the line.
+        lean: Excess steepness of the side with the swelling, or of greater y, as a share.
+        wobble: Amplitude of the irregular course, in centimetres.
+        unevenness: Variation of the depth along the line, as a share; the width varies by half of that.
+        layer: Layer of the map.
+        sides: Sides of the face that have the line: 1 left, -1 right; 0 for a single line across the middle.
     """
 
     along: Literal["u", "v"]
@@ -100,11 +100,11 @@ def _forehead() -> list[_Line]:
 
 def _frown() -> list[_Line]:
     main = ((2.7, 0.48), (3.4, 0.64), (4.0, 0.78), (5.1, 0.74))
-    beside, between = ((3.3, 1.06), (4.0, 1.16), (4.7, 1.06)), ((3.1, 0.07), (4.0, -0.04), (4.6, -0.02))
+    secondary, between = ((3.3, 1.06), (4.0, 1.16), (4.7, 1.06)), ((3.1, 0.07), (4.0, -0.04), (4.6, -0.02))
     across = ((-1.0, 1.98), (0.0, 2.14), (1.0, 2.00))
     return [
         _Line("v", main, 0.145, 0.150, (1.2, 1.6), (0.080, 0.46), 0.35, 0.03, layer=1),
-        _Line("v", beside, 0.034, 0.110, (0.8, 0.9), lean=0.3, wobble=0.03, layer=1),
+        _Line("v", secondary, 0.034, 0.110, (0.8, 0.9), lean=0.3, wobble=0.03, layer=1),
         _Line("v", between, 0.016, 0.090, (0.8, 0.9), wobble=0.02, layer=1, sides=(0,)),
         _Line("u", across, 0.048, 0.120, (0.9, 0.9), wobble=0.03, layer=1, sides=(0,)),
     ]
@@ -161,7 +161,7 @@ def _mouth() -> list[_Line]:
     )
     corner = ((-7.0, 2.94), (-6.2, 3.12), (-5.6, 3.02), (-5.2, 2.86))
     return [
-        # Broad: the border of the cheek; narrow: the fold proper, deepest beside the wing of the nose.
+        # Broad: the border of the cheek; narrow: the fold proper, deepest next to the wing of the nose.
         _Line("v", fold, 0.145, 0.290, (2.8, 0.9), (0.110, 0.80), 0.35, 0.015, 0.12),
         _Line("v", fold, 0.030, 0.120, (3.4, 0.8), lean=0.40, wobble=0.015, unevenness=0.30),
         _Line("v", corner, 0.085, 0.190, (1.3, 0.6), (0.030, 0.5), 0.35, 0.02, layer=1),
@@ -195,25 +195,25 @@ def _carve(
     low, high = knots[0, 0], knots[-1, 0]
     xs = np.arange(low - 1.0, high + 1.0, _STEP)
     kernel = np.exp(-0.5 * (np.arange(-0.6, 0.61, _STEP) / _SMOOTHED_CM) ** 2)
-    # Beyond its ends the curve goes on as it came, so that smoothing does not bend it.
+    # The curve continues straight beyond its ends, so that smoothing does not bend them.
     slopes = np.diff(knots[[0, 1, -2, -1]], axis=0)[[0, 2]]
     beyond = knots[[0, -1]] + np.array([-2.0, 2.0])[:, None] * np.stack([[1.0, s[1] / s[0]] for s in slopes])
     course = np.interp(xs, *np.vstack([beyond[0], knots, beyond[1]]).T)
     padded = np.pad(course, len(kernel) // 2, mode="reflect", reflect_type="odd")
     ys = np.convolve(padded, kernel / kernel.sum(), mode="valid")
-    # No two lines of a face are alike, nor are its two sides.
+    # All lines differ, and so do the two sides of the face.
     ys += line.wobble * (_irregular(xs, random, 1.1) + random.normal())
     tilt = 1.0 / np.sqrt(1.0 + np.gradient(ys, xs) ** 2)
     fade = _ramp((xs - low) / line.ends[0]) * _ramp((high - xs) / line.ends[1])
     strength = np.maximum(1.0 + line.unevenness * _irregular(xs, random, 1.6), 0.1)
     depth = line.depth * random.uniform(0.8, 1.2) * fade * strength
     width = line.width * (1.0 + 0.5 * line.unevenness * _irregular(xs, random, 1.3)) * (0.75 + 0.25 * fade)
-    # A swelling begins and ends more softly than its valley.
+    # The swelling fades over a greater length than the valley.
     swelling = line.swelling[0] * _ramp((xs - low) / (2.2 * line.ends[0])) * _ramp((high - xs) / (2.2 * line.ends[1]))
 
     reach = max(8.0 * line.width, 3.0 * abs(line.swelling[1]) if line.swelling[0] else 0.0)
     across, sign = ((us, vs) if line.along == "u" else (vs, us)), (-1.0 if side < 0 else 1.0)
-    # On the right side u is mirrored; the map's grid is symmetric, and so is the run of its columns.
+    # On the right side u is mirrored, and with it the columns, since the grid is symmetric.
     first, second = (slice(None), slice(None)) if sign > 0 else (slice(None), slice(None, None, -1))
     grid = heights[first, second]
     x_ids = np.flatnonzero((across[0] >= low) & (across[0] <= high))
@@ -226,7 +226,7 @@ def _carve(
     is_steep = d > 0.0 if line.swelling[1] > 0.0 else d < 0.0
     v = w.astype(np.float32) * np.where(is_steep, np.float32(1.0 - line.lean), np.float32(1.0 + line.lean))
     squares = (d / v) ** 2
-    broader = np.where(is_steep, np.float32(2.0), np.float32(1.3 if line.lean > _MUCH else 2.0))
+    broader = np.where(is_steep, np.float32(2.0), np.float32(1.3 if line.lean > _STRONG_LEAN else 2.0))
     h = -a.astype(np.float32) * (np.exp(-0.5 * squares) - np.exp(-0.5 * squares / broader**2) / 3.0)
     if line.swelling[0]:
         at = np.float32(line.swelling[1])
@@ -236,7 +236,7 @@ def _carve(
 
 
 def _irregular(xs: Array, random: np.random.Generator, length: float) -> Array:
-    """Return a smooth random function of about unit amplitude whose bumps are about ``length`` long."""
+    """Return a smooth random function at ``xs``, of about unit amplitude and wavelengths of about ``length``."""
     waves = length * np.array([2.6, 1.5, 0.8])
     phases = random.uniform(0.0, 2.0 * np.pi, 3)
     total: Array = (np.array([0.65, 0.45, 0.12]) * np.sin(2.0 * np.pi * xs[:, None] / waves + phases)).sum(axis=1)

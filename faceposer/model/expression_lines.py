@@ -1,14 +1,14 @@
-"""How strong the expression lines of a posed face are, measured on the surface itself, whatever has posed it.
+"""Strengths of the expression lines of a posed face, measured on its surface, however it was posed.
 
-Skin folds where it is compressed across its lines. Strain gauges lie across them: pairs a and b of small patches of
-skin, whose centres are Gaussian averages of vertices. A gauge reads the relative shortening of their distance,
+Skin folds where it is compressed across its lines. Strain gauges are placed across them: pairs a and b of small patches
+of skin, with centres that are Gaussian averages of vertices. A gauge measures its relative shortening,
 
     e = 1 - |b - a| / |b₀ - a₀|,
 
-zero on the neutral face and under rigid motion, negative where skin is stretched. A zone of lines has the mean e of its
-gauges, and its strength is 1.25 (1 - exp(-(x / 0.8)^1.6)) of x = max(0, e / e₁ - d) / (1 - d): none up to the dead band
-d, about one at e₁, the compression when the muscle of the zone contracts fully. Where a character has ARKit's shape of
-that muscle, e₁ is measured on it.
+zero on the neutral face and under rigid motion, negative where skin is stretched. With e the mean over the gauges of a
+zone, the strength of its lines is 1.25 (1 - exp(-(x / 0.8)^1.6)) with x = max(0, e / e₁ - d) / (1 - d): zero up to the
+dead band d, about one at e₁, the compression at full contraction of the zone's muscle. If the character has ARKit's
+shape of that muscle, e₁ is measured on it.
 """
 
 from collections.abc import Mapping
@@ -29,16 +29,17 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class _Zone:
-    """Lines of one side that are driven together; places are in the chart of the left side.
+    """Lines of one side that are driven together; places are in the left side of the chart.
 
     Attributes:
-        name: For example "crows_feet"; zones of a group begin with its name.
+        name: Name such as "crows_feet", which begins with that of its group.
         gauges: Ends of each strain gauge.
-        middles: Where its lines lie in the map; of its layer, the zone with the nearest middle has its say.
-        full: The compression e₁ where it cannot be measured.
-        shapes: ARKit's shapes of the muscle, without side, and the share of their compression that is e₁.
-        layer: Of the map.
-        helpers: Zones, and how much of their compression counts here too.
+        middles: Centres of its lines in the map; each place of the layer follows the zone with the nearest centre.
+        full: The compression e₁ for characters on which it cannot be measured.
+        shapes: ARKit's shapes of the muscle, without side.
+        share: Share of the shapes' compression that is e₁.
+        layer: Layer of the map.
+        helpers: Other zones, and the share of their compression that is added.
     """
 
     name: str
@@ -90,7 +91,7 @@ _LEFT_ZONES = (
         ("noseSneer",),
         layer=1,
     ),
-    # A lifted cheek deepens the fold, although it takes skin away from the corner of the mouth; so does a sneer.
+    # A lifted cheek deepens the fold, although it pulls skin away from the corner of the mouth; so does a sneer.
     _Zone(
         "nasolabial_upper",
         (((2.2, -3.9), (4.0, -2.2)),),
@@ -113,7 +114,7 @@ _LEFT_ZONES = (
 )
 #: Names of all zones, those of the left side first: a group, its part, and the side.
 ZONES: tuple[str, ...] = tuple(f"{zone.name}_{side}" for side in ("left", "right") for zone in _LEFT_ZONES)
-#: Groups of lines, by which the names of zones begin.
+#: Groups of lines; each zone's name begins with its group.
 GROUPS: tuple[str, ...] = ("forehead", "frown", "crows_feet", "bunny", "nasolabial", "marionette")
 
 _DEAD_BAND = 0.12
@@ -121,21 +122,21 @@ _DEAD_BAND = 0.12
 _FULL_RANGE = (0.5, 4.0)
 _PATCH_CM = 0.35
 _FEWEST_IN_PATCH = 4
-# Samples per centimetre of the chart of the map of strengths, and how far from a middle another's say begins.
+# Samples of the strength map per centimetre of the chart, and width of the blend between zones.
 _STRENGTH_DENSITY = 2.0
 _ZONE_CM = 1.0
-# How deep the lines of characters are in which age or art says so, and of all others.
+# Depth of the lines of the built-in characters, by age and style, and of all others.
 _DEPTHS = {"man": 1.0, "woman": 0.6, "low": 0.7, "creature": 1.3}
 _USUAL_DEPTH = 0.8
 
 
 @dataclass(frozen=True, eq=False)
 class ExpressionLines:
-    """The lines of one character.
+    """The expression lines of one character.
 
     Attributes:
-        chart: Where each vertex lies in the chart of the lines.
-        depth: Depth of its lines as a multiple of those of the map.
+        chart: Chart of the face.
+        depth: Depth of the lines as a multiple of the map's.
     """
 
     chart: FaceChart
@@ -160,12 +161,12 @@ class ExpressionLines:
         return strengths
 
     def by_zone(self, vertices: ArrayLike) -> Mapping[str, float]:
-        """Return the strengths by the names of the zones."""
+        """Return the strengths for the posed ``vertices``, shape (N, 3), by zone name."""
         return dict(zip(ZONES, self.strengths(vertices).tolist(), strict=True))
 
 
 def expression_lines(character: Character) -> ExpressionLines | None:
-    """Return the lines of ``character``, or None where its feature points do not tell where they lie."""
+    """Return the lines of ``character``, or None if its feature points do not locate them."""
     chart = face_chart(character)
     if chart is None:
         return None
@@ -193,7 +194,7 @@ def expression_lines(character: Character) -> ExpressionLines | None:
 
 
 def strength_map(strengths: ArrayLike) -> NDArray[np.float32]:
-    """Return the ``strengths`` of ``ZONES``, (Z,), over ``EXTENT``, row 0 lowest, shape (rows, columns, LAYERS)."""
+    """Return the map over ``EXTENT`` of ``strengths`` of ``ZONES``, (Z,); row 0 lowest, (rows, columns, LAYERS)."""
     shares = _zone_shares()
     spread = shares.reshape(-1, len(ZONES)) @ np.asarray(strengths, dtype=np.float32)
     return spread.reshape(shares.shape[:-1])
@@ -203,7 +204,7 @@ def _full_compressions(character: Character, lines: ExpressionLines) -> Array:
     full = np.array([zone.full for _ in range(2) for zone in _LEFT_ZONES])
     rows = {name: row for row, name in enumerate(character.shape_names)}
     for i, zone in enumerate((*_LEFT_ZONES, *_LEFT_ZONES)):
-        # Both sides together: skin in the middle of the face follows either.
+        # Both sides together, since skin in the middle of the face follows either.
         muscles = [rows[name + end] for name in zone.shapes for end in ("", "Left", "Right") if name + end in rows]
         moving = [row for row in muscles if np.any(character.shapes[row])]
         if moving:
@@ -214,9 +215,9 @@ def _full_compressions(character: Character, lines: ExpressionLines) -> Array:
 
 
 def _patch(places: Array, visible: Array, middle: Place) -> tuple[NDArray[np.intp], Array]:
-    """Return vertices of the patch of skin about ``middle`` and their weights, which sum to one."""
+    """Return the vertices of the patch of skin around ``middle`` and their weights, which sum to one."""
     squares = (places[:, 0] - middle[0]) ** 2 + (places[:, 1] - middle[1]) ** 2
-    # Coarse meshes have few vertices nearby.
+    # On coarse meshes the patch grows until it has enough vertices.
     width = max(_PATCH_CM**2, float(np.partition(squares, _FEWEST_IN_PATCH - 1)[_FEWEST_IN_PATCH - 1]))
     near = np.flatnonzero(squares < 9.0 * width)
     weights = np.exp(-0.5 * squares[near] / width) * visible[near]
@@ -231,7 +232,7 @@ def _all_gauges() -> tuple[tuple[Place, Place], ...]:
 
 @lru_cache(maxsize=1)
 def _gauge_zones() -> tuple[Array, Array]:
-    """Return the matrices from gauges to the means of zones, (Z, G), and from zones to those that they help, (Z, Z)."""
+    """Return the matrices from gauges to zone means, (Z, G), and from zones to the zones that they help, (Z, Z)."""
     counts = [len(zone.gauges) for _ in range(2) for zone in _LEFT_ZONES]
     mean = np.zeros((len(ZONES), sum(counts)))
     for row, (begin, count) in enumerate(zip(np.cumsum([0, *counts[:-1]]), counts, strict=True)):
@@ -246,7 +247,7 @@ def _gauge_zones() -> tuple[Array, Array]:
 
 @lru_cache(maxsize=1)
 def _zone_shares() -> NDArray[np.float32]:
-    """Return which share each zone has at each place of the map of strengths, (rows, columns, LAYERS, Z)."""
+    """Return the weight of each zone at each sample of the strength map, shape (rows, columns, LAYERS, Z)."""
     left, right, bottom, top = EXTENT
     columns, rows = round((right - left) * _STRENGTH_DENSITY), round((top - bottom) * _STRENGTH_DENSITY)
     u = left + (np.arange(columns) + 0.5) / _STRENGTH_DENSITY

@@ -1,4 +1,4 @@
-"""What is known of how the weights of a rig, ARKit's 52 or others, move together, apart from any one face."""
+"""Statistics of rig weights over natural expressions, for ARKit's 52 shapes or others, independent of any one face."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -22,9 +22,9 @@ _MAX_BYTES = 64 * 2**20
 
 @dataclass(frozen=True, eq=False)
 class ExpressionStatistics:
-    """A mixture of Gaussians over the weights of a rig, with the moments of the examples it was learned from.
+    """A mixture of Gaussians over the weights of a rig, with the moments of its training examples.
 
-    Any face with shapes of these names gets its own prior from it, without a capture of its own.
+    It gives any face with shapes of these names a prior, without a capture of that face.
 
     Attributes:
         shape_names: Names of the S weights.
@@ -32,15 +32,15 @@ class ExpressionStatistics:
         means: Shape (K, S).
         covariances: Shape (K, S, S).
         mean: Mean of the examples, shape (S,).
-        covariance: Covariance of the examples, shape (S, S): what the principal component analysis sees.
-        credits: Where the examples come from, and their licence.
-        regions: The region of the face that each weight belongs to; if left out, all belong to one.
-        coupling: How far the weights of different regions tell of each other, a correlation matrix of shape (S, S)
+        covariance: Covariance of the examples, shape (S, S), the input of the principal component analysis.
+        credits: Source of the examples and their licence.
+        regions: Region of the face of each weight; if empty, all belong to one region.
+        coupling: Correlation matrix that damps covariances between regions, shape (S, S)
             (``faceposer.model.coupling``); if None, regions are independent.
-        examples: Some of the examples themselves, shape (n, S), or None if they were not kept.
+        examples: A selection of the examples, shape (n, S), or None if none were kept.
 
     Raises:
-        ValueError: If the arrays do not fit together.
+        ValueError: If the arrays are inconsistent.
     """
 
     shape_names: tuple[str, ...]
@@ -85,14 +85,14 @@ class ExpressionStatistics:
 
     @property
     def factors(self) -> Array:
-        """The coupling, shape (S, S), also where none was given."""
+        """The coupling as an array, shape (S, S), never None."""
         assert self.coupling is not None
         return self.coupling
 
     def as_members(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Return what JSON holds of it, and its arrays, for the file of a character.
+        """Return the values to store as JSON, and the arrays, for a character file.
 
-        The arrays are in single precision, but for the examples, which half precision is enough for.
+        The arrays are in single precision, the examples in half precision.
         """
         texts: dict[str, Any] = {}
         arrays: dict[str, NDArray[Any]] = {}
@@ -106,11 +106,11 @@ class ExpressionStatistics:
 
     @classmethod
     def of_members(cls, texts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Self:
-        """Return the statistics that ``as_members`` gave.
+        """Return the statistics from the members that ``as_members`` returned.
 
         Raises:
-            TypeError: If something is missing.
-            ValueError: If it does not fit together.
+            TypeError: If a member is missing.
+            ValueError: If the members are inconsistent.
         """
         known: dict[str, Any] = {
             name: tuple(map(str, value)) if isinstance(value, list) else str(value) for name, value in texts.items()
@@ -119,7 +119,7 @@ class ExpressionStatistics:
         return cls(**known)
 
     def save(self, path: Path) -> None:
-        """Write the statistics to ``path``, in single precision, the examples in half."""
+        """Write the statistics to ``path``, in single precision, the examples in half precision."""
         arrays: dict[str, Any] = {name: getattr(self, name).astype(np.float32) for name in (*_ARRAYS, "coupling")}
         if self.examples is not None:
             arrays["examples"] = self.examples.astype(np.float16)
@@ -138,14 +138,14 @@ def _check_correlation(matrix: Array) -> None:
     symmetric = np.allclose(matrix, matrix.T, atol=_UNIT_WITHIN)
     unit = np.allclose(np.diag(matrix), 1.0, atol=_UNIT_WITHIN)
     if not (symmetric and unit and np.linalg.eigvalsh(matrix)[0] > -1e-3):
-        raise ValueError("coupling must be a correlation matrix: symmetric, with a diagonal of 1, none of it negative")
+        raise ValueError("coupling must be a correlation matrix: symmetric, positive semidefinite, unit diagonal")
 
 
 def load_expression_statistics(path: Path | None = None) -> ExpressionStatistics:
-    """Return the statistics in ``path``, or those that come with the program.
+    """Return the statistics in ``path``, or the shipped ones if None.
 
     Raises:
-        FacePoserError: If the file is missing or is not such a file.
+        FacePoserError: If the file cannot be read or does not contain expression statistics.
     """
     path = path or asset_path("expressions.npz")
     try:
@@ -159,7 +159,7 @@ def load_expression_statistics(path: Path | None = None) -> ExpressionStatistics
             return ExpressionStatistics(names, credits=str(data["credits"]), regions=regions, **arrays)
     except (OSError, ValueError, KeyError, EOFError) as error:
         raise FacePoserError(
-            f"The expression statistics '{path}' cannot be read ({error}); train them anew or install Face Poser again."
+            f"The expression statistics '{path}' cannot be read ({error}); train them or install Face Poser again."
         ) from error
     except Exception as error:  # a damaged archive raises zipfile.BadZipFile or zlib.error
         raise FacePoserError(f"The expression statistics '{path}' are damaged; install Face Poser again.") from error

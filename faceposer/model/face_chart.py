@@ -1,8 +1,7 @@
-"""Two coordinates that mean the same place on every face: what is drawn in this chart lies right on each character.
+"""A chart of the face: two surface coordinates that denote the same place on every character.
 
-A vertex is unrolled from a cylinder about the head's vertical axis, and a thin-plate spline (Bookstein 1989) carries
-the feature points to their places in the chart, which are those of the program's own man. Texture coordinates are not
-needed.
+Vertices are unrolled from a cylinder about the head's vertical axis, and a thin-plate spline (Bookstein 1989) maps the
+feature points to their places in the chart, those of the built-in character "man". Texture coordinates are not needed.
 """
 
 from dataclasses import dataclass
@@ -15,8 +14,8 @@ from faceposer.model.character import Character
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
-#: Places of MPEG-4's feature points of the left half in the chart, (u, v) in centimetres of the man: u along the
-#: cylinder to the character's left, v up. Those of the right half mirror them.
+#: Chart coordinates (u, v) of MPEG-4's feature points of the left half, in centimetres of the built-in man: u along the
+#: cylinder to the character's left, v up. The right half mirrors them.
 _PLACES: dict[str, tuple[float, float]] = {
     "2.1": (0.00, -9.30),
     "2.10": (0.00, -7.74),
@@ -55,22 +54,22 @@ _OTHER_SIDE = {
     "9.1": "9.2",
     "11.3": "11.2",
 }
-#: Without these a face has no chart.
-_NEEDED = ("3.7", "3.12", "3.11", "3.8", "4.1", "4.2", "4.5", "4.6", "8.3", "8.4", "9.1", "9.2")
-#: Radius of the cylinder in centimetres of the man.
+#: Feature points without which a face has no chart.
+_REQUIRED = ("3.7", "3.12", "3.11", "3.8", "4.1", "4.2", "4.5", "4.6", "8.3", "8.4", "9.1", "9.2")
+#: Radius of the cylinder, in centimetres of the man.
 _RADIUS = 9.0
-# Of the outer corners of the man's eyes: how far they lie from the plane of symmetry, and how much farther forward than
-# the axis of the cylinder, as a multiple of that.
+# Outer corners of the man's eyes: distance from the plane of symmetry, and distance in front of the cylinder's axis as
+# a multiple of it.
 _EYE_CORNER_CM, _EYE_CORNER_FORWARD = 4.46, 1.684
-# How far a feature point may stay off its place, as a share of a spline that bends freely: found ones are inexact.
+# Smoothing of the spline relative to its kernel, since detected feature points are inexact.
 _SMOOTHING = 0.02
-# Beyond these the chart ends: the cheeks before the ears, the top of the forehead, the chin.
+# Limits of the chart: the cheeks in front of the ears, the top of the forehead, the chin.
 _LARGEST_ANGLE = 1.75
 _LARGEST_DISTANCE_CM = 13.0
-# Skin that lies so much deeper than other skin in the same direction is inside the mouth, the nose or the socket.
+# Skin this much deeper than other skin in the same direction is inside the mouth, the nose or an eye socket.
 _HIDDEN_CM = 0.7
 _CELL_CM = 0.2
-# A chart that turns over more of the face than this is wrong.
+# Largest share of the face that a valid chart may fold over.
 _MOST_FLIPPED = 0.06
 
 
@@ -79,9 +78,9 @@ class FaceChart:
     """The chart of one face.
 
     Attributes:
-        places: Coordinates (u, v) of every vertex, shape (N, 2); far away where the chart does not reach.
-        visible: How much of a vertex is outer skin within the chart, 0 to 1, shape (N,).
-        scale: Length on the face of a centimetre of the chart.
+        places: Coordinates (u, v) of every vertex, shape (N, 2); far away for vertices outside the chart.
+        visible: Degree from 0 to 1 to which each vertex is outer skin within the chart, shape (N,).
+        scale: Length on the face of one centimetre of the chart.
     """
 
     places: Floats
@@ -90,8 +89,8 @@ class FaceChart:
 
 
 def face_chart(character: Character) -> FaceChart | None:
-    """Return the chart of the neutral face of ``character``, or None where its feature points do not tell enough."""
-    if not set(_NEEDED) <= character.feature_points.keys():
+    """Return the chart of the neutral face of ``character``, or None if its feature points do not determine one."""
+    if not set(_REQUIRED) <= character.feature_points.keys():
         return None
     vertices = np.asarray(character.vertices, dtype=np.float64)
     named = {
@@ -135,7 +134,7 @@ def _landmarks() -> dict[str, tuple[float, float]]:
 
 
 def _unrolled(places: Array) -> tuple[Array, Array]:
-    """Return cylinder coordinates of ``places``, (n, 3) about the axis, shape (n, 2), and their distances from it."""
+    """Return the cylinder coordinates, (n, 2), and radii, (n,), of ``places`` relative to the axis, (n, 3)."""
     return (
         np.stack([_RADIUS * np.arctan2(places[:, 0], places[:, 2]), places[:, 1]], axis=1),
         np.hypot(places[:, 0], places[:, 2]),
@@ -143,7 +142,7 @@ def _unrolled(places: Array) -> tuple[Array, Array]:
 
 
 class _ThinPlateSpline:
-    """f(x) = A x + b + Σ_i w_i U(|x - x_i|), U(r) = r² log r, with the smoothing λ on the diagonal of the kernel."""
+    """Smoothing spline f(x) = A x + b + Σ_i w_i U(|x - x_i|), U(r) = r² log r, with λ on the kernel's diagonal."""
 
     def __init__(self, sources: Array, targets: Array, smoothing: float) -> None:
         self._sources = sources
@@ -169,7 +168,12 @@ class _ThinPlateSpline:
 
 
 def _facing_out(places: Array, triangles: NDArray[np.int32]) -> Array:
-    """Return by vertex how much the surface faces away from the axis, 0 to 1; ``places`` are about the axis, (N, 3)."""
+    """Return the degree from 0 to 1 to which the surface at each vertex faces away from the axis, shape (N,).
+
+    Args:
+        places: Positions relative to the axis, shape (N, 3).
+        triangles: Vertex ids, shape (T, 3).
+    """
     corners = places[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     summed = np.zeros_like(places)
@@ -183,7 +187,7 @@ def _facing_out(places: Array, triangles: NDArray[np.int32]) -> Array:
 
 
 def _in_front(rough: Array, radius: Array, triangles: NDArray[np.int32]) -> Array:
-    """Return by vertex whether nothing lies before it in its direction, from 1 to 0 where much does."""
+    """Return the visibility of each vertex along its radius, shape (N,): 1 for the outermost skin, 0 if occluded."""
     samples = np.concatenate([triangles.ravel(), [0]])[:-1]
     centres = rough[triangles].mean(axis=1)
     cells = np.floor(np.vstack([rough[samples], centres]) / _CELL_CM).astype(np.int64) + 256
@@ -191,12 +195,12 @@ def _in_front(rough: Array, radius: Array, triangles: NDArray[np.int32]) -> Arra
     depths = np.concatenate([radius[samples], radius[triangles].mean(axis=1)])
     nearest = np.zeros(512 * 512)
     np.maximum.at(nearest, keys, depths)
-    mine = np.clip(np.floor(rough / _CELL_CM).astype(np.int64) + 256, 0, 511)
-    return 1.0 - _ramp(nearest[mine[:, 0] * 512 + mine[:, 1]] - radius, 0.5 * _HIDDEN_CM, _HIDDEN_CM)
+    own = np.clip(np.floor(rough / _CELL_CM).astype(np.int64) + 256, 0, 511)
+    return 1.0 - _ramp(nearest[own[:, 0] * 512 + own[:, 1]] - radius, 0.5 * _HIDDEN_CM, _HIDDEN_CM)
 
 
 def _flipped(places: Array, outer: Array, triangles: NDArray[np.int32]) -> float:
-    """Return the share of the outer skin near the middle of the face that the chart turns over."""
+    """Return the share of the outer skin near the middle of the face that the chart folds over."""
     a, b, c = (places[triangles[:, k]] for k in range(3))
     area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     near = (outer[triangles].min(axis=1) > 0.5) & (np.abs(a) < [7.0, 8.0]).all(axis=1)

@@ -1,4 +1,4 @@
-"""A character with the subspace of its expressions and the density over it: all that a solve needs to know of a face."""
+"""Face models: a character with the subspace of its expressions and the density over it, the input of a solve."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# A subspace is grown until each shape (gaze aside) loses at most this share of its displacement.
+# The subspace grows until each shape (gaze excepted) loses at most this share of its displacement.
 LEAVE_AT_MOST = 0.10
-# An eye that turns by less than so many radians for any coefficient of 1 is painted on.
+# An eye that turns by less than this, in radians, for every coefficient of 1 is fixed or painted on.
 _TURNS = 1e-4
-# In the metric of the PCA, motion counts relative to how much its place moves at all; this much, in centimetres, keeps
-# nearly motionless places from counting.
+# The PCA weighs motion relative to the total motion of its place; this floor, in centimetres, keeps nearly motionless
+# places from counting.
 _STILL_MOTION = 0.117
 
 
@@ -40,16 +40,16 @@ _STILL_MOTION = 0.117
 class FaceModel:
     """x = neutral + B p with a density over p (Lau et al. 2009, eqs. (1) and (18)).
 
-    The paper adds B p to the mean face. Here p = 0 is the neutral face exactly, and the means of the mixture are
-    shifted to match: the same set of faces, apart from the directions that the subspace leaves out.
+    The paper adds B p to the mean face. Here p = 0 is exactly the neutral face, and the means of the mixture are
+    shifted accordingly: the set of faces is the same, apart from directions outside the subspace.
 
     Attributes:
         character: The face, in its unit of length.
         basis: B transposed, shape (r, 3 N), single precision. Its rows are orthonormal in the metric of the PCA.
         mixture: The density of natural expressions over p.
-        subspace: The same subspace in the character's rig weights.
+        subspace: The same subspace in terms of the character's rig weights.
         gram: Inner products of the character's shapes in its unit squared, summed over vertices, shape (S, S).
-        rig_density: The density over the weights of those shapes that move the face, with their regions.
+        rig_density: The density over the weights of the shapes that move the face.
     """
 
     character: Character
@@ -75,15 +75,15 @@ class FaceModel:
 
     @cached_property
     def motion_samples(self) -> MotionSamples:
-        """Places spread over the skin by which the motion of the whole face is measured."""
+        """Samples of the skin that measure the motion of the whole face."""
         return sample_motion(self.character, self.rig_density)
 
     @cached_property
     def eye_turns(self) -> Array:
-        """Turns of each eye about the axes by the coefficients, in radians, shape (2, 3, r), the left eye first.
+        """Rotation vector of each eye per coefficient, in radians, shape (2, 3, r), the left eye first.
 
-        Displacements of an eyeball's vertices are those of a turn about its centre, to first order, in the sense of
-        least squares. Empty, (0, 3, r), where the character has no two eyes that turn by themselves.
+        The displacements of an eyeball's vertices are fitted, by least squares and to first order, by a rotation about
+        its centre. Empty, shape (0, 3, r), if the character does not have two eyes that turn.
         """
         eyes = [part for part in self.character.parts if part.material == "eye"]
         eyes.sort(key=lambda part: -float(self.character.vertices[slice(*part.vertices), 0].mean()))
@@ -114,10 +114,10 @@ class FaceModel:
         return flat.reshape(-1, 3)
 
     def surface(self, p: ArrayLike, contact: bool = True) -> NDArray[np.float32]:
-        """Return the vertices, shape (N, 3), of the face ``p``, (r,), as it is shown and exported.
+        """Return the vertices, shape (N, 3), of the face ``p``, (r,), as shown and exported.
 
-        They are those of ``instance``, which solves and constraints know, after the contact step unless ``contact`` is
-        off.
+        They are those of ``instance``, which solves and constraints use, corrected by the contact step if ``contact``
+        is True.
         """
         vertices = self.instance(p)
         return self.contact.apply(vertices) if contact else vertices
@@ -125,27 +125,27 @@ class FaceModel:
     @cached_property
     def contact(self) -> "ContactStep":
         """The contact step of the character (docs/contact.md)."""
-        # The window's start does not wait for what it imports.
+        # Imported late to shorten the start of the window.
         from faceposer.model.contact.step import ContactStep
 
         return ContactStep.of(self.character)
 
     def rows_at(self, points: SurfacePoints) -> tuple[Array, Array]:
-        """Return how ``points`` depend on p: derivatives of shape (n, 3, r) and neutral positions of shape (n, 3).
+        """Return the derivatives of ``points`` with respect to p, (n, 3, r), and their neutral positions, (n, 3).
 
-        They are remembered: while a point is dragged, or a stroke redrawn, its place on the face stays.
+        Results are cached: while a point is dragged or a stroke is redrawn, its place on the face remains the same.
 
         Raises:
-            ValueError: If a point lies on no surface of the face.
+            ValueError: If a point is not on the face's surface.
         """
         return self._gathered(points)
 
     def rows_of(self, points: SurfacePoints) -> tuple[Array, Array]:
-        """Return the same as ``rows_at``, not remembered: for points that are looked at once, as under the pointer."""
+        """Return the same as ``rows_at`` without caching, for points that are used once, as under the pointer."""
         return self._gather(points)
 
     def gram_at(self, points: SurfacePoints) -> Array:
-        """Return the inner products of the columns of ``rows_at(points)``, shape (r, r), remembered like them."""
+        """Return the inner products of the columns of ``rows_at(points)``, shape (r, r), cached likewise."""
         return self._grams(points)
 
     @cached_property
@@ -169,30 +169,30 @@ class FaceModel:
         return gram
 
     def positions_at(self, points: SurfacePoints, p: ArrayLike) -> Array:
-        """Return where ``points`` lie, shape (n, 3), on the face with coefficients ``p`` of shape (r,)."""
+        """Return the positions of ``points``, shape (n, 3), on the face with coefficients ``p`` of shape (r,)."""
         rows, neutral = self.rows_at(points)
         positions: Array = neutral + rows @ np.asarray(p, dtype=np.float64)
         return positions
 
     def pick(self, p: ArrayLike, camera: Camera, pixels: ArrayLike) -> tuple[SurfacePoints, NDArray[np.bool_]]:
-        """Return the points of the visible face ``p`` under ``pixels``, (n, 2), and which pixels meet it, (n,).
+        """Return the visible points of the face ``p`` under ``pixels``, (n, 2), and the mask of pixels on it, (n,).
 
-        Lashes are looked through: a press on them means the lid behind.
+        Lashes are ignored: picking on them returns the lid behind.
         """
         solid = self.character.solid_triangles
         points, met = pick_pixels(self.instance(p), self.triangles[solid], camera, pixels)
         return SurfacePoints(solid[points.faces], points.barycentric), met
 
     def weights_of(self, p: ArrayLike) -> Array:
-        """Return the rig weights, shape (S,), whose shapes add up to the face ``p`` of shape (r,); may leave 0 to 1."""
+        """Return the rig weights, shape (S,), of the face ``p`` of shape (r,); they are not confined to 0 to 1."""
         return self.subspace.directions @ np.asarray(p, dtype=np.float64)
 
     def coefficients_of(self, weights: ArrayLike | Mapping[str, float]) -> Array:
         """Return the coefficients, shape (r,), nearest to the face with the rig ``weights``.
 
         Args:
-            weights: Shape (S,) in the order of the character's shapes, or values by name, the rest being zero; the whole
-                name of a shape that the character has in halves, as browInnerUp, means both.
+            weights: Shape (S,) in the order of the character's shapes, or values by name, with 0 for all others. The
+                name of a shape that the character has in halves, such as browInnerUp, sets both halves.
 
         Raises:
             KeyError: If a name is not one of the character's shapes.
@@ -200,17 +200,17 @@ class FaceModel:
         if isinstance(weights, Mapping):
             vector = np.zeros(len(self.character.shape_names))
             for name, value in weights.items():
-                own = [name] if name in self.character.shape_names else halves_of(name)
-                if not own or any(shape not in self.character.shape_names for shape in own):
+                targets = [name] if name in self.character.shape_names else halves_of(name)
+                if not targets or any(shape not in self.character.shape_names for shape in targets):
                     raise KeyError(name)
-                vector[[self.character.shape_names.index(shape) for shape in own]] += value
+                vector[[self.character.shape_names.index(shape) for shape in targets]] += value
         else:
             vector = np.asarray(weights, dtype=np.float64)
         coefficients: Array = self.subspace.projection @ vector
         return coefficients
 
     def reconstruction_error(self) -> dict[str, float]:
-        """Return the share of each shape's displacement that the subspace cannot make, by shape name."""
+        """Return the relative reconstruction error of each shape in the subspace, by shape name."""
         share = reconstruction_error(self.subspace.directions, self.gram)
         return dict(zip(self.character.shape_names, share.tolist(), strict=True))
 
@@ -221,25 +221,25 @@ def build_face_model(
     n_components: int | None = None,
     metric: Literal["local", "plain"] = "local",
 ) -> FaceModel:
-    """Return the model of a ``character``, from statistics over the weights of its shapes.
+    """Build the model of a ``character`` from statistics of its shapes' weights.
 
     Args:
         character: The face with its shapes.
-        statistics: How the weights move together; the character's own if None, or the shipped ones over ARKit's weights.
-        n_components: Dimensions of the subspace; if None, the fewest that reach every shape (gaze aside) but for
-            ``LEAVE_AT_MOST`` of its displacement.
-        metric: What the PCA counts: motion relative to how much its place moves at all ("local"), or plain squared
+        statistics: Statistics of the weights; if None, the character's own, or the shipped ones for ARKit's weights.
+        n_components: Dimensions of the subspace; if None, the fewest that lose at most ``LEAVE_AT_MOST`` of the
+            displacement of every shape (gaze excepted).
+        metric: Metric of the PCA: motion relative to the total motion of its place ("local"), or plain squared
             distances as in the paper ("plain").
 
     Raises:
-        FacePoserError: If the character has none of the shapes that the statistics speak of.
+        FacePoserError: If the character has none of the shapes in the statistics, or none of them moves a vertex.
     """
     statistics = statistics or character.statistics or load_expression_statistics()
     statistics = split_to_match(statistics, character.shape_names)
     names = [name for name in character.shape_names if name in statistics.shape_names]
     if not names:
         raise FacePoserError(
-            f"The character '{character.name}' has none of the 52 ARKit shapes; give its shapes ARKit's names to pose it."
+            f"The character '{character.name}' has none of ARKit's 52 shapes; rename its shapes to pose it."
         )
     columns = [statistics.shape_names.index(name) for name in names]
     rows = [character.shape_names.index(name) for name in names]
@@ -251,22 +251,22 @@ def build_face_model(
         weighted = (shapes * np.sqrt(_vertex_metric(character))[None, :, None]).reshape(len(shapes), -1)
         metric_gram = (weighted @ weighted.T).astype(np.float64)
 
-    # Shapes without statistics stay out of the subspace: nothing is known of when they move.
+    # Shapes without statistics are left out of the subspace.
     lift = np.zeros((len(shapes), len(statistics.shape_names)))
     lift[rows, columns] = 1.0
     known = (lift.sum(axis=1) > 0).astype(np.float64)
     covariance = lift @ statistics.covariance @ lift.T
     subspace = rig_pca(metric_gram * np.outer(known, known), covariance)
     if n_components is None:
-        must = np.array([row for row in rows if not character.shape_names[row].startswith("eyeLook")], dtype=np.intp)
-        subspace = smallest_reaching(subspace, plain_gram, must, LEAVE_AT_MOST)
+        required = np.array([r for r in rows if not character.shape_names[r].startswith("eyeLook")], dtype=np.intp)
+        subspace = smallest_reaching(subspace, plain_gram, required, LEAVE_AT_MOST)
     else:
         subspace = subspace.truncated(n_components)
     mixture = GaussianMixture(statistics.weights, statistics.means, statistics.covariances)
     moving = [(row, column) for row, column in zip(rows, columns, strict=True) if plain_gram[row, row] > 0]
     if not moving:
         raise FacePoserError(
-            f"No shape of the character '{character.name}' moves any vertex; import the character again from its file."
+            f"No shape of the character '{character.name}' moves a vertex; import the character again from its file."
         )
     moving_rows, kept = (np.array(indices, dtype=np.intp) for indices in zip(*moving, strict=True))
     kept_names = [character.shape_names[row] for row in moving_rows]
@@ -294,16 +294,16 @@ def build_face_model(
 
 
 def gram_of_shapes(character: Character) -> Array:
-    """Return the inner products of the ``character``'s shapes in its unit squared, summed over vertices, shape (S, S)."""
+    """Return the inner products of the ``character``'s shapes over all vertices, in its unit squared, shape (S, S)."""
     flat = np.ascontiguousarray(character.shapes, dtype=np.float32).reshape(len(character.shapes), -1)
     gram: Array = (flat @ flat.T).astype(np.float64)
     return gram
 
 
 def gram_of_weights(character: Character, names: Sequence[str]) -> Array:
-    """Return the inner products of what weights called ``names`` move on the ``character``, shape (S', S').
+    """Return the inner products of the ``character``'s shapes ``names``, shape (S', S').
 
-    The character may have the halves of a shape that is named as a whole.
+    The character may have the halves of a shape that ``names`` has whole.
     """
     lift = weight_map(character.shape_names, names)
     gram: Array = lift.T @ gram_of_shapes(character) @ lift
@@ -311,10 +311,10 @@ def gram_of_weights(character: Character, names: Sequence[str]) -> Array:
 
 
 def _vertex_metric(character: Character) -> NDArray[np.float32]:
-    """Return the weight of each vertex in the PCA, shape (N,): its area over the square of how far it moves.
+    """Return the weight of each vertex in the PCA, shape (N,): its area over its mean squared displacement.
 
-    In the plain metric the jaw and the eyeballs have nearly all the variance, and a brow is dropped as noise
-    (Blanz and Vetter weigh segments for the same reason).
+    In the plain metric the jaw and the eyeballs have nearly all the variance, and the brows are dropped as noise
+    (Blanz and Vetter weight segments for the same reason).
     """
     area = vertex_areas(character.vertices, character.triangles)
     motion = np.einsum("snd,snd->n", character.shapes, character.shapes) / len(character.shapes)

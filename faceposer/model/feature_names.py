@@ -1,4 +1,4 @@
-"""Places of a face by what people call them: its feature points and its regions."""
+"""Lookup of feature points and regions of a character by name."""
 
 import difflib
 import re
@@ -14,51 +14,50 @@ _SMALL_WORDS = frozenset(("the", "of", "a"))
 
 
 def feature_vertex(character: Character, name: str) -> int:
-    """Return the vertex of the feature point that ``name`` means.
+    """Return the vertex of the feature point ``name``.
 
-    A name is MPEG-4's ("8.3"), the title of a feature point ("left mouth corner"), or words that occur in one, in any
-    order ("mouth corner left", "upper lip"); of several titles the one with the fewest other words is meant, and of
-    these MPEG-4's first. A side is never guessed.
+    The name is MPEG-4's ("8.3"), the title of a feature point ("left mouth corner"), or words of a title in any order
+    ("mouth corner left", "upper lip"). If several titles match, the one with the fewest other words is chosen, then the
+    first in MPEG-4's order. A side is never guessed.
 
     Raises:
-        FacePoserError: If it means no feature point, or one of either side.
+        FacePoserError: If no feature point matches, or only points of both sides do.
     """
     if name in character.feature_points:
         return character.feature_points[name]
-    wanted = _words(name)
+    query = _words(name)
     titles = {key: _words(title) for key, title in character.feature_titles.items() if key in character.feature_points}
-    fitting = {key: words - wanted for key, words in titles.items() if wanted and wanted <= words}
-    one_sided = {key: others for key, others in fitting.items() if not others & _SIDES}
+    matches = {key: words - query for key, words in titles.items() if query and query <= words}
+    one_sided = {key: others for key, others in matches.items() if not others & _SIDES}
     if one_sided:
         key = min(one_sided, key=lambda key: (len(one_sided[key]), _order(key)))
         return character.feature_points[key]
-    if fitting:
-        least = min(len(others) for others in fitting.values())
+    if matches:
+        least = min(len(others) for others in matches.values())
         shown = " or ".join(
-            f"'{character.feature_titles[key]}'" for key, others in fitting.items() if len(others) == least
+            f"'{character.feature_titles[key]}'" for key, others in matches.items() if len(others) == least
         )
-        raise FacePoserError(f"'{name}' may be {shown}; say which.")
+        raise FacePoserError(f"'{name}' is ambiguous; choose {shown}.")
     close = difflib.get_close_matches(name, list(character.feature_titles.values()), 1, 0.4)
     guess = f" Did you mean '{close[0]}'?" if close else ""
     raise FacePoserError(f"'{character.title}' has no feature point '{name}'.{guess}")
 
 
 def region_vertices(character: Character, name: str) -> NDArray[np.int32]:
-    """Return the vertices of the region that ``name`` means, such as "mouth", "left brow", or "brow" for both sides.
+    """Return the vertices of the region ``name``, such as "mouth", "left brow", or "brow" for both sides.
 
     Raises:
-        FacePoserError: If it means no region.
+        FacePoserError: If no region matches.
     """
-    wanted = _words(name)
+    query = _words(name)
     found = [
         ids
         for key, ids in character.regions.items()
-        if wanted and _words(key) - wanted <= _SIDES - wanted and wanted <= _words(key)
+        if query and _words(key) - query <= _SIDES - query and query <= _words(key)
     ]
     if not found:
-        raise FacePoserError(
-            f"'{character.title}' has no region '{name}'; its regions are {', '.join(sorted(character.regions)) or 'none'}."
-        )
+        available = ", ".join(sorted(character.regions)) or "none"
+        raise FacePoserError(f"'{character.title}' has no region '{name}'; its regions are: {available}.")
     return np.unique(np.concatenate(found)).astype(np.int32)
 
 

@@ -1,4 +1,4 @@
-"""The view that frames a face: from chin to hairline, neck and top of the head aside."""
+"""Views that frame a face from chin to hairline, without the neck and the top of the head."""
 
 import math
 from dataclasses import dataclass
@@ -11,33 +11,33 @@ from faceposer.model.character import Character
 
 Array = NDArray[np.float64]
 
-#: Share of the picture above the hairline and below the chin; what is left between them is filled by the face.
+#: Share of the image's height above the hairline and below the chin; the face fills the rest.
 ABOVE, BELOW = 0.15, 0.13
-#: Share of the picture's width that the head may take.
+#: Largest share of the image's width that the head may take.
 ACROSS = 0.97
-# A vertex belongs to the moving part of a face if some shape moves it by this share of the greatest movement.
+# A vertex belongs to the moving part of a face if a shape moves it by at least this share of the largest displacement.
 _MOVES = 0.12
 _FOV_Y = math.radians(20.0)
-# Foreheads hardly move: their part of the face's height, as a share of the part that does.
+# Foreheads hardly move: their height as a share of the height of the moving part.
 _FOREHEAD = 0.22
-# A vertex is near the plane of symmetry if it is nearer than this share of the mesh's width.
+# Largest distance from the plane of symmetry of a vertex that counts as near it, as a share of the mesh's width.
 _NEAR_MIDDLE = 0.25
-# Pictures of narrow shape show long ears whole as long as that makes the face no smaller than by this factor.
+# Narrow images include long ears unless the face would shrink by more than this factor.
 _FOR_EARS = 1.45
-# Fewer vertices than this, or less height than this share of the mesh, are no face.
+# Least number of vertices, and least height as a share of the mesh's, of a face.
 _FEWEST, _LOWEST = 8, 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class FaceFrame:
-    """What a view of a face must show, in the unit of the mesh.
+    """The geometry that a view of a face must contain, in the unit of the mesh.
 
     Attributes:
         chin: The lowest point of the face, shape (3,).
-        hairline: The highest, shape (3,).
-        outline: Vertices of the head at the height of the face and above it, ears aside, shape (n, 3).
-    ears: Those of the ears, shape (m, 3).
-        middle: What a view circles, seen from above: x and z.
+        hairline: The highest point of the face, shape (3,).
+        outline: Vertices of the head level with the face and above it, without the ears, shape (n, 3).
+        ears: Vertices of the ears, shape (m, 3).
+        middle: Coordinates x and z of the vertical axis that views orbit.
     """
 
     chin: Array
@@ -48,10 +48,10 @@ class FaceFrame:
 
 
 def face_frame(character: Character) -> FaceFrame | None:
-    """Return what frames the face of ``character``, or None where nothing tells the face from the rest of the mesh.
+    """Return the frame of the face of ``character``, or None if the face cannot be located on the mesh.
 
-    Chin and hairline are MPEG-4's feature points 2.1 and 11.1; without them, the lowest and the highest place of the
-    skin that the shapes move, with a forehead above it.
+    Chin and hairline are MPEG-4's feature points 2.1 and 11.1; without them, the lowest and the highest point of the
+    skin that the shapes move, with an estimated forehead above it.
     """
     vertices = character.vertices.astype(np.float64)
     points = [character.feature_points.get(name) for name in ("2.1", "11.1")]
@@ -69,17 +69,16 @@ def face_frame(character: Character) -> FaceFrame | None:
     ears = np.zeros(len(vertices), dtype=bool)
     for region in ("ear_left", "ear_right"):
         ears[character.regions.get(region, ())] = True
-    beside = (vertices[:, 1] >= chin[1]) & ~ears
+    outline = (vertices[:, 1] >= chin[1]) & ~ears
     middle = (low + high) / 2.0
-    return FaceFrame(chin, hairline, vertices[beside], vertices[ears], (float(middle[0]), float(middle[2])))
+    return FaceFrame(chin, hairline, vertices[outline], vertices[ears], (float(middle[0]), float(middle[2])))
 
 
 def face_view(character: Character, name: str = "front", aspect: float = 1.0) -> OrbitView:
-    """Return the view ``name`` that frames the face of ``character`` in pictures ``aspect`` times as wide as high.
+    """Return the view ``name`` that frames the face of ``character`` in images ``aspect`` times as wide as high.
 
-    Seen from the front, chin and hairline lie at `BELOW` and `ABOVE` of the picture's height from its edges; in
-    pictures too narrow for the head, the face is smaller and still centred. A mesh without a known face is framed as a
-    whole.
+    In the front view, chin and hairline are `BELOW` and `ABOVE` of the image's height away from its edges; in images
+    too narrow for the head, the face is smaller but still centred. A mesh on which no face is found is framed whole.
 
     Raises:
         KeyError: If there is no such view.
@@ -95,7 +94,7 @@ def _front_view(character: Character, aspect: float) -> OrbitView:
         return OrbitView.preset(low, high).zoomed(min(1.0, aspect / across))
     x, z = frame.middle
     half = math.tan(_FOV_Y / 2.0)
-    # Where the face's ends lie, as shares of half the picture's height above and below its middle.
+    # Image positions of hairline and chin, as shares of half the image's height from its middle.
     top, bottom = 1.0 - 2.0 * ABOVE, 1.0 - 2.0 * BELOW
     (chin_y, chin_z), (hair_y, hair_z) = ((p[1], p[2] - z) for p in (frame.chin, frame.hairline))
     tall = ((hair_y - chin_y) / half + top * hair_z + bottom * chin_z) / (top + bottom)
@@ -110,7 +109,7 @@ def _front_view(character: Character, aspect: float) -> OrbitView:
 
 
 def _moving_skin(character: Character) -> NDArray[np.intp]:
-    """Return the vertices of the skin near the plane of symmetry that some shape moves far, shape (n,)."""
+    """Return the skin vertices near the plane of symmetry that a shape moves noticeably, shape (n,)."""
     ids = [np.arange(*part.vertices) for part in character.parts if part.material == "skin"]
     if not ids or not len(character.shapes):
         return np.zeros(0, dtype=np.intp)

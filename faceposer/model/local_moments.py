@@ -1,8 +1,8 @@
-"""Where faces like those asked for usually go: second moments of the prior about a pose, near to the constraints.
+"""Local second moments of the prior about a pose, from the examples nearest to the constraints.
 
-A mixture of factor analyzers knows which expressions there are. What an artist asks for picks some of them, and how
-these lie about the pose that is edited says in which directions it should move. One mixture over all of the face also
-holds its performer's coincidences; what regions tell of each other is therefore damped (covariance tapering).
+A mixture of factor analyzers models all natural expressions. Constraints select some of them, and the spread of these
+about the edited pose determines the directions in which it should move. A mixture over the whole face also contains
+coincidences of its performer; covariances between regions are therefore damped (covariance tapering).
 """
 
 from dataclasses import dataclass
@@ -19,30 +19,30 @@ Array = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
 _DRAWS = 4000
-# Variance that every weight keeps, as a share of their mean second moment: no draw moves all of them.
-_FAINT = 3e-3
-# Energy, and share of the farthest examples, that keep sums above 0.
+# Least variance of each weight, as a share of the mean second moment, since no draw moves all of them.
+_LEAST_VARIANCE = 3e-3
+# Least energy and least share of an example, which keep sums above 0.
 _TINY, _LEAST_SHARE = np.float32(1e-12), np.float32(1e-9)
 
 
 @dataclass(frozen=True, eq=False)
 class RigDensity:
-    """A density over rig weights, and how these follow from the coefficients of a face.
+    """A density over rig weights, and the linear maps between these and the coefficients of a face.
 
     Attributes:
-        mixture: Over W weights of shapes that move the face.
+        mixture: Density over the W weights of shapes that move the face.
         directions: Weights per coefficient, shape (W, r).
         projection: Coefficients per weight, shape (r, W).
-        limits: Least and greatest value of each weight, shape (W, 2); the same twice where there are none.
-        shape_rows: Index of each weight's shape among the face's, shape (W,).
-        regions: Name of the region of the face, or of the muscle, that each weight belongs to.
-        coupling: Factors on what the weights tell of each other, a correlation matrix of shape (W, W).
-        along: L, shape (W, W): what contracts along with each weight; a Gaussian over single muscles' weights with
-            covariance C becomes one with L C L^T.
-        largest: How far each weight's shape moves any place of the skin, in any unit, shape (W,).
-        examples: Weights that stand for the mixture, shape (n, W); draws from it if None.
-        usual: The ``coupling`` of a face that moves both sides as people usually do, a correlation matrix of shape
-            (W, W); the coupling itself if None.
+        limits: Least and greatest value of each weight, shape (W, 2); equal values mean no limit.
+        shape_rows: Index of each weight's shape among the character's, shape (W,).
+        regions: Name of the region of the face, or of the muscle, of each weight.
+        coupling: Factors on the covariances of weights, a correlation matrix of shape (W, W).
+        along: Matrix L of co-contraction, shape (W, W): a Gaussian over the weights of single muscles with covariance C
+            becomes one with covariance L C L^T.
+        largest: Largest displacement of any vertex by each weight's shape, in any unit, shape (W,).
+        examples: Weights that represent the mixture, shape (n, W); draws from it if None.
+        usual: The ``coupling`` of a face whose sides move together as they usually do, a correlation matrix of shape
+            (W, W); ``coupling`` itself if None.
     """
 
     mixture: GaussianMixture
@@ -59,7 +59,7 @@ class RigDensity:
 
     @cached_property
     def draws(self) -> Array:
-        """The examples, or draws from the mixture, always the same, their weights within the limits, shape (n, W)."""
+        """The examples, or reproducible draws from the mixture, clipped to the limits, shape (n, W)."""
         given = self.examples
         drawn = self.mixture.draws(_DRAWS, np.random.default_rng(0)) if given is None else given.copy()
         lower, upper = self.limits.T
@@ -68,55 +68,55 @@ class RigDensity:
         return drawn
 
     def conditioned_on(self, start: Array, wholeness: float = 0.0) -> "LocalMoments":
-        """Return how the density looks from the pose with coefficients ``start``, shape (r,); see ``LocalMoments``."""
+        """Return the local moments about the pose with coefficients ``start``, shape (r,); see ``LocalMoments``."""
         return LocalMoments(self, start, wholeness)
 
 
 class LocalMoments:
-    """A density of natural expressions as it looks from one pose, given constraints.
+    """A density of natural expressions about one pose, conditioned on constraints.
 
-    The start pose is the peak of the density where nothing pulls, so that a face nobody touches stays as it is. The
-    spread about it is the second moment of those examples that come nearest to the constraints, weighed as in locally
-    weighted regression (Cleveland 1979; tricube of the root energy relative to that of the k-th nearest): with M the
-    moment, F the coupling, L what contracts along and e a faint variance, the covariance of the rig weights is
-    L G (F o M) G L^T + e I. It follows the targets without jumps. G is a diagonal of what each muscle has to do with
-    the pull: with f the force of the constraints on a weight, s the length of its column in the rows of their
-    derivatives and m how far its shape moves any place, (f + s |r|) / m relative to the largest tells muscles that are
-    meant from those that only take the pulled place along.
+    Without constraints that pull, the start pose is the peak of the density, so that an untouched face does not change.
+    The spread about it is the second moment of the examples nearest to the constraints, weighted as in locally weighted
+    regression (Cleveland 1979; tricube of the root energy relative to that of the k-th nearest): with M the moment, F
+    the coupling, L the co-contraction and e a small variance, the covariance of the rig weights is
+    L G (F o M) G L^T + e I. It follows the targets continuously. The diagonal matrix G is the relevance of each muscle:
+    with f the force of the constraints on a weight, s the norm of its column in the constraints' Jacobian, r the
+    residual and m the largest displacement by its shape, the ratio (f + s |r|) / m relative to its maximum separates
+    the muscles that are meant from those that merely move the constrained place along.
 
-    Covered c from 0 to 1 says that the constraints speak of much of the face (``faceposer.solve.coverage``), so that
-    they need no guess which muscles they mean: F becomes F + c (F1 - F) with F1 the coupling of sides that move as
-    usual, and G becomes G + c (1 - G).
+    A coverage c from 0 to 1 states that the constraints determine much of the face (``faceposer.solve.coverage``), so
+    that the relevant muscles need not be guessed: F becomes F + c (F1 - F) with F1 the coupling of sides that move
+    together as usual, and G becomes G + c (1 - G).
 
-    Wholeness s from 0 to 1 goes over to the expressions of the examples as they are: F becomes F + s (1 - F), G
+    A wholeness s from 0 to 1 blends towards the unmodified expressions of the examples: F becomes F + s (1 - F), G
     likewise, L becomes I + (1 - s) (L - I), and the peak moves by s g towards the mean of the nearest examples, where
-    g = E / (2 (E + E0)) and E is the constraints' energy at the start, so that the peak stays where nothing pulls.
+    g = E / (2 (E + E0)) and E is the constraints' energy at the start, so that it does not move if nothing pulls.
 
     Attributes:
-        share: Of the examples that the constraints leave: small enough to be specific, large enough to be smooth.
-        notable: E0: the energy of constraints that a hand's tremor makes.
-        unmeant: Least value of G.
-        specific: Values of that ratio from which on G rises, and where it is 1.
-        moved: How far the peak moves towards the nearest examples' mean at a wholeness of 1.
+        share: Share of the examples that is used: small enough to be specific, large enough to be smooth.
+        noise_energy: E0, the energy of constraints caused by the tremor of a hand.
+        least_relevance: Least value of G.
+        relevance_range: Values of the ratio at which G begins to rise and at which it reaches 1.
+        peak_shift: Shift of the peak towards the mean of the nearest examples at a wholeness of 1 and large energy.
     """
 
     share: ClassVar[float] = 1.0 / 6.0
-    notable: ClassVar[float] = 8.0
-    unmeant: ClassVar[float] = 0.6
-    specific: ClassVar[tuple[float, float]] = (0.1, 0.4)
-    moved: ClassVar[float] = 0.5
+    noise_energy: ClassVar[float] = 8.0
+    least_relevance: ClassVar[float] = 0.6
+    relevance_range: ClassVar[tuple[float, float]] = (0.1, 0.4)
+    peak_shift: ClassVar[float] = 0.5
 
     def __init__(self, density: RigDensity, start: Array, wholeness: float = 0.0) -> None:
-        """Look at ``density`` from the pose with coefficients ``start``, shape (r,).
+        """Prepare the moments of ``density`` about the pose with coefficients ``start``.
 
         Args:
-            density: Of natural expressions.
-            start: The pose that an untouched face has.
-            wholeness: From 0, muscles tell of each other as far as ``coupling`` allows, to 1, all that examples say.
+            density: Density of natural expressions.
+            start: Coefficients of the pose without constraints, shape (r,).
+            wholeness: From 0, covariances damped by ``coupling``, to 1, those of the examples.
         """
         self._directions = density.directions
         offsets = density.draws - density.directions @ start
-        # Single precision is enough for sums over examples, to which a faint variance is added.
+        # Single precision suffices for sums over examples, to which a small variance is added.
         self._offsets = offsets.astype(np.float32)
         self._coefficients = np.ascontiguousarray((offsets @ density.projection.T).T, dtype=np.float32)
         usual = density.coupling if density.usual is None else density.usual
@@ -124,60 +124,60 @@ class LocalMoments:
         self._along = density.along + wholeness * (np.eye(len(density.along)) - density.along)
         self._wholeness = wholeness
         moments = np.mean(offsets * offsets, axis=0)
-        self._faint = _FAINT * float(moments.mean()) + 1e-12
+        self._least_variance = _LEAST_VARIANCE * float(moments.mean()) + 1e-12
         self._start = start
         self._projection, self._largest = density.projection, density.largest
 
     def near(self, rows: Array, residual: Array, covered: float = 0.0) -> GaussianMixture:
-        """Return one Gaussian, from the examples z where |``rows`` z + ``residual``|^2 is least.
+        """Return one Gaussian, from the examples z with the least |``rows`` z + ``residual``|^2.
 
         Args:
-            rows: Derivatives of the constraints' residuals with respect to the coefficients at the start, each divided
-                by its standard deviation, shape (m, r).
-            residual: The residuals at the start, divided likewise, shape (m,).
-            covered: How much of the face the constraints speak of, from 0 to 1.
+            rows: Jacobian of the constraints' residuals at the start, each row divided by the standard deviation of its
+                residual, shape (m, r).
+            residual: Residuals at the start, divided likewise, shape (m,).
+            covered: Coverage of the face by the constraints, from 0 to 1.
         """
         offsets, shares = self.nearest(rows, residual)
         shift = None
         if self._wholeness > 0.0 and len(rows):
             energy = float(residual @ residual)
-            share = self.moved * self._wholeness * energy / (energy + self.notable)
+            share = self.peak_shift * self._wholeness * energy / (energy + self.noise_energy)
             shift = share * (shares @ offsets).astype(np.float64)
             offsets = offsets - shift.astype(np.float32)
         weighted = offsets * np.sqrt(shares)[:, None]
         moment = (weighted.T @ weighted).astype(np.float64)
         if len(rows):
-            meant = self._meant(rows, residual, covered)
-            moment *= meant * meant[:, None]
+            relevance = self._relevance(rows, residual, covered)
+            moment *= relevance * relevance[:, None]
         return self.gaussian(moment, shift, covered)
 
     def usual(self) -> GaussianMixture:
-        """Return one Gaussian, from all examples, with F1 for F and without G."""
+        """Return one Gaussian from all examples, with F1 for F and without G."""
         moment = (self._offsets.T @ self._offsets).astype(np.float64) / len(self._offsets)
         return self._damped(moment, self._usual_factors)
 
-    def _meant(self, rows: Array, residual: Array, covered: float) -> Array:
+    def _relevance(self, rows: Array, residual: Array, covered: float) -> Array:
         """Return the diagonal of G, shape (W,)."""
         by_weight = rows @ self._projection
         force, reach = np.abs(residual @ by_weight), np.sqrt(np.einsum("mw,mw->w", by_weight, by_weight))
         share = (force + reach * np.sqrt(residual @ residual)) / self._largest
-        first, last = self.specific
+        first, last = self.relevance_range
         t = ((share / max(float(share.max()), 1e-12) - first) / (last - first)).clip(0.0, 1.0)
-        least = 1.0 - (1.0 - self.unmeant) * (1.0 - self._wholeness) * (1.0 - covered)
-        meant: Array = least + (1.0 - least) * t * t * (3.0 - 2.0 * t)
-        return meant
+        least = 1.0 - (1.0 - self.least_relevance) * (1.0 - self._wholeness) * (1.0 - covered)
+        relevance: Array = least + (1.0 - least) * t * t * (3.0 - 2.0 * t)
+        return relevance
 
     def nearest(self, rows: Array, residual: Array) -> tuple[Singles, Singles]:
-        """Return the examples nearest to the constraints, less the start, (n, W), and their shares of 1, (n,).
+        """Return the examples nearest to the constraints, relative to the start, (n, W), and their weights, (n,).
 
-        Both in single precision.
+        The weights sum to 1; both arrays are in single precision.
         """
         count = len(self._offsets)
         if not len(rows):
             return self._offsets, np.full(count, 1.0 / count, dtype=np.float32)
-        off = rows.astype(np.float32) @ self._coefficients
-        off += residual.astype(np.float32)[:, None]
-        energies = np.einsum("mn,mn->n", off, off)
+        residuals = rows.astype(np.float32) @ self._coefficients
+        residuals += residual.astype(np.float32)[:, None]
+        energies = np.einsum("mn,mn->n", residuals, residuals)
         k = max(1, min(int(self.share * count), count - 1))
         order = np.argpartition(energies, k)[:k]
         chosen = energies.take(order)
@@ -187,23 +187,23 @@ class LocalMoments:
         return self._offsets.take(order, axis=0), shares / shares.sum()
 
     def gaussian(self, moment: Array, shift: Array | None = None, covered: float = 0.0) -> GaussianMixture:
-        """Return the Gaussian over coefficients whose spread is the ``moment`` of the weights, (W, W), damped.
+        """Return the Gaussian over coefficients with the damped ``moment`` of the weights as its covariance.
 
         Args:
-            moment: About the mean.
-            shift: Of the mean from the start, in the weights, shape (W,); none if None.
-            covered: How much of the face the constraints speak of, from 0 to 1.
+            moment: Second moment of the weights about the mean, shape (W, W).
+            shift: Shift of the mean from the start, in weights, shape (W,); none if None.
+            covered: Coverage of the face by the constraints, from 0 to 1.
         """
         factors = self._factors + covered * (self._usual_factors - self._factors)
         return self._damped(moment, factors, shift)
 
     def _damped(self, moment: Array, factors: Array, shift: Array | None = None) -> GaussianMixture:
-        """Return the Gaussian over coefficients for F, shape (W, W)."""
+        """Return the Gaussian over coefficients with ``factors`` as F, shape (W, W)."""
         damped = self._along @ (factors * moment) @ self._along.T
-        damped.flat[:: len(damped) + 1] += self._faint
+        damped.flat[:: len(damped) + 1] += self._least_variance
         root = np.linalg.cholesky(damped)
-        # In the face's subspace a Gaussian over the weights is the Gaussian of what its coefficients reach. To BLAS,
-        # which counts by columns, a matrix is its transpose: it finds X with X root^T = directions^T.
+        # The Gaussian over the weights is restricted to the subspace. BLAS is column-major, so that it sees transposes:
+        # it solves X root^T = directions^T.
         whitened = dtrsm(1.0, root.T, self._directions.T, side=1).T
         precision = whitened.T @ whitened
         mean = self._start

@@ -1,4 +1,4 @@
-"""What the materials of characters look like where no texture says so."""
+"""Base colours of materials without a texture."""
 
 #: Linear colour, red, green and blue from 0 to 1, by material.
 BASE_COLOURS: dict[str, tuple[float, float, float]] = {

@@ -1,4 +1,4 @@
-"""A mixture of Gaussians ready for evaluation: what is left of a mixture of factor analyzers once it is learned."""
+"""Mixtures of Gaussians for evaluation, the form of a trained mixture of factor analyzers."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class GaussianMixture:
-    """A density over coefficients: sum over k of weight_k N(p; mean_k, covariance_k) (Lau et al. 2009, eq. (18)).
+    """Density over coefficients: sum over k of weight_k N(p; mean_k, covariance_k) (Lau et al. 2009, eq. (18)).
 
     Attributes:
         weights: Mixing proportions, shape (K,), summing to one.
@@ -35,9 +35,9 @@ class GaussianMixture:
         return np.linalg.inv(lower)
 
     def draws(self, n: int, rng: np.random.Generator) -> Array:
-        """Return ``n`` points drawn from the density with ``rng``, shape (n, r), their components in order.
+        """Draw ``n`` points from the density with ``rng``, shape (n, r), ordered by component.
 
-        Each component has its share of them to within one, which takes chance out of how many it has.
+        The number of draws per component is its share of ``n`` to within one (stratified sampling).
         """
         ends = np.cumsum(self.weights) / self.weights.sum()
         chosen = np.searchsorted(ends, (np.arange(n) + 0.5) / n).clip(max=self.n_components - 1)
@@ -49,7 +49,7 @@ class GaussianMixture:
 
     @cached_property
     def _stacked(self) -> tuple[Array, Array, Array]:
-        """All whiteners as one (K r, r) matrix, their images of the means, and the log of each component's peak."""
+        """All whiteners as one (K r, r) matrix, the whitened means, (K, r), and the components' log peaks, (K,)."""
         n_components, r = self.means.shape
         stacked = np.ascontiguousarray(self.whiteners.reshape(n_components * r, r))
         offsets = np.einsum("kij,kj->ki", self.whiteners, self.means)
@@ -58,7 +58,7 @@ class GaussianMixture:
         return stacked, offsets, peaks
 
     def _log_joint(self, p: Array) -> tuple[Array, Array]:
-        """Return the log of each component's share of the density, (K,), and the whitened deviations, (K, r)."""
+        """Return the log of each component's contribution to the density, (K,), and whitened deviations, (K, r)."""
         stacked, offsets, peaks = self._stacked
         deviations = (stacked @ p).reshape(offsets.shape) - offsets
         return peaks - 0.5 * np.einsum("kr,kr->k", deviations, deviations), deviations
@@ -70,7 +70,7 @@ class GaussianMixture:
         return float(top + np.log(np.exp(log_joint - top).sum()))
 
     def log_densities(self, points: Array) -> Array:
-        """Return ln pr(p) for each p of ``points``, (n, r), shape (n,)."""
+        """Return ln pr(p), shape (n,), for each p of ``points``, shape (n, r)."""
         _, offsets, peaks = self._stacked
         log_joint = np.empty((len(points), self.n_components))
         for k, (whitener, offset) in enumerate(zip(self.whiteners, offsets, strict=True)):
@@ -102,7 +102,7 @@ class GaussianMixture:
         return precisions
 
     def curvature(self, p: Array) -> Array:
-        """Return the precision of the component that most likely made ``p``, shape (r, r)."""
+        """Return the precision of the most probable component given ``p``, shape (r, r)."""
         precision: Array = self.precisions[int(np.argmax(self.responsibilities(p)))]
         return precision
 
@@ -114,7 +114,7 @@ class GaussianMixture:
         )
 
     def moved_by(self, offset: Array) -> "GaussianMixture":
-        """Return the density of p + ``offset``, shape (r,), without factoring the covariances again."""
+        """Return the density of p + ``offset``, shape (r,), without factorising the covariances again."""
         moved = GaussianMixture(self.weights, self.means + offset, self.covariances)
         moved.__dict__.update(whiteners=self.whiteners, precisions=self.precisions)
         return moved
@@ -128,16 +128,16 @@ class GaussianMixture:
         return mean, within + between
 
     def as_gaussian(self) -> "GaussianMixture":
-        """Return the single Gaussian with the same mean and covariance (probabilistic PCA's kind of prior)."""
+        """Return the single Gaussian with the same mean and covariance (as a prior of probabilistic PCA)."""
         mean, covariance = self.moments()
         return GaussianMixture(np.ones(1), mean[None], covariance[None])
 
 
 class PrecisionGaussian(GaussianMixture):
-    """A mixture of one Gaussian that is known by its precision; what else it has is worked out when it is asked for."""
+    """A mixture of one Gaussian, given by its precision; its other attributes are computed on demand."""
 
     def __init__(self, mean: Array, precision: Array) -> None:
-        """Keep the ``mean``, shape (r,), and the ``precision``, shape (r, r), positive definite."""
+        """Initialise from the ``mean``, shape (r,), and the positive definite ``precision``, shape (r, r)."""
         self.__dict__.update(weights=np.ones(1), means=mean[None], precisions=precision[None])
 
     @cached_property

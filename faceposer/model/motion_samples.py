@@ -1,4 +1,4 @@
-"""Places spread evenly over a face's skin: how much of the face a pose moves, at the cost of a few of its vertices."""
+"""Samples spread evenly over the skin, which measure the motion of a whole face by a few of its vertices."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,23 +13,25 @@ from faceposer.model.local_moments import RigDensity
 Array = NDArray[np.float64]
 
 _SAMPLES = 150
-# Skin that no shape moves by more than this share of what moves most counts as bone.
+# Skin that no shape moves by more than this share of the largest displacement counts as rigid.
 _STILL = 1e-3
-#: Centimetres of motion are meant for a head of this height from chin to crown.
+#: Height from chin to crown of the reference head in which motion is measured, in centimetres.
 HEAD_CM = 22.0
 
 
 @dataclass(frozen=True, eq=False)
 class MotionSamples:
-    """How n places of the skin move with the coefficients of a face, in centimetres on a head of ``HEAD_CM``.
+    """Motion of n sample vertices of the skin as a function of a face's coefficients.
+
+    Displacements are in centimetres on a head of height ``HEAD_CM``.
 
     Attributes:
-        vertices: Shape (n,).
-        areas: Share of the moving skin that each stands for, shape (n,), summing to 1.
-        rows: Displacements by the coefficients, coordinates stacked, shape (3 n, r).
-        single: The same, but of the muscles behind a pose alone: what others contract along with them is not counted
+        vertices: Vertex ids, shape (n,).
+        areas: Share of the moving skin's area that each sample represents, shape (n,), summing to 1.
+        rows: Displacements per coefficient, coordinates stacked, shape (3 n, r).
+        single: The same for single muscles, without the co-contraction of others
             (X = S L^-1 D with the shapes' displacements S, L of ``RigDensity.along`` and the weights' directions D).
-        scale: Centimetres on such a head for each unit of the face.
+        scale: Centimetres on the reference head per unit of the face.
     """
 
     vertices: NDArray[np.intp]
@@ -40,25 +42,25 @@ class MotionSamples:
 
     @cached_property
     def single_by_place(self) -> NDArray[np.float32]:
-        """``single`` by places, shape (n, 3, r), in single precision."""
+        """``single`` by sample, shape (n, 3, r), in single precision."""
         places: NDArray[np.float32] = self.single.reshape(len(self.areas), 3, -1).astype(np.float32)
         return places
 
     @cached_property
     def gram(self) -> Array:
-        """Sum over the places of their area times X^T X, shape (r, r)."""
+        """Sum over the samples of area times X^T X, shape (r, r)."""
         return gram_of_places(self.single_by_place, self.areas)
 
 
 def gram_of_places(rows: NDArray[np.float32], weights: Array) -> Array:
-    """Return the sum over places of ``weights``, (n,), times X^T X for their ``rows`` X, (n, 3, r)."""
-    # Single precision is enough for what one place weighs against another, and takes half of the time.
+    """Return the sum over samples of ``weights``, (n,), times X^T X for their ``rows`` X, (n, 3, r)."""
+    # Single precision suffices for relative weights and halves the time.
     scaled = (rows * np.sqrt(weights).astype(np.float32)[:, None, None]).reshape(-1, rows.shape[-1])
     return (scaled.T @ scaled).astype(np.float64)
 
 
 def sample_motion(character: Character, density: RigDensity) -> MotionSamples:
-    """Return places on the moving skin of ``character``, chosen by farthest points, and what they stand for."""
+    """Return samples of the moving skin of ``character``, chosen by farthest point sampling, with their areas."""
     scale = HEAD_CM / max(character.height, 1e-9)
     moved = density.shape_rows
     offsets = character.shapes[moved]
@@ -80,9 +82,10 @@ def sample_motion(character: Character, density: RigDensity) -> MotionSamples:
 
 
 def largest_motions(character: Character, rows: NDArray[np.intp]) -> Array:
-    """Return how far the shapes ``rows`` move any place, shape (W,), in centimetres of the character.
+    """Return the largest displacement of any vertex by each of the shapes ``rows``, in centimetres, shape (W,).
 
-    Eyes count: a gaze that takes the lids along is not what a pull on a lid means.
+    Eyeballs count, so that a gaze shape, which moves the lids as well, is not mistaken for the target of a pull on a
+    lid.
     """
     offsets = character.shapes[rows]
     squares = np.einsum("snd,snd->sn", offsets, offsets)
@@ -91,7 +94,7 @@ def largest_motions(character: Character, rows: NDArray[np.intp]) -> Array:
 
 
 def _skin(character: Character) -> NDArray[np.bool_]:
-    """Return which vertices are skin, shape (N,); all where no part is."""
+    """Return the mask of skin vertices, shape (N,); all True if no part is skin."""
     skin = np.zeros(len(character.vertices), dtype=bool)
     for part in character.parts:
         if part.material == "skin":
@@ -100,7 +103,7 @@ def _skin(character: Character) -> NDArray[np.bool_]:
 
 
 def _farthest(places: Array, areas: Array, n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return ``n`` of the ``places``, (m, 3), each farthest from those before, and which of them owns each place."""
+    """Return ``n`` of the ``places``, (m, 3), by farthest point sampling, and the nearest of these to each place."""
     chosen = np.empty(n, dtype=np.intp)
     chosen[0] = int(np.argmax(areas))
     owners = np.zeros(len(places), dtype=np.intp)

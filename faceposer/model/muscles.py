@@ -1,7 +1,7 @@
-"""The muscles behind ARKit's shapes: groups of shapes that one muscle makes, sides, and what contracts together.
+"""The muscles behind ARKit's shapes: groups of shapes that one muscle produces, sides, and co-contractions.
 
-Names of shapes are all that is looked at, so that any rig with ARKit's names has them, also with some shapes in halves.
-Shapes of other names are groups of their own, without a side.
+Only names are used, so that this applies to any rig with ARKit's names, including rigs with some shapes split in
+halves. Every shape of another name is a group by itself, without a side.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# The first prefix that fits tells the group.
+# The first matching prefix determines the group.
 _GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("blink", ("eyeBlink",)),
     ("gaze", ("eyeLook",)),
@@ -31,17 +31,18 @@ _GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("tongue", ("tongue",)),
     ("lips", ("mouth", "cheekPuff")),
 )
-#: What else contracts, on the same side, for each unit of a shape: the orbicularis oculi in a felt smile (Ekman,
-#: Davidson and Friesen 1990: action units 6 and 12 together), the levator of the upper lid with the frontalis.
+#: Co-contractions on the same side: a shape, the shape that follows it, and its weight per unit. The orbicularis oculi
+#: contracts in a felt smile (Ekman, Davidson and Friesen 1990: action units 6 and 12 together), and the levator of the
+#: upper lid with the frontalis.
 CO_CONTRACTIONS: tuple[tuple[str, str, float], ...] = (
     ("mouthSmile", "cheekSquint", 0.75),
     ("mouthSmile", "eyeSquint", 0.35),
     ("browOuterUp", "eyeWide", 0.15),
 )
-#: A shape that is there only as far as another is, and by how much it may go beyond that: ARKit's mouthClose brings the
-#: lips together over an open jaw; with a closed one it would lift the lower lip through the upper.
+#: Shapes limited by another: a shape, the limiting shape, and by how much the first may exceed it. ARKit's mouthClose
+#: brings the lips together over an open jaw; over a closed jaw it would lift the lower lip through the upper.
 DEPENDENT_SHAPES: tuple[tuple[str, str, float], ...] = (("mouthClose", "jawOpen", 0.05),)
-# Share of what a muscle of one side does that is common to both sides, where people can move one side alone.
+# Share of a muscle's variance that both sides have in common, for muscles that people can move on one side alone.
 _COMMON = {
     "brow down": 0.4,
     "inner brow up": 0.4,
@@ -54,13 +55,13 @@ _COMMON = {
     "frown": 0.85,
 }
 _USUALLY_COMMON = 0.93
-# Share of what the jaw does that goes with the rest of the face: a mouth that is pulled stays as far open as it is.
+# Share of the jaw's variance in common with the rest of the face: pulling the mouth hardly changes how far it is open.
 _JAW_COMMON = 0.4
 _SIDES = ("Left", "Right")
 
 
 def muscle_of_shape(name: str) -> str:
-    """Return the muscle group that makes the shape ``name``; its own name if it is none of ARKit's."""
+    """Return the muscle group that produces the shape ``name``; the name itself if it is not one of ARKit's."""
     for group, prefixes in _GROUPS:
         if name.startswith(prefixes):
             return group
@@ -68,21 +69,21 @@ def muscle_of_shape(name: str) -> str:
 
 
 def side_of_shape(name: str) -> str:
-    """Return "Left" or "Right", or "" for a shape of both sides."""
+    """Return the side of the shape ``name``: "Left", "Right", or "" for both."""
     return next((side for side in _SIDES if name.endswith(side)), "")
 
 
 def independence(names: Sequence[str], sides: bool = True) -> Array:
-    """Return how far the weights of shapes tell of each other as an artist means them, a correlation matrix, (S, S).
+    """Return the correlation matrix of shape weights in an artist's edits, shape (S, S).
 
-    Performers mostly move both sides alike, because exercises ask for it; an artist who pulls one side means that side.
-    Each weight is taken for a sum of independent parts, the squares of whose shares add up to 1: one that is common to
-    both sides and one of its own side, of which a shape of both sides has the first alone; of the jaw likewise one that
-    it has in common with the rest of the face, and one of its own. The tongue has nothing in common with the rest.
+    Performers mostly move both sides together, because exercises require it; an artist who pulls one side means that
+    side. Each weight is modelled as a sum of independent components whose squared shares sum to 1: one common to both
+    sides and one specific to its side, the latter absent from shapes of both sides. The jaw likewise has a component in
+    common with the rest of the face and a specific one. The tongue is independent of the rest.
 
     Args:
-        names: Of the S shapes.
-        sides: Whether sides have parts of their own; if not, only jaw and tongue have.
+        names: Names of the S shapes.
+        sides: True to give each side a specific component; otherwise only jaw and tongue are treated separately.
     """
     groups = [muscle_of_shape(name) for name in names]
     side = np.array([side_of_shape(name) for name in names])
@@ -92,20 +93,20 @@ def independence(names: Sequence[str], sides: bool = True) -> Array:
     factors = np.outer(both, both) + np.outer(own, own) * (side[:, None] == side)
     jaw = np.array([group == "jaw" for group in groups])
     factors[jaw[:, None] != jaw] *= np.sqrt(_JAW_COMMON)
-    # The tongue comes out when it is pulled, and with nothing else.
+    # The tongue comes out only when it is pulled itself.
     tongue = np.array([group == "tongue" for group in groups])
     factors[tongue[:, None] != tongue] = 0.0
     return factors
 
 
 def mirrored_pairs(names: Sequence[str]) -> NDArray[np.bool_]:
-    """Return which pairs of shapes are the same shape, or that of the other side, shape (S, S)."""
+    """Return the mask of pairs of shapes that are equal or mirror images of each other, shape (S, S)."""
     plain = np.array([name.removesuffix(side_of_shape(name)) for name in names])
     return np.asarray(plain[:, None] == plain)
 
 
 def co_contraction(names: Sequence[str]) -> Array:
-    """Return L, shape (S, S): weights w of single muscles become L w where others contract along with them."""
+    """Return the matrix L of co-contraction, shape (S, S): weights w of single muscles become L w."""
     index = {name: i for i, name in enumerate(names)}
     along = np.eye(len(names))
     for muscle, follower, amount in CO_CONTRACTIONS:
@@ -116,7 +117,7 @@ def co_contraction(names: Sequence[str]) -> Array:
 
 
 def dependent_pairs(names: Sequence[str]) -> list[tuple[int, int, float]]:
-    """Return ``DEPENDENT_SHAPES`` by their indices among ``names``, those that are there."""
+    """Return those ``DEPENDENT_SHAPES`` of which both shapes are in ``names``, by index."""
     return [
         (names.index(shape), names.index(other), beyond)
         for shape, other, beyond in DEPENDENT_SHAPES
@@ -125,7 +126,7 @@ def dependent_pairs(names: Sequence[str]) -> list[tuple[int, int, float]]:
 
 
 def nearest_correlation(matrix: Array) -> Array:
-    """Return the symmetric ``matrix``, (S, S), without negative eigenvalues and scaled to a unit diagonal."""
+    """Return the symmetric ``matrix``, (S, S), with negative eigenvalues set to 0, scaled to a unit diagonal."""
     values, axes = np.linalg.eigh(matrix)
     nearest = (axes * np.maximum(values, 0.0)) @ axes.T
     scale = 1.0 / np.sqrt(np.diag(nearest))

@@ -1,4 +1,4 @@
-"""How the file that a character came from has it, so that it goes back as it came."""
+"""The mesh of a character as in the file it was imported from, so that exports keep the file's order and axes."""
 
 from dataclasses import dataclass
 from typing import Any, Self
@@ -11,21 +11,22 @@ from faceposer.geometry.polygon_mesh import Group
 
 @dataclass(frozen=True, eq=False)
 class Origin:
-    """A character's mesh in its own file's unit, axes and order.
+    """A character's mesh in the unit, axes and vertex order of its source file.
 
-    A character is in centimetres, upright, and has neither vertices twice at seams nor faces of many corners.
+    Characters are in centimetres and upright, without duplicate vertices at seams or polygons of more than four
+    corners; their source files need not be.
 
     Attributes:
-        linear: What turns displacements of the character into those of the file, shape (3, 3).
+        linear: Matrix that maps displacements of the character to those of the file, shape (3, 3).
         neutral: The file's neutral vertices, shape (M, 3).
-        vertex_ids: The character's vertex that each vertex of the file is, shape (M,); -1 for one that no face uses.
-        polygons: The file's faces, shape (F, K), padded with -1.
+        vertex_ids: Index of the character's vertex for each vertex of the file, shape (M,); -1 for unused vertices.
+        polygons: The file's polygons, shape (F, K), padded with -1.
         uv: The file's texture coordinates, shape (U, 2); empty if it has none.
-        polygon_uvs: Indices into ``uv``, of the shape of ``polygons``; shape (0, 3) if there are none.
-        groups: The file's groups of faces.
+        polygon_uvs: Indices into ``uv``, of the same shape as ``polygons``; shape (0, 3) if there are none.
+        groups: The file's polygon groups.
 
     Raises:
-        ValueError: If the arrays do not fit together.
+        ValueError: If the arrays are inconsistent.
     """
 
     linear: NDArray[np.float64]
@@ -55,17 +56,17 @@ class Origin:
             and np.isfinite(self.neutral).all()
         )
         if not fits:
-            raise ValueError("the record of its original file does not fit together")
+            raise ValueError("the record of its source file is inconsistent")
 
     def vertices_of(self, moved: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Return the file's vertices, (M, 3), of a face whose character's vertices ``moved`` by (N, 3)."""
+        """Return the file's vertices, (M, 3), for displacements ``moved`` of the character's vertices, (N, 3)."""
         vertices = self.neutral.copy()
         used = self.vertex_ids >= 0
         vertices[used] += moved[self.vertex_ids[used]] @ self.linear.T
         return vertices
 
     def normals_of(self, normals: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Return the file's unit normals, (M, 3), from those of the character, (N, 3); +z for a vertex of no face."""
+        """Return the file's unit normals, (M, 3), from those of the character, (N, 3); +z for unused vertices."""
         rotation = self.linear / np.cbrt(np.linalg.det(self.linear))
         result = np.tile([0.0, 0.0, 1.0], (len(self.neutral), 1))
         used = self.vertex_ids >= 0
@@ -73,25 +74,30 @@ class Origin:
         return result
 
     def character_vertices(self, vertices: NDArray[np.floating], n_vertices: int) -> NDArray[np.float64]:
-        """Return how far the character's ``n_vertices`` vertices moved, (N, 3), for the file's ``vertices``, (M, 3)."""
+        """Return the displacements of the character's ``n_vertices`` vertices, (N, 3), for the file's ``vertices``.
+
+        Args:
+            vertices: Positions in the file, shape (M, 3).
+            n_vertices: Number of vertices N of the character.
+        """
         moved = np.zeros((n_vertices, 3))
         used = self.vertex_ids >= 0
         moved[self.vertex_ids[used]] = (vertices - self.neutral)[used] @ np.linalg.inv(self.linear).T
         return moved
 
     def as_members(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Return what JSON holds of it, and its arrays."""
+        """Return the values to store as JSON, and the arrays."""
         names = ("linear", "neutral", "vertex_ids", "polygons", "uv", "polygon_uvs")
         groups = [[group.name, *group.polygons, group.material] for group in self.groups]
         return {"groups": groups}, {name: getattr(self, name) for name in names}
 
     @classmethod
     def of_members(cls, texts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Self:
-        """Return the origin that ``as_members`` gave.
+        """Return the origin from the members that ``as_members`` returned.
 
         Raises:
-            KeyError: If something is missing.
-            ValueError: If it does not fit together.
+            KeyError: If a member is missing.
+            ValueError: If the members are inconsistent.
         """
         members: dict[str, Any] = {name: arrays[name].astype(np.float64) for name in ("linear", "neutral", "uv")}
         members |= {name: arrays[name].astype(np.int32) for name in ("vertex_ids", "polygons", "polygon_uvs")}

@@ -1,4 +1,4 @@
-"""Principal component analysis of meshes that a rig makes, done exactly in the rig's few weights.
+"""Exact principal component analysis of the meshes of a rig, computed in the rig's weights.
 
 Every example of a rig is x = neutral + D w with a few dozen weights w, so the covariance of the example meshes is
 D cov(w) D^T and its eigenvectors lie in the span of D. In the metric M of the mesh only the small Gram matrix
@@ -19,7 +19,7 @@ class RigSubspace:
     """The principal subspace of a rig's meshes.
 
     Attributes:
-        directions: Weights of the rig per component, C of shape (S, r), with C^T G C = I.
+        directions: Rig weights of each component, C of shape (S, r), with C^T G C = I.
         projection: C^T G of shape (r, S): coordinates p = projection @ w of rig weights w.
         variances: Variance of the examples along each component, descending, shape (r,).
     """
@@ -36,9 +36,9 @@ class RigSubspace:
 
 
 def rig_pca(gram: Array, covariance: Array, tolerance: float = 1e-9) -> RigSubspace:
-    """Return all principal components of a rig's meshes, orthonormal in the metric that made the Gram matrix.
+    """Return all principal components of a rig's meshes, orthonormal in the metric of the Gram matrix.
 
-    Directions in which the rig does not move at all (empty or repeated shapes) are left out.
+    Directions without any motion (empty or repeated shapes) are left out.
 
     Args:
         gram: G = D^T M D of the rig's shapes, shape (S, S).
@@ -52,18 +52,18 @@ def rig_pca(gram: Array, covariance: Array, tolerance: float = 1e-9) -> RigSubsp
     variances, components = np.linalg.eigh(half @ covariance @ half.T)
     variances, components = np.maximum(variances[::-1], 0.0), components[:, ::-1]
     directions = (axes / lengths) @ components
-    # The sign of an eigenvector is arbitrary: the largest entry is made positive, so that results repeat.
+    # The sign of an eigenvector is arbitrary: make the largest entry positive for reproducible results.
     largest = np.argmax(np.abs(directions), axis=0)
     directions = directions * np.where(directions[largest, range(directions.shape[1])] < 0, -1.0, 1.0)
     return RigSubspace(directions, directions.T @ gram, variances)
 
 
 def reconstruction_error(directions: Array, gram: Array) -> Array:
-    """Return the share of each single shape's displacement that a subspace cannot make, shape (S,); 0 for empty shapes.
+    """Return the relative reconstruction error of each shape in a subspace, shape (S,); 0 for empty shapes.
 
     Args:
-        directions: Rig weights per component of the subspace, shape (S, r).
-        gram: Gram matrix of the shapes in the metric in which displacement is judged, shape (S, S).
+        directions: Rig weights of each component of the subspace, shape (S, r).
+        gram: Gram matrix of the shapes in the metric of the error, shape (S, S).
     """
     inner = directions.T @ gram
     fitted = np.einsum("rs,rs->s", inner, np.linalg.solve(directions.T @ gram @ directions, inner))
@@ -77,12 +77,12 @@ def smallest_reaching(
 ) -> RigSubspace:
     """Return the smallest leading subspace that loses at most ``leave_at_most`` of each shape's displacement.
 
-    Energy alone would drop a raised brow long before the last tenth of a percent of the jaw.
+    A threshold on the explained variance would drop a raised brow long before the last tenth of a percent of the jaw.
 
     Args:
         subspace: All principal components.
-        gram: Gram matrix in the metric in which displacement is judged, shape (S, S).
-        shapes: Indices of the shapes that must be reached.
+        gram: Gram matrix in the metric of displacements, shape (S, S).
+        shapes: Indices of the shapes to which the limit applies.
         leave_at_most: Share of a shape's displacement that may be lost, 0 to 1.
     """
     for n_components in range(1, len(subspace.variances)):

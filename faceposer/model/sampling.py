@@ -1,4 +1,4 @@
-"""Performances at another rate."""
+"""Resampling of performances to another frame rate."""
 
 import numpy as np
 
@@ -9,17 +9,18 @@ _MOST_FRAMES = 100_000
 
 
 def resampled(performance: Performance, rate: float) -> Performance:
-    """Return ``performance`` at ``rate`` frames per second, straight between its frames, from the first to the last.
+    """Return ``performance`` at ``rate`` frames per second, interpolated linearly from the first frame to the last.
 
     Raises:
-        FacePoserError: If these would be too many.
+        FacePoserError: If the result would have too many frames.
     """
     if rate == performance.rate or len(performance) == 1:
         return Performance(performance.coefficients, rate)
     seconds = (len(performance) - 1) / performance.rate
     if seconds * rate > _MOST_FRAMES:
         raise FacePoserError(
-            f"{seconds:.6g} seconds at {rate:g} frames a second are too many frames; at most {_MOST_FRAMES}."
+            f"{seconds:.6g} seconds at {rate:g} frames per second give more than {_MOST_FRAMES} frames; "
+            "choose a lower rate."
         )
     count = int(np.floor(seconds * rate + 1e-6)) + 1
     at = np.minimum(np.arange(count) * performance.rate / rate, len(performance) - 1)

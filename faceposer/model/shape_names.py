@@ -1,4 +1,4 @@
-"""What shapes are called: the many spellings of ARKit's 52 names."""
+"""Names of shapes: recognition of ARKit's 52 names in their many spellings."""
 
 import re
 from collections import Counter
@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.model.character import ARKIT_SHAPES
 
-#: Halves of two of ARKit's shapes, as rigs of 53 or 54 shapes have them in place of the whole.
+#: Halves of two of ARKit's shapes, which rigs of 53 or 54 shapes have in place of the whole.
 SPLIT_SHAPES: tuple[str, ...] = (
     *("browInnerUpLeft", "browInnerUpRight"),
     *("cheekPuffLeft", "cheekPuffRight"),
 )
-#: Shapes that move to a side; the others that end in one belong to it.
+#: Shapes that move the face to a side; for all other names, a side at the end is the side of the face.
 _SIDEWAYS = ("jawLeft", "jawRight", "mouthLeft", "mouthRight")
 _SEPARATORS = re.compile(r"[\W_]+")
-#: What may stand between a prefix and a name: a separator, or a capital or a digit's end.
+#: Boundaries between a prefix and a name: separators, or changes from lower to upper case or from digit to letter.
 _PREFIX_ENDS = re.compile(r"[\W_]+(?=[^\W_])|(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Za-z])")
 
 
 def _spellings(shape: str) -> list[str]:
-    """Return how ``shape`` is written, without case and separators."""
+    """Return the spellings of ``shape`` in lower case without separators."""
     side = re.search("(Left|Right)$", shape)
     if side is None:
         return [shape.lower()]
@@ -39,11 +39,11 @@ _SHAPES = {spelling: shape for shape in (*ARKIT_SHAPES, *SPLIT_SHAPES) for spell
 
 @dataclass(frozen=True)
 class NameMatch:
-    """Which names of a file are ARKit's.
+    """The result of matching the names of a file with ARKit's.
 
     Attributes:
-        shapes: Our name, one of ``ARKIT_SHAPES`` and ``SPLIT_SHAPES``, by the file's.
-        missing: Shapes of ARKit that the file has neither whole nor in halves.
+        shapes: Canonical name, from ``ARKIT_SHAPES`` or ``SPLIT_SHAPES``, by name in the file.
+        missing: ARKit's shapes that the file has neither whole nor in halves.
         others: Names in the file that are not ARKit's.
     """
 
@@ -53,19 +53,19 @@ class NameMatch:
 
 
 def whole_of(name: str) -> str:
-    """Return the shape that ``name``, one of ``SPLIT_SHAPES``, is half of; any other name is itself."""
+    """Return the whole shape of a half in ``SPLIT_SHAPES``; any other ``name`` is returned unchanged."""
     return re.sub("(Left|Right)$", "", name) if name in SPLIT_SHAPES else name
 
 
 def halves_of(name: str) -> tuple[str, ...]:
-    """Return left and right half of the shape ``name``; none where no rig has it in halves."""
+    """Return the left and right half of the shape ``name``, or an empty tuple if it is never split."""
     return tuple(half for half in SPLIT_SHAPES if whole_of(half) == name)
 
 
 def makers(name: str, have: Collection[str]) -> tuple[str, ...]:
-    """Return those of the shapes ``have`` whose mean weight is that of the shape ``name``.
+    """Return the shapes in ``have`` with a mean weight equal to that of the shape ``name``.
 
-    They are the shape itself, or the whole that it is half of, or its halves as far as they are there, or none.
+    This is the shape itself, else the whole of which it is a half, else those of its halves in ``have``.
     """
     if name in have:
         return (name,)
@@ -76,9 +76,9 @@ def makers(name: str, have: Collection[str]) -> tuple[str, ...]:
 
 
 def weight_map(names: Sequence[str], given: Sequence[str]) -> NDArray[np.float64]:
-    """Return the matrix that makes weights of the shapes ``names`` from those of ``given``, shape (S', S).
+    """Return the matrix that maps weights of the shapes ``given`` to those of ``names``, shape (S', S).
 
-    Both may have ``SPLIT_SHAPES`` or the wholes. A shape that cannot be made is 0.
+    Both may contain ``SPLIT_SHAPES`` or the wholes. Shapes without a source have weight 0.
     """
     matrix = np.zeros((len(names), len(given)))
     index = {name: column for column, name in enumerate(given)}
@@ -90,10 +90,10 @@ def weight_map(names: Sequence[str], given: Sequence[str]) -> NDArray[np.float64
 
 
 def canonical_shape(name: str) -> str | None:
-    """Return which of ``ARKIT_SHAPES`` and ``SPLIT_SHAPES`` is meant by ``name``, None if it is none of them.
+    """Return the shape of ``ARKIT_SHAPES`` or ``SPLIT_SHAPES`` that ``name`` denotes, or None.
 
-    Case and separators do not matter, the side is ``L``, ``R``, ``Left`` or ``Right`` at either end, and all up to a
-    dot, colon, bar or slash may be something else, such as the mesh's name.
+    Case and separators are ignored, the side may be ``L``, ``R``, ``Left`` or ``Right`` at either end, and text before
+    a dot, colon, bar or slash, such as the mesh's name, is skipped.
     """
     parts = [name, *(name[cut.end() :] for cut in re.finditer(r"[.:|/]", name))]
     for part in parts:
@@ -104,14 +104,14 @@ def canonical_shape(name: str) -> str | None:
 
 
 def match_arkit(names: Iterable[str], where: str) -> NameMatch:
-    """Return which of ``names`` mean shapes of ARKit, understanding also a prefix that all or most of them have.
+    """Match ``names`` with ARKit's shapes, ignoring a prefix that all or most of them share.
 
     Args:
-        names: Of shapes or columns, as the file has them.
-        where: What the names are in, such as "The rig 'a.glb'", to begin a sentence with.
+        names: Names of shapes or columns in the file.
+        where: Source of the names as the beginning of a sentence, such as "The rig 'a.glb'".
 
     Raises:
-        FacePoserError: If two names mean the same shape, naming both.
+        FacePoserError: If two names denote the same shape.
     """
     given = list(dict.fromkeys(names))
     found = {name: canonical_shape(name) for name in given}
@@ -125,7 +125,7 @@ def match_arkit(names: Iterable[str], where: str) -> NameMatch:
             continue
         if shape in owners:
             raise FacePoserError(
-                f"{where} has both '{owners[shape]}' and '{name}', which mean the same shape, {shape}; rename or "
+                f"{where} has both '{owners[shape]}' and '{name}', which denote the same shape, {shape}; rename or "
                 "remove one of them."
             )
         owners[shape] = name
@@ -138,7 +138,7 @@ def match_arkit(names: Iterable[str], where: str) -> NameMatch:
 
 
 def _prefixes(names: list[str]) -> list[str]:
-    """Return the prefix that all names share, and the one before shapes' names that at least half of them have."""
+    """Return the common prefix of all ``names``, and the prefix of shape names in at least half of them."""
     if len(names) < 2:
         return []
     starts = (names[0][: end.end()] for end in _PREFIX_ENDS.finditer(names[0]))
@@ -151,5 +151,5 @@ def _prefixes(names: list[str]) -> list[str]:
             if cut is not None:
                 before[name[:cut]] += 1
     prefixes += [prefix for prefix, count in before.most_common(1) if 2 * count >= len(names) and count > 1]
-    # Shapes that correct others in combination, such as jawOpen_mouthClose, are not the last of them.
+    # In names of corrective shapes, such as jawOpen_mouthClose, the first shape is not a prefix.
     return [prefix for prefix in prefixes if canonical_shape(prefix) is None]

@@ -1,4 +1,4 @@
-"""Statistics for rigs that have the halves of a shape where the statistics know the whole."""
+"""Statistics for rigs with left and right halves of shapes that the statistics have as a whole."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,16 +11,16 @@ from faceposer.model.expression_statistics import ExpressionStatistics
 Array = NDArray[np.float64]
 
 _SIDES = ("Left", "Right")
-# How far the halves differ, as a share of the variance of the whole, and at least: nothing is known of it.
+# Assumed variance of the difference between halves, as a share of the whole's variance, and its least value.
 _DIFFER = 0.25
 _LEAST = 1e-4
 
 
 def split_to_match(statistics: ExpressionStatistics, shape_names: Sequence[str]) -> ExpressionStatistics:
-    """Return ``statistics`` with both halves of each shape that they have whole and ``shape_names`` in halves.
+    """Return ``statistics`` with every shape replaced by its halves of which ``shape_names`` has a half.
 
-    ARKit has one browInnerUp and one cheekPuff; rigs such as ICT-FaceKit have them left and right. Each half moves as
-    the whole does, with a difference of its own, so that an artist can move one.
+    ARKit has one browInnerUp and one cheekPuff; rigs such as ICT-FaceKit have left and right halves. Each half follows
+    the whole with a difference of its own, so that an artist can move one alone.
     """
     for side, other in (_SIDES, _SIDES[::-1]):
         for name in shape_names:
@@ -55,7 +55,7 @@ def _with_halves(statistics: ExpressionStatistics, whole: str, halves: tuple[str
 
 
 def _halved(examples: Array, column: int) -> Array:
-    """Return ``examples`` whose ``column`` and last column, both the whole's weight, differ, always in the same way."""
+    """Split the weight of the whole, in ``column`` and the last column of ``examples``, by reproducible differences."""
     difference = np.sqrt(_DIFFER) * np.random.default_rng(column).uniform(-1.0, 1.0, len(examples))
     whole = examples[:, column]
     examples[:, column], examples[:, -1] = whole * (1.0 + difference), whole * (1.0 - difference)

@@ -243,7 +243,7 @@ def test_a_picture_comes_as_an_array_and_as_a_file(face: Face, tmp_path: Path) -
     ("do", "sentence"),
     [
         ("faceposer.load('mann')", "Did you mean 'man'"),
-        ("face.drag('mouth corner', (1, 2))", "say which"),
+        ("face.drag('mouth corner', (1, 2))", "is ambiguous"),
         ("face.drag('nostrils', (1, 2))", "no feature point 'nostrils'"),
         ("face.drag('', (1, 2))", "no feature point"),
         ("face.drag((1.0, 2.0), (1, 2))", "does not see the face"),

@@ -159,15 +159,15 @@ def test_bad_tables_are_refused_by_place(tmp_path: Path) -> None:
         "no header of markers": "time,value\n1,2\n",
         "no header of markers ": "",
         r"no column A\.z": "A.x,A.y\n1,2\n",
-        r"Line 1 of .* names the column A\.x twice": "A.x,A.y,A.z,A.x\n1,2,3,4\n",
-        "Line 3 of .* has 2 values, 3 are needed": "A.x,A.y,A.z\n1,2,3\n1,2\n",
-        "Line 2 of .* has 4 values, 3 are needed": "A.x,A.y,A.z\n1,2,3,4\n",
+        r"Line 1 of .* has two columns named A\.x": "A.x,A.y,A.z,A.x\n1,2,3,4\n",
+        "Line 3 of .* has 2 values instead of 3": "A.x,A.y,A.z\n1,2,3\n1,2\n",
+        "Line 2 of .* has 4 values instead of 3": "A.x,A.y,A.z\n1,2,3,4\n",
         r"Line 2 of .* has 'up' in column A\.y": "A.x,A.y,A.z\n1,up,3\n",
         r"Line 2 of .* has 'inf' in column A\.y": "A.x,A.y,A.z\n1,inf,3\n",
-        "has no frame below its header": "A.x,A.y,A.z\n\n",
-        "No marker is seen in any frame": "A.x,A.y,A.z\n,,\n0,0,0\n",
-        "two markers with the name A": "Trajectories\n9\n,,A,,,A,,\nFrame,,X,Y,Z,X,Y,Z\n,,mm\n1,0,1,2,3,4,5,6\n",
-        "no marker with a name": "Trajectories\n100\n,,,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n1,0,1,2,3\n",
+        "has no frames below its header": "A.x,A.y,A.z\n\n",
+        "has no position of any marker": "A.x,A.y,A.z\n,,\n0,0,0\n",
+        "two markers named A": "Trajectories\n9\n,,A,,,A,,\nFrame,,X,Y,Z,X,Y,Z\n,,mm\n1,0,1,2,3,4,5,6\n",
+        "no named markers": "Trajectories\n100\n,,,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n1,0,1,2,3\n",
     }
     for i, (what, text) in enumerate(texts.items()):
         path = tmp_path / f"{i}.csv"
@@ -178,7 +178,11 @@ def test_bad_tables_are_refused_by_place(tmp_path: Path) -> None:
         assert "\n" not in str(caught.value)
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
     (tmp_path / "a.txt").write_text("x")
-    for name, what in (("gone.csv", "cannot be read"), ("binary.csv", "cannot be read"), ("a.txt", "ends in .c3d or")):
+    for name, what in (
+        ("gone.csv", "cannot be read"),
+        ("binary.csv", "cannot be read"),
+        ("a.txt", ".c3d or .csv file"),
+    ):
         with pytest.raises(FacePoserError, match=what):
             read_markers(tmp_path / name)
 
@@ -208,7 +212,7 @@ def test_short_gaps_are_filled_and_long_ones_stay() -> None:
 
 
 def test_motion_checks_its_shape() -> None:
-    with pytest.raises(ValueError, match="cannot be"):
+    with pytest.raises(ValueError, match="cannot have shape"):
         MarkerMotion(("A",), np.zeros((3, 2, 3)))
     with pytest.raises(ValueError, match="same name"):
         MarkerMotion(("A", "A"), np.zeros((3, 2, 3)))

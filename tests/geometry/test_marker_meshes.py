@@ -149,7 +149,7 @@ def test_bad_maps_are_refused_by_place(tmp_path: Path) -> None:
             {**good, "markers": {"F": {"position": [10**400, 0, 0]}}}
         ),
         "fixed must be a list of texts": json.dumps({**good, "fixed": "A"}),
-        "fixed names fewer": json.dumps({**good, "fixed": ["A", "B", "A"]}),
+        "fixed has fewer": json.dumps({**good, "fixed": ["A", "B", "A"]}),
         "neutral_frame must be the number of a frame": json.dumps({**good, "neutral_frame": -1}),
         'the key "A" occurs twice': json.dumps(good).replace(
             '"A": {"vertex": 3}', '"A": {"vertex": 3}, "A": {"vertex": 4}'
@@ -181,18 +181,18 @@ def test_maps_that_do_not_fit_are_refused() -> None:
         *(17 * r + c for r in (3, 7) for c in (14, 10, 6, 2)),
     ]
     cases = [
-        ("Nose, which is no marker of the motion", motion, MarkerMap({"Nose": 1})),
-        ("Chin, which is no marker of the motion", motion, MarkerMap(MAP.places, ("M0", "M1", "Chin"))),
+        ("Nose, which is not in the motion", motion, MarkerMap({"Nose": 1})),
+        ("Chin, which is not in the motion", motion, MarkerMap(MAP.places, ("M0", "M1", "Chin"))),
         ("marker M0 is at vertex 289, but the mesh has 289", motion, MarkerMap({"M0": 289})),
         ("feature point 8.3, which the mesh does not have", motion, MarkerMap({"M0": "8.3"})),
         (r"marker M0 at \(0, 0, 90\) is far", motion, MarkerMap({"M0": (0.0, 0.0, 90.0)})),
         ("two handles are at the same place", motion, MarkerMap({"M0": 3, "M1": 3})),
         ("neutral frame of .* is 30", motion, MarkerMap(MAP.places, neutral_frame=30)),
         ("neutral frame 3 of .* lacks M5", MarkerMotion(NAMES, lacking), MarkerMap(MAP.places, neutral_frame=3)),
-        ("No frame has all markers of .*; M5 is seen least", MarkerMotion(NAMES, lacking), MAP),
+        ("No frame has all markers of .*; remove M5, which is missing most often", MarkerMotion(NAMES, lacking), MAP),
         ("fewer than three", motion, MarkerMap({"M0": 3, "M8": 40})),
-        ("do not lie as", motion, MarkerMap(dict(zip(NAMES, PLACES[::-1].tolist(), strict=True)))),
-        ("do not lie as .* says", motion, MarkerMap(dict(zip(NAMES, mirrored, strict=True)))),
+        ("do not match", motion, MarkerMap(dict(zip(NAMES, PLACES[::-1].tolist(), strict=True)))),
+        ("do not match .*root mean square", motion, MarkerMap(dict(zip(NAMES, mirrored, strict=True)))),
     ]
     for what, moving, marker_map in cases:
         with pytest.raises(FacePoserError, match=what) as caught:

@@ -71,7 +71,7 @@ def test_the_neutral_is_found_and_prefixes_are_left_out(tmp_path: Path, neutral:
 
 def test_the_neutral_can_be_given(tmp_path: Path) -> None:
     inside = folder(tmp_path, "a.obj", smile=1)
-    with pytest.raises(FacePoserError, match="has no neutral face among its 2 meshes; call it neutral, base, rest or"):
+    with pytest.raises(FacePoserError, match="has no neutral face among its 2 meshes; name it neutral, base, rest or"):
         read_rig(inside)
     assert list(read_rig(inside, inside / "a.obj").targets) == ["smile"]
     assert list(read_rig(inside, Path("a.obj")).targets) == ["smile"]
@@ -109,7 +109,7 @@ def test_other_topologies_are_refused_with_the_place(tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match=r"frown\.obj' has 4 vertices, but .*neutral\.obj' has 5; export all"):
         read_rig(tmp_path)
     write_obj(tmp_path / "frown.obj", VERTICES, FACES[:, [1, 2, 3, 0]][:1])
-    with pytest.raises(FacePoserError, match=r"frown\.obj' has other faces than .*: it has 1 faces, not 2; export all"):
+    with pytest.raises(FacePoserError, match=r"frown\.obj' differ from .*: it has 1 faces, not 2; export all"):
         read_rig(tmp_path)
     write_obj(tmp_path / "frown.obj", VERTICES, np.array([[0, 1, 2, 3], [1, 4, 3, -1]]))
     with pytest.raises(FacePoserError, match=r"face 2 has the corners 2, 5, 4, not 2, 5, 3"):
@@ -118,7 +118,7 @@ def test_other_topologies_are_refused_with_the_place(tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match="it has 3 faces, not 2"):
         read_rig(tmp_path)
     (tmp_path / "frown.obj").write_text((tmp_path / "smile.obj").read_text().replace("v 2 ", "v nan "))
-    with pytest.raises(FacePoserError, match=r"frown\.obj' has a vertex that is not finite, number 5"):
+    with pytest.raises(FacePoserError, match=r"Vertex 5 of .*frown\.obj' is not finite"):
         read_rig(tmp_path)
     (tmp_path / "frown.obj").write_text((tmp_path / "smile.obj").read_text().replace("v 2 ", "v oops "))
     with pytest.raises(FacePoserError, match=r"frown\.obj' is broken at line 5"):
@@ -131,7 +131,7 @@ def test_other_topologies_are_refused_with_the_place(tmp_path: Path) -> None:
 def test_two_files_of_one_name_are_refused(tmp_path: Path) -> None:
     folder(tmp_path, smile=1)
     ply(tmp_path / "Smile.ply", VERTICES, [[0, 1, 2], [0, 2, 3], [1, 4, 2]])
-    with pytest.raises(FacePoserError, match=r"Smile\.ply' and '.*smile\.obj' are two shapes of one name"):
+    with pytest.raises(FacePoserError, match=r"Smile\.ply' and '.*smile\.obj' have the same shape name"):
         read_rig(tmp_path)
 
 
@@ -156,16 +156,16 @@ def test_numbers_too_large_for_an_offset_are_told(tmp_path: Path) -> None:
 def test_what_is_no_rig(tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match="does not exist"):
         read_rig(tmp_path / "none")
-    with pytest.raises(FacePoserError, match="has no meshes; put a mesh for each shape there"):
+    with pytest.raises(FacePoserError, match="contains no meshes; add a mesh for each shape"):
         read_rig(tmp_path)
-    with pytest.raises(FacePoserError, match="has no shapes; put a mesh for each"):
+    with pytest.raises(FacePoserError, match="has no shapes; add a mesh for each"):
         read_rig(folder(tmp_path))
-    with pytest.raises(FacePoserError, match=r"neutral\.obj' is no rig"):
+    with pytest.raises(FacePoserError, match=r"neutral\.obj' is not a supported rig"):
         read_rig(tmp_path / "neutral.obj")
     (tmp_path / "a.glb").write_bytes(b"glTF")
-    with pytest.raises(FacePoserError, match="cut off"):
+    with pytest.raises(FacePoserError, match="truncated"):
         read_rig(tmp_path / "a.glb")
-    with pytest.raises(FacePoserError, match="has its own neutral"):
+    with pytest.raises(FacePoserError, match="contains its neutral"):
         read_rig(tmp_path / "a.glb", tmp_path / "neutral.obj")
     with pytest.raises(FacePoserError, match="cannot be read"):
         read_shape_folder(tmp_path / "none")

@@ -125,7 +125,7 @@ def test_files_without_shapes_of_the_face_get_one_sentence(low: FaceModel, tmp_p
     with pytest.raises(FacePoserError, match="no morph targets with names"):
         read_pose(tmp_path / "b.glb", low)
     (tmp_path / "c.glb").write_bytes(b"glTF" + bytes(10))
-    with pytest.raises(FacePoserError, match="cut off"):
+    with pytest.raises(FacePoserError, match="truncated"):
         read_pose(tmp_path / "c.glb", low)
     with pytest.raises(FacePoserError, match="cannot be read"):
         read_pose(tmp_path / "none.glb", low)

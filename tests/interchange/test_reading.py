@@ -243,7 +243,7 @@ def test_resampling_keeps_time_ends_and_straight_lines() -> None:
     np.testing.assert_allclose(film.coefficients[:, 0], np.arange(25) * 30.0 / 24.0)
     np.testing.assert_allclose(film.coefficients[-1], [30.0, -60.0])
     assert len(resampled(ramp, 60.0)) == 61
-    with pytest.raises(FacePoserError, match=r"3e\+10 seconds at 24 frames a second are too many"):
+    with pytest.raises(FacePoserError, match=r"3e\+10 seconds at 24 frames per second give more than"):
         resampled(Performance(ramp.coefficients, 1e-9), 24.0)
     still = resampled(Performance(np.ones((1, 2)), 30.0), 24.0)
     assert (len(still), still.rate) == (1, 24.0)

@@ -79,8 +79,8 @@ def test_height_is_measured_from_chin_to_crown() -> None:
         ({"vertices": np.full((7, 3), np.nan, np.float32)}, "not finite"),
         ({"vertices": np.zeros((7, 2), np.float32)}, "shape"),
         ({"shapes": np.zeros((2, 6, 3), np.float32)}, "shapes"),
-        ({"polygons": np.array([[0, 1, 2, 9], [4, 5, 6, -1]], np.int32)}, "do not exist"),
-        ({"polygons": np.array([[0, 1, -2, 3], [4, 5, 6, -1]], np.int32)}, "do not exist"),
+        ({"polygons": np.array([[0, 1, 2, 9], [4, 5, 6, -1]], np.int32)}, "out of range"),
+        ({"polygons": np.array([[0, 1, -2, 3], [4, 5, 6, -1]], np.int32)}, "out of range"),
         ({"polygon_uvs": np.array([[0, 1, 2, 3], [0, 1, 2, 3]], np.int32)}, "disagree"),
         ({"parts": (Part("skin", "skin", (0, 1), (0, 4)),)}, "do not cover"),
         ({"parts": (Part("skin", "wool", (0, 2), (0, 7)),)}, "unknown material"),
@@ -163,7 +163,7 @@ def test_members_that_lie_are_refused(saved: Path) -> None:
     assert_refused(rewritten(saved, vertices=packed(["seven"])), "not real numbers")
     assert_refused(rewritten(saved, vertices=packed(np.array([{"a": 1}]))), "never loaded")
     huge = packed(np.zeros((7, 3), np.float32)).replace(b"(7, 3)", b"(7000000000, 3)".ljust(6))
-    assert_refused(rewritten(saved, vertices=huge), "larger than its data|damaged|cannot be used")
+    assert_refused(rewritten(saved, vertices=huge), "exceeds its data|damaged|cannot be used")
 
 
 def test_the_description_is_checked(saved: Path) -> None:

@@ -53,5 +53,5 @@ def test_skin_behind_the_teeth_and_teeth_outside_are_found(model: FaceModel, for
 
 
 def test_another_number_of_vertices_is_refused(model: FaceModel) -> None:
-    with pytest.raises(ValueError, match="vertices of shape"):
+    with pytest.raises(ValueError, match="vertices must have shape"):
         penetration_mm(model, model.character.vertices[1:])

@@ -56,7 +56,7 @@ def test_maps_that_do_not_fit_are_named(tmp_path: Path) -> None:
     content = json.loads(marker_map.read_text())
     content["markers"]["Ghost"] = {"vertex": 3}
     marker_map.write_text(json.dumps(content))
-    with pytest.raises(FacePoserError, match=r"map\.json' has Ghost, which is no marker"):
+    with pytest.raises(FacePoserError, match=r"map\.json' has marker Ghost, which is not in the motion"):
         character_from_markers(motion, marker_map, BASE, OPTIONS)
     with pytest.raises(FacePoserError, match="no character 'nobody'"):
         character_from_markers(motion, marker_map, "nobody", OPTIONS)

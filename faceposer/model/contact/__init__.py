@@ -1,1 +1,1 @@
-"""Keeps the surfaces of a posed face apart: lids on eyeballs, lid on lid, lips before teeth, teeth inside the skin."""
+"""Contact of the surfaces of a posed face: lids with eyeballs and with each other, lips with teeth."""

@@ -1,8 +1,8 @@
-"""Lips, cheeks and chin stay before the teeth.
+"""Contact of lips, cheeks and chin with the teeth.
 
-In the rest frame of a jaw its teeth and gums are a height field: radius H(angle, height) around an upright axis. Skin
-that lies before them in the neutral face keeps r >= H: it goes out along the radius, and the skin around goes with it.
-Above and below the teeth H falls by a fixed slope, so that lips slide onto the teeth and do not jump.
+In the rest frame of a jaw, its teeth and gums are a height field: radius H(angle, height) around a vertical axis. Skin
+in front of them in the neutral face keeps r >= H: it is pushed out along the radius, and the skin around it follows.
+Above and below the teeth H falls with a constant slope, so that lips slide onto the teeth and do not jump.
 """
 
 from collections.abc import Iterator
@@ -13,48 +13,48 @@ from scipy import ndimage
 
 from faceposer.model.character import Character
 from faceposer.model.contact.arches import DentalArch, columns_of
+from faceposer.model.contact.displacement import Displacement, move_vertices
 from faceposer.model.contact.lids import skin_ids
 from faceposer.model.contact.lips import find_covering, skin_samples, surface_distance, with_neighbours
-from faceposer.model.contact.moved import Moved, moved_by
-from faceposer.model.contact.spreading import NOTHING, Spreading, fading, hinge
+from faceposer.model.contact.spreading import NEGLIGIBLE, Spreading, fading, hinge
 
 Array = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Ids = NDArray[np.intp]
 
-# Shares of the head's height: width of the valleys between teeth that are filled, how far the field goes on above and
-# below, how far the inside of the lips follows, where pushes begin to fade and have faded before the teeth and beyond
-# their ends, distance of the control points, up to which gap
-# skin may come to touch the teeth, how near vertices are whose neighbours may lie deeper,
-# start and margin of pushes.
+# Shares of the head's height: width of the valleys between teeth that are filled, extension of the field above and
+# below, and distance up to which the inside of the lips follows.
 _VALLEY, _BEYOND, _INSIDE = 0.02, 0.06, 0.06
+# The same: gap in front of the teeth, and distance beyond their ends, at which pushes begin to fade and have faded.
 _FADES, _FADED, _LEVEL_FADES, _LEVEL_FADED = 0.06, 0.12, 0.04, 0.08
+# The same: spacing of the control points, largest neutral gap of skin that may touch the teeth, largest distance of
+# vertices with neighbours that may be deeper, start and margin of pushes.
 _SPACING, _TOUCHES, _NEAR, _START, _MARGIN = 0.022, 0.12, 0.01, 0.0001, 0.001
-# A vertex is near if it is nearer than this share of its longest edge.
+# Near vertices are also within this share of their longest edge.
 _STRETCHED = 0.6
-# So many columns and rows of the field are looked at as one block first.
+# Number of columns and rows of the blocks of the coarse test.
 _BLOCK = 4
-# How much the field falls per way above and below the teeth and beyond the ends of the arch.
+# Slope of the field above and below the teeth and beyond the ends of the arch.
 _SLOPE = 2.5
 _UPPER_LIP = ("8.1", "8.5", "8.6", "8.9", "8.10", "2.2", "2.6", "2.7")
 _LOWER_LIP = ("8.2", "8.7", "8.8", "2.3", "2.8", "2.9")
 
 
 class ArchContact:
-    """Keeps the skin before one dental arch."""
+    """Contact that keeps the skin in front of one dental arch."""
 
     def __init__(self, character: Character, arch: DentalArch) -> None:
-        """Prepare for an ``arch`` of ``character``."""
+        """Precompute the contact of the skin of ``character`` with ``arch``."""
         size = character.height
         self._arch = arch
-        self._start, self._margin, self._nothing = _START * size, _MARGIN * size, NOTHING * size
+        self._start, self._margin, self._negligible = _START * size, _MARGIN * size, NEGLIGIBLE * size
         self._bottom, field = _obstacle(arch, size)
-        # Short numbers, and a coarse bound on them: what is looked up here and there is soon spread over much memory.
+        # Single precision and a coarse upper bound, for scattered lookups that stay within the processor's cache.
         self._field: Singles = field.astype(np.float32)
         self._ceiling = _ceiling(self._field)
         covering = find_covering(character, arch)
-        before = arch.gap(character.vertices[covering.lips].astype(np.float64))
-        keys = np.intersect1d(covering.lips, with_neighbours(character, covering.lips[before < _TOUCHES * size]))
+        gap = arch.gap(character.vertices[covering.lips].astype(np.float64))
+        keys = np.intersect1d(covering.lips, with_neighbours(character, covering.lips[gap < _TOUCHES * size]))
         self._samples = skin_samples(character, keys)
         self._near = np.minimum(_NEAR * size, _STRETCHED * self._samples.spans).astype(np.float32)
         inside = surface_distance(character, covering.lips, _INSIDE * size)
@@ -72,20 +72,20 @@ class ArchContact:
         pushed = np.arange(len(keys))
         layer = _upper_share(character, ids)
         spreading = Spreading.over(along / spacing, height / spacing, layer, fade, pushed)
-        moving = np.concatenate([pushed, np.setdiff1d(spreading.reaches, pushed)])
-        self._ids, self._spreading = ids[moving], spreading.at(moving)
+        moving = np.concatenate([pushed, np.setdiff1d(spreading.support, pushed)])
+        self._ids, self._spreading = ids[moving], spreading.restricted(moving)
         self._jaw_at_rest = character.vertices[arch.frame.witnesses]
         self._skin_at_rest = character.vertices[self._samples.ids]
         at_rest = self._samples.places(character.vertices)
         self._allowed = np.maximum(self._depth(at_rest.T.astype(np.float32)), 0.0)
 
     def _depth(self, rows: Singles) -> Singles:
-        """Return how deep points at rest, coordinates by rows (3, n), lie behind the field, (n,)."""
+        """Return the depth behind the field of points at rest, shape (n,); ``rows`` are coordinates, (3, n)."""
         place, radius = columns_of(rows[0] - self._arch.axis[0], rows[2] - self._arch.axis[1])
         return self._radius(place, rows[1]) - radius
 
     def _radius(self, place: Singles, height: Singles) -> Singles:
-        """Return the field H, shape (n,), bilinear between the middles of its cells."""
+        """Return the field H, shape (n,), interpolated bilinearly between cell centres."""
         x, y = self._cells(place, height)
         column, line = x.astype(np.intp), y.astype(np.intp)
         x -= column
@@ -98,7 +98,7 @@ class ArchContact:
         return low + x * (high - low)
 
     def _cells(self, place: Singles, height: Singles) -> tuple[Singles, Singles]:
-        """Return the columns and rows of the field, within it, (n,) each."""
+        """Return fractional columns and rows of the field, clipped to its extent, shape (n,) each."""
         columns, rows = self._field.shape
         return (
             np.minimum(np.maximum(place, 0.0), columns - 1.001),
@@ -106,13 +106,13 @@ class ArchContact:
         )
 
     def _may_reach(self, rows: Singles) -> Ids:
-        """Return which vertices at rest, coordinates by rows (3, n), may be near enough to the field, (k,)."""
+        """Return the indices of vertices at rest that may touch the field, (k,); ``rows`` are coordinates, (3, n)."""
         place, radius = columns_of(rows[0] - self._arch.axis[0], rows[2] - self._arch.axis[1])
         column, line = ((each * (1.0 / _BLOCK)).astype(np.intp) for each in self._cells(place, rows[1]))
         ceiling = self._ceiling.take(column * self._ceiling.shape[1] + line)
         return np.flatnonzero(ceiling > radius - self._near)
 
-    def apply(self, vertices: Singles) -> Iterator[Moved]:
+    def apply(self, vertices: Singles) -> Iterator[Displacement]:
         """Correct the pose ``vertices``, shape (N, 3), in place."""
         frame = self._arch.frame
         places, witnesses = vertices.take(self._samples.ids, axis=0), vertices.take(frame.witnesses, axis=0)
@@ -129,30 +129,30 @@ class ArchContact:
             near = near[(places.take(near, axis=0) != self._skin_at_rest.take(near, axis=0)).any(axis=1)]
         if not len(near):
             return
-        push = self._samples.greatest(
+        push = self._samples.vertex_maxima(
             rows,
             near,
             lambda points, numbers: hinge(
                 self._depth(turn @ points + shift) - self._allowed.take(numbers), self._start, self._margin
             ),
         )
-        if push.max() <= self._nothing:
+        if push.max() <= self._negligible:
             return
         field = self._spreading(push)
         field[: len(push)] = np.maximum(field[: len(push)], push)
         pushed = np.flatnonzero(field)
         ids = self._ids.take(pushed)
         before = vertices.take(ids, axis=0)
-        # Position beside the upright axis, x and z, by rows, and what a move there is in the pose.
-        aside = back[:, ::2].T @ before.T
-        aside += (to_rest[::2] - self._arch.axis)[:, None]
-        aside *= field.take(pushed) / np.maximum(np.sqrt(aside[0] * aside[0] + aside[1] * aside[1]), 1e-9)
-        move = linear[:, ::2] @ aside
-        yield moved_by(vertices, ids, before, move)
+        # Coordinates x and z relative to the vertical axis, scaled to a push along the radius, then mapped to the pose.
+        radial = back[:, ::2].T @ before.T
+        radial += (to_rest[::2] - self._arch.axis)[:, None]
+        radial *= field.take(pushed) / np.maximum(np.sqrt(radial[0] * radial[0] + radial[1] * radial[1]), 1e-9)
+        move = linear[:, ::2] @ radial
+        yield move_vertices(vertices, ids, before, move)
 
 
 def _obstacle(arch: DentalArch, size: float) -> tuple[float, Array]:
-    """Return the height of the lowest row and the field H, (columns, rows): no valleys, sloping ends, smooth."""
+    """Return the height of the lowest row and the field H, (columns, rows): smooth, valleys filled, ends sloping."""
     pad = int(np.ceil(_BEYOND * size / arch.row))
     known = np.isfinite(arch.front)
     floor = float(arch.front[known].min()) - 4.0 * _BEYOND * size
@@ -171,7 +171,7 @@ def _obstacle(arch: DentalArch, size: float) -> tuple[float, Array]:
 
 
 def _ceiling(field: Singles) -> Singles:
-    """Return the greatest value of a ``field`` in and around each of its blocks, (columns, rows) of them."""
+    """Return the maximum of a ``field`` over each block and its surroundings, shape (block columns, block rows)."""
     columns, rows = (-(-length // _BLOCK) for length in field.shape)
     padding = [(0, _BLOCK * n - length) for n, length in zip((columns, rows), field.shape, strict=True)]
     around = np.pad(ndimage.maximum_filter(field, size=3), padding, mode="edge")
@@ -180,7 +180,7 @@ def _ceiling(field: Singles) -> Singles:
 
 
 def _upper_share(character: Character, ids: Ids) -> Array:
-    """Return the share of the vertices ``ids`` in the upper of two layers, parted by the lips' line, shape (n,)."""
+    """Return the share of the vertices ``ids`` in the upper of two layers, separated by the lips, shape (n,)."""
     sources = [
         np.array([character.feature_points[name] for name in names if name in character.feature_points], dtype=np.intp)
         for names in (_UPPER_LIP, _LOWER_LIP)

@@ -1,6 +1,6 @@
-"""Dental arches: teeth and gums of one jaw as a height field around an upright axis behind them.
+"""Dental arches: teeth and gums of one jaw as a height field around a vertical axis behind them.
 
-Columns are equal steps of tan(angle / 2) = x / (r + z), which is smooth in front and costs no arc tangent.
+Columns are equal steps of tan(angle / 2) = x / (r + z), which is smooth in front and needs no arctangent.
 """
 
 from dataclasses import dataclass
@@ -12,38 +12,38 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from faceposer.model.character import Character
-from faceposer.model.contact.frames import AffineFrame, group_by_motion, moves_as_one, pieces, to_rest
+from faceposer.model.contact.frames import AffineFrame, group_by_motion, moves_affinely, pieces, to_rest
 from faceposer.model.contact.samples import lattice
 
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
 _Float = TypeVar("_Float", np.float32, np.float64)
 
-# Coarse cells: columns up to this tangent of half the angle to straight ahead, and rows a share of the head's height.
-# So many cells of the height field, an odd number, are as wide and as high as a coarse one.
+# Greatest tangent of half the angle to straight ahead, number of coarse columns, and height of a coarse row as a share
+# of the head's height.
 _WIDEST = 1.5
 _COARSE_COLUMNS = 241
 _COARSE_ROW = 0.002
+#: Cells of the height field per coarse cell in each direction, an odd number.
 FINE = 3
 _COLUMNS = FINE * (_COARSE_COLUMNS - 1) + 1
-# So many coarse columns between teeth are a gap; so many coarse columns and rows around a place a way past the teeth is
-# looked for.
+# Largest gap between teeth in coarse columns, and radius in coarse cells of the search for a path past the teeth.
 _GAP, _WINDOW = 9, 16
-# Where the axis stands, as a share of the arch's depth from its back end.
+# Position of the axis, as a share of the arch's depth from its back end.
 _AXIS = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class DentalArch:
-    """What teeth and gums of one jaw fill, at rest, in cylinder coordinates (column, height, radius).
+    """Height field of the teeth and gums of one jaw at rest, in cylinder coordinates (column, height, radius).
 
     Attributes:
-        frame: The motion of the jaw.
-        triangles: Of its teeth and gums, shape (T, 3).
-        axis: Position x and z of the upright axis.
-        bottom: Height of the middle of the lowest row.
+        frame: Motion of the jaw.
+        triangles: Triangles of its teeth and gums, shape (T, 3).
+        axis: Coordinates x and z of the vertical axis.
+        bottom: Height of the centre of the lowest row.
         row: Height of a row.
-        front: Greatest radius of the surface in each cell, shape (columns, rows); -inf where there is none.
+        front: Greatest radius of the surface in each cell, shape (columns, rows); -inf in empty cells.
     """
 
     frame: AffineFrame
@@ -60,18 +60,18 @@ class DentalArch:
 
     @staticmethod
     def angle(place: Array) -> Array:
-        """Return the angle to straight ahead, shape (n,), of positions between columns."""
+        """Return the angle to straight ahead, shape (n,), of fractional columns ``place``."""
         angle: Array = 2.0 * np.arctan(place * (2.0 * _WIDEST / (_COLUMNS - 1)) - _WIDEST)
         return angle
 
     @property
     def column_width(self) -> float:
-        """Width of the middle columns at the usual radius of the front."""
+        """Width of the middle columns at the median radius of the front."""
         usual = float(np.median(self.front[np.isfinite(self.front)]))
         return usual * 2.0 * 2.0 * _WIDEST / (_COLUMNS - 1)
 
     def resting(self, points: Array, vertices: NDArray[np.floating]) -> Array:
-        """Return where ``points``, (n, 3), of the pose ``vertices``, (N, 3), lie relative to the jaw at rest."""
+        """Return ``points`` of the pose ``vertices``, (N, 3), in the rest frame of the jaw, shape (n, 3)."""
         linear, moved = self.frame.motion(vertices)
         return to_rest(points, self.frame.origin, linear, moved)
 
@@ -84,7 +84,7 @@ class DentalArch:
         return field.reshape((columns + 2) // FINE, FINE, lines, FINE).max(axis=(1, 3))
 
     def coarse_cell(self, place: Array, height: Array) -> tuple[Ids, Ids]:
-        """Return the coarse column and row that points at a column and a height lie in, (n,) each."""
+        """Return the coarse column and row of points at columns ``place`` and a ``height``, shape (n,) each."""
         return np.round(place / FINE).astype(np.intp), np.round((height - self.bottom) / self.coarse_row).astype(
             np.intp
         )
@@ -96,7 +96,7 @@ class DentalArch:
 
     @cached_property
     def _closed(self) -> Array:
-        """The front with the gaps between teeth filled and a wide margin without teeth, which gaps do not lead to."""
+        """The coarse field with the gaps between teeth filled, padded by a wide margin without teeth."""
         known = np.isfinite(self._coarse)
         floor = float(self._coarse[known].min()) - 1.0
         field = np.pad(np.where(known, self._coarse, floor), _GAP + _WINDOW, constant_values=floor)
@@ -105,14 +105,14 @@ class DentalArch:
 
     @cached_property
     def _window(self) -> tuple[Ids, Ids, Array]:
-        """Coarse cells around one, as offsets of columns and rows, and their distances along the front."""
+        """Offsets in columns and rows of the coarse cells around a cell, and their distances along the front."""
         steps = np.arange(-_WINDOW, _WINDOW + 1)
         columns, rows = (x.ravel() for x in np.meshgrid(steps, steps, indexing="ij"))
         return columns, rows, np.hypot(columns * FINE * self.column_width, rows * self.coarse_row)
 
     @cached_property
     def extended(self) -> Array:
-        """The coarse field continued up and down from its ends, and sideways, so that every cell has a radius."""
+        """The coarse field extrapolated to all cells."""
         field = self._coarse
         known = np.isfinite(field)
         nearest = ndimage.distance_transform_edt(
@@ -121,9 +121,9 @@ class DentalArch:
         return field[nearest[0], nearest[1]]
 
     def depth(self, points: Array) -> Array:
-        """Return how deep ``points`` at rest, (n, 3), lie behind the front of the teeth, shape (n,); 0 in front.
+        """Return the depth of ``points`` at rest, (n, 3), behind the front of the teeth, shape (n,); 0 in front.
 
-        A point above or below the teeth lies behind nothing; one near their edges is not deeper than its way past them.
+        Above and below the teeth it is 0; near their edges it is at most the distance past the edge.
         """
         place, height, radius = self.cylinder(points)
         column = np.round(place).astype(np.intp)
@@ -132,7 +132,6 @@ class DentalArch:
         depth = np.zeros(len(points))
         depth[met] = np.maximum(self.front[column[met], line[met]] - radius[met], 0.0)
         behind = np.flatnonzero(depth)
-        # Near an edge the way past it is the shorter one.
         columns, rows, distances = self._window
         pad = _GAP + _WINDOW
         column, line = self.coarse_cell(place[behind], height[behind])
@@ -142,35 +141,35 @@ class DentalArch:
         return depth
 
     def gap(self, points: Array) -> Array:
-        """Return how far ``points`` at rest, (n, 3), lie before the teeth or the continued arch, shape (n,).
+        """Return the distance of ``points`` at rest, (n, 3), in front of the extrapolated arch, shape (n,).
 
-        Negative behind; infinite beside the arch.
+        It is negative behind the arch and infinite beyond its sides.
         """
         place, height, radius = self.cylinder(points)
         column, line = self.coarse_cell(place, height)
         columns, rows = self._coarse.shape
-        beside = (column < 0) | (column >= columns)
+        outside = (column < 0) | (column >= columns)
         radii = self.extended[np.clip(column, 0, columns - 1), np.clip(line, 0, rows - 1)]
-        gap: Array = np.where(beside, np.inf, radius - radii)
+        gap: Array = np.where(outside, np.inf, radius - radii)
         return gap
 
     @property
     def top(self) -> float:
-        """Height of the middle of the highest row."""
+        """Height of the centre of the highest row."""
         return self.bottom + self.row * (self.front.shape[1] - 1)
 
 
 def find_arches(character: Character) -> list[DentalArch]:
-    """Return the dental arches of the ``character``: its teeth and gums, sorted by how they move.
+    """Find the dental arches of the ``character``: its teeth and gums, grouped by their motion.
 
-    The soft inside of a mouth that bends with the jaw is no obstacle.
+    Gums that deform, such as the soft lining of a mouth that bends with the jaw, are not obstacles.
     """
     candidates: list[Ids] = []
     for part in character.parts:
         if part.material in ("teeth", "gums"):
             whole = np.arange(*part.vertices, dtype=np.intp)
-            found = [whole] if moves_as_one(character, whole) else pieces(character, part)
-            candidates += [ids for ids in found if part.material == "teeth" or moves_as_one(character, ids)]
+            found = [whole] if moves_affinely(character, whole) else pieces(character, part)
+            candidates += [ids for ids in found if part.material == "teeth" or moves_affinely(character, ids)]
     arches = [_arch(character, ids) for ids in group_by_motion(character, [ids for ids in candidates if len(ids) >= 4])]
     return [arch for arch in arches if arch is not None]
 
@@ -195,7 +194,7 @@ def _arch(character: Character, ids: Ids) -> DentalArch | None:
 def radius_raster(
     points: Array, axis: tuple[float, float], bottom: float, row: float, rows: int, columns: int = _COARSE_COLUMNS
 ) -> Array:
-    """Return the greatest radius of ``points``, (n, 3), in each cell around ``axis``, or -inf, (columns, rows)."""
+    """Return the greatest radius of ``points``, (n, 3), in each cell around ``axis``, (columns, rows), or -inf."""
     place, radius = _columns(points, axis, columns)
     column = np.round(place).astype(np.intp)
     line = np.round((points[:, 1] - bottom) / row).astype(np.intp)
@@ -206,15 +205,15 @@ def radius_raster(
 
 
 def _columns(points: Array, axis: tuple[float, float], columns: int = _COLUMNS) -> tuple[Array, Array]:
-    """Return the position between columns around ``axis`` of ``points``, (n, 3), and their radius, (n,) each."""
+    """Return the fractional columns and the radii of ``points``, (n, 3), around ``axis``, shape (n,) each."""
     return columns_of(points[:, 0] - axis[0], points[:, 2] - axis[1], columns)
 
 
 def columns_of(
     x: NDArray[_Float], z: NDArray[_Float], columns: int = _COLUMNS
 ) -> tuple[NDArray[_Float], NDArray[_Float]]:
-    """Return the position between columns of points at ``x`` and ``z`` beside the axis, (n,), and their radius."""
+    """Return the fractional columns and the radii of points at ``x`` and ``z`` from the axis, shape (n,) each."""
     radius = np.sqrt(x * x + z * z)
-    # Right behind the axis the tangent is infinite.
+    # Directly behind the axis the tangent is infinite.
     tangent = x / np.maximum(radius + z, 1e-3 * radius + 1e-9)
     return np.clip((tangent + _WIDEST) * ((columns - 1) / (2.0 * _WIDEST)), -float(FINE), columns + FINE - 1.0), radius

@@ -7,31 +7,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.model.character import Character
-from faceposer.model.contact.frames import AffineFrame, moves_as_one
+from faceposer.model.contact.frames import AffineFrame, moves_affinely
 
 Array = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Ids = NDArray[np.intp]
 
-# Steps of the radius over the cosine of the angle to the gaze axis, and over that angle.
+# Number of steps of a profile over the cosine of the angle to the gaze axis, and of its measurement over that angle.
 _STEPS, _ANGLES = 400, 90
-# Radius over the sphere's, from which a bulge is a cornea; nearer to the axis than this angle it belongs to the bulge.
+# Least height of a cornea over the sphere, as a share of the radius, and cosine of the angle from which the surface
+# counts as sclera.
 _BULGE = 0.005
 _SCLERA_COSINE = 0.6
-#: Spheres whose centres are nearer than this share of the smaller radius are shells of one eyeball.
+#: Spheres with centres closer than this share of the smaller radius are shells of one eyeball.
 CONCENTRIC = 0.35
 
 
 @dataclass(frozen=True, eq=False)
 class Eyeball:
-    """A surface of revolution about the gaze axis, at rest: radius r over the cosine of the angle to that axis.
+    """An eyeball at rest as a surface of revolution about the gaze axis.
 
     Attributes:
-        frame: Its motion.
+        frame: Motion of the eyeball.
         centre: Centre of the sclera's sphere, shape (3,).
         radius: Radius of that sphere.
         axis: Unit vector through the cornea, shape (3,).
-        profile: Greatest radius at ``_STEPS`` + 1 equal steps of the cosine from -1 to 1.
+        profile: Greatest radius at ``_STEPS`` + 1 equal steps of the cosine of the angle to the axis, from -1 to 1.
     """
 
     frame: AffineFrame
@@ -45,17 +46,21 @@ class Eyeball:
         return self.motion_of(vertices.take(self.frame.witnesses, axis=0))
 
     def motion_of(self, places: NDArray[np.floating]) -> tuple[Array, Array]:
-        """Return the same where the frame's witnesses lie at ``places``, (w, 3)."""
+        """Return the same, given the positions ``places`` of the frame's witnesses, (w, 3)."""
         linear, moved = self.frame.motion_of(places)
         return linear, moved + linear @ (self.centre - self.frame.origin)
 
     def clearance(self, relative: Array) -> tuple[Array, Array]:
-        """Return how far points at rest, at ``relative`` (n, 3) to the centre, are outside, and their distances."""
+        """Return the clearance of points at rest, and their distances from the centre, shape (n,) each.
+
+        Args:
+            relative: Positions relative to the centre, shape (n, 3).
+        """
         distance = np.sqrt(np.einsum("nd,nd->n", relative, relative))
         return distance - self.radii((relative @ self.axis) / np.maximum(distance, 1e-9)), distance
 
     def radii(self, cosine: Array) -> Array:
-        """Return the radius at the ``cosine`` of the angle to the axis, shape (n,)."""
+        """Return the radii at the ``cosine`` of the angle to the axis, shape (n,)."""
         position = np.clip((cosine + 1.0) * (0.5 * _STEPS), 0.0, _STEPS - 1e-9)
         low = position.astype(np.intp)
         first = self.profile[low]
@@ -64,18 +69,18 @@ class Eyeball:
 
 
 class Eyeballs:
-    """Several eyeballs, looked at together.
+    """Several eyeballs, evaluated together.
 
     Attributes:
-        witnesses: Vertices that tell their motion, as many of each, shape (E w,).
-        at_rest: Where those lie in the neutral face, shape (E w, 3).
-        radii: Of their spheres, shape (E,).
+        witnesses: Vertices to which their motion is fitted, w of each, shape (E w,).
+        at_rest: Neutral positions of these, shape (E w, 3).
+        radii: Radii of the spheres, shape (E,).
     """
 
     def __init__(self, balls: Sequence[Eyeball], neutral: NDArray[np.floating]) -> None:
-        """Take up ``balls`` of the ``neutral`` face, shape (N, 3)."""
+        """Combine the ``balls`` of the ``neutral`` face, shape (N, 3)."""
         most = max(len(ball.frame.witnesses) for ball in balls)
-        # Those that are too many count for nothing.
+        # Padded witnesses have a weight of 0.
         self.witnesses = np.concatenate(
             [np.pad(ball.frame.witnesses, (0, most - len(ball.frame.witnesses)), mode="edge") for ball in balls]
         )
@@ -89,7 +94,11 @@ class Eyeballs:
         self.radii = np.array([ball.radius for ball in balls])
 
     def motion_of(self, places: NDArray[np.floating]) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Return linear parts, (E, 3, 3), centres, (E, 3), and which balls move, (E,), by the witnesses' ``places``."""
+        """Return linear parts, (E, 3, 3), centres, (E, 3), and the mask of moved balls, (E,).
+
+        Args:
+            places: Positions of the witnesses, shape (E w, 3).
+        """
         count = len(self.radii)
         found = self._solvers @ places.astype(np.float64).reshape(count, -1, 3)
         linear = found[:, :3].transpose(0, 2, 1)
@@ -97,7 +106,12 @@ class Eyeballs:
         return linear, centres, (places != self.at_rest).reshape(count, -1).any(axis=1)
 
     def clearance(self, rows: Singles, balls: Ids) -> Singles:
-        """Return how far points at rest, coordinates by rows (3, n), relative to centres of ``balls``, are outside."""
+        """Return the clearance of points at rest, shape (n,).
+
+        Args:
+            rows: Coordinates relative to the centre of each point's ball, shape (3, n).
+            balls: Index of each point's ball, shape (n,).
+        """
         x, y, z = rows
         distance = np.sqrt(x * x + y * y + z * z)
         p, q, r = self._axes.take(balls, axis=1)
@@ -112,7 +126,7 @@ class Eyeballs:
 
 
 def fit_sphere(points: Array) -> tuple[Array, float]:
-    """Return centre, (3,), and radius of the sphere nearest to ``points``, (n, 3), by linear least squares."""
+    """Return the centre, (3,), and the radius of a sphere fitted to ``points``, (n, 3), by linear least squares."""
     middle = points.mean(axis=0)
     moved = points - middle
     system = np.hstack([2.0 * moved, np.ones((len(points), 1))])
@@ -121,9 +135,9 @@ def fit_sphere(points: Array) -> tuple[Array, float]:
 
 
 def find_eyeballs(character: Character) -> list[Eyeball]:
-    """Return the eyeballs of the ``character``: parts of the material "eye" that are about a sphere.
+    """Find the eyeballs of the ``character``: parts of the material "eye" that are nearly spherical.
 
-    Parts with one centre that move as one, such as sclera and iris in separate shells, are one eyeball.
+    Concentric parts that move together, such as sclera and iris in separate shells, form one eyeball.
     """
     balls = []
     for ids in _spheres(character):
@@ -140,7 +154,7 @@ def find_eyeballs(character: Character) -> list[Eyeball]:
 
 
 def _spheres(character: Character) -> list[NDArray[np.intp]]:
-    """Return the vertices of each sphere among the parts of eyes, those of concentric shells together."""
+    """Return the vertex ids of each sphere among the parts of eyes, with concentric shells merged."""
     found: list[tuple[NDArray[np.intp], Array, float]] = []
     for part in character.parts:
         ids = np.arange(*part.vertices, dtype=np.intp)
@@ -153,7 +167,7 @@ def _spheres(character: Character) -> list[NDArray[np.intp]]:
             continue
         for i, (others, other_centre, other_radius) in enumerate(found):
             near = np.linalg.norm(centre - other_centre) < CONCENTRIC * min(radius, other_radius)
-            if near and moves_as_one(character, np.concatenate([others, ids])):
+            if near and moves_affinely(character, np.concatenate([others, ids])):
                 found[i] = np.concatenate([others, ids]), other_centre, other_radius
                 break
         else:
@@ -162,7 +176,7 @@ def _spheres(character: Character) -> list[NDArray[np.intp]]:
 
 
 def _gaze_axis(relative: Array, radius: float) -> Array:
-    """Return the direction of the bulge of points ``relative`` (n, 3) to the centre, or ahead if there is none."""
+    """Return the direction of the cornea from points ``relative`` to the centre, (n, 3), or +z if there is none."""
     excess = np.linalg.norm(relative, axis=1) - radius
     ahead = np.array([0.0, 0.0, 1.0])
     if excess.max() < _BULGE * radius:
@@ -174,7 +188,7 @@ def _gaze_axis(relative: Array, radius: float) -> Array:
 
 
 def _profile(relative: Array, axis: Array) -> Array:
-    """Return the greatest radius over the angle to ``axis``; between rings of vertices it is interpolated."""
+    """Return the profile about ``axis`` of points ``relative`` to the centre, interpolated between vertices."""
     distance = np.linalg.norm(relative, axis=1)
     angle = np.arccos(np.clip(relative @ axis / distance, -1.0, 1.0))
     greatest = np.zeros(_ANGLES + 1)

@@ -1,4 +1,4 @@
-"""Parts of a character that move as one piece, and their motion in a pose."""
+"""Parts of a character that move affinely, and their motion in a pose."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,24 +13,24 @@ from faceposer.model.character import Character, Part
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
 
-# So many vertices, spread over a part, tell its motion.
+# Number of vertices, spread over a part, to which its motion is fitted.
 _WITNESSES = 64
-# Vertices move as one piece if an affine map predicts them to this share of the head's height in every shape.
+# Tolerance of an affine map of vertices in every shape, as a share of the head's height.
 _TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class AffineFrame:
-    """The affine map y = linear (x - origin) + moved origin nearest to the motion of some vertices.
+    """The affine map y = linear (x - origin) + moved origin that best fits the motion of some vertices.
 
-    Shapes that turn a rigid part are affine in its positions, and so are their sums: the map is then exact, while the
-    nearest rigid motion is not.
+    Displacements by shapes that rotate a rigid part are affine in its positions, and so are their sums. The affine map
+    is then exact, unlike the nearest rigid motion.
 
     Attributes:
-        ids: The vertices, shape (n,).
-        witnesses: Those of them that the map is fitted to, shape (w,).
+        ids: Vertex ids, shape (n,).
+        witnesses: Subset of the vertices to which the map is fitted, shape (w,).
         origin: Centroid of the witnesses in the neutral face, shape (3,).
-        solver: Pseudoinverse of the centred neutral witnesses, whose rows sum to 0, and below it their mean, (4, w).
+        solver: Matrix, shape (4, w): the pseudoinverse of the centred neutral witnesses, then a row that averages.
     """
 
     ids: Ids
@@ -48,34 +48,34 @@ class AffineFrame:
         return cls(ids, witnesses, origin, np.vstack([np.linalg.pinv(points - origin, rcond=1e-6), mean]))
 
     def motion(self, vertices: NDArray[np.floating]) -> tuple[Array, Array]:
-        """Return the linear part, (3, 3), and the place of the origin, (3,), in the pose ``vertices``, (N, 3)."""
+        """Return the linear part, (3, 3), and the moved origin, (3,), in the pose ``vertices``, (N, 3)."""
         return self.motion_of(vertices.take(self.witnesses, axis=0))
 
     def motion_of(self, places: NDArray[np.floating]) -> tuple[Array, Array]:
-        """Return the same where the witnesses lie at ``places``, (w, 3)."""
+        """Return the same, given the positions ``places`` of the witnesses, (w, 3)."""
         found = self.solver @ places.astype(np.float64)
         return found[:3].T, found[3]
 
 
 def to_rest(points: Array, origin: Array, linear: Array, moved: Array) -> Array:
-    """Return where ``points`` of the pose, (n, 3), lie relative to a part at rest."""
+    """Return ``points`` of the pose, (n, 3), in the rest frame of a part, (n, 3)."""
     back: Array = (points - moved) @ np.linalg.inv(linear).T + origin
     return back
 
 
-def moves_as_one(character: Character, ids: Ids) -> bool:
-    """Return whether the vertices ``ids`` move affinely in every shape of the ``character``."""
+def moves_affinely(character: Character, ids: Ids) -> bool:
+    """Return True if the vertices ``ids`` move affinely in every shape of the ``character``."""
     points = character.vertices[ids].astype(np.float64)
     system = np.hstack([points - points.mean(axis=0), np.ones((len(ids), 1))])
     offsets = np.moveaxis(character.shapes[:, ids], 1, 0).reshape(len(ids), -1).astype(np.float64)
     basis, scale, _ = np.linalg.svd(system, full_matrices=False)
     basis = basis[:, scale > 1e-6 * scale[0]]
-    left = offsets - basis @ (basis.T @ offsets)
-    return float(np.abs(left).max(initial=0.0)) <= _TOLERANCE * character.height
+    residual = offsets - basis @ (basis.T @ offsets)
+    return float(np.abs(residual).max(initial=0.0)) <= _TOLERANCE * character.height
 
 
 def pieces(character: Character, part: Part) -> list[Ids]:
-    """Return the connected pieces of ``part`` as vertex ids."""
+    """Return the vertex ids of each connected component of ``part``."""
     first, last = part.vertices
     run = slice(*character.part_triangles(part))
     corners = character.triangles[run] - first
@@ -87,11 +87,11 @@ def pieces(character: Character, part: Part) -> list[Ids]:
 
 
 def group_by_motion(character: Character, candidates: Sequence[Ids]) -> list[Ids]:
-    """Return unions of the ``candidates`` that each move as one, the largest candidate first."""
+    """Return unions of the ``candidates`` that move affinely together, merged in order of decreasing size."""
     groups: list[Ids] = []
     for ids in sorted(candidates, key=len, reverse=True):
         for number, group in enumerate(groups):
-            if moves_as_one(character, np.concatenate([group, ids])):
+            if moves_affinely(character, np.concatenate([group, ids])):
                 groups[number] = np.concatenate([group, ids])
                 break
         else:

@@ -1,4 +1,4 @@
-"""Lids that have passed each other turn back to where they meet."""
+"""Rotation of lids that have passed each other back to where they meet."""
 
 import itertools
 from collections.abc import Iterator, Sequence
@@ -9,43 +9,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.model.character import Character
+from faceposer.model.contact.displacement import Displacement, move_vertices
 from faceposer.model.contact.eyeballs import Eyeball
 from faceposer.model.contact.frames import pieces
 from faceposer.model.contact.lids import PRESSED, LidEdges, azimuth_and_elevation, skin_ids
-from faceposer.model.contact.moved import Moved, moved_by
 from faceposer.model.contact.spreading import Spreading, fading, hinge
 
 Array = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Ids = NDArray[np.intp]
 
-# Shares of an overlap that the upper and the lower lid give way by: the upper one is the one that moves. Both turn at
-# once, each to where the other was; what that leaves between vertices, further turns take away.
+# Shares of the overlap by which the upper and the lower lid turn back, in each of three passes. In the first pass the
+# upper lid, which moves most, takes most; the others remove what remains between vertices.
 _SHARES = ((0.8, 0.2), (1.0, 1.0), (1.0, 1.0))
-#: In radii of the ball: how far from the edges skin turns with them.
-TURNS = 0.75
-# In radii of the ball: how far from the edges it is their rim.
+#: Distance from the edges up to which skin turns with them, in radii of the ball.
+TURN_REACH = 0.75
+# Width of the rims along the edges, in radii of the ball.
 _RIM = 0.3
-# In radians: start and margin of the turn of a lid by the other.
+# Start and margin of the turn of a lid, in radians.
 _TURN_START, _TURN_MARGIN = 0.003, 0.012
-# What lies between an edge's last vertex and a corner of the eye that is further away than this is unknown, in radians.
-_UNKNOWN = np.deg2rad(8.0)
-#: Distance of the control points that spread pushes, in radians.
+# Largest gap between the last vertex of an edge and a corner of the eye in which the edge is known, in radians.
+_LARGEST_GAP = np.deg2rad(8.0)
+#: Spacing of the control points that spread pushes, in radians.
 SPACING = 0.2
 
 
 class Turning:
-    """Turns lids that have passed each other back to where they meet."""
+    """Correction that turns lids that have passed each other back to where they meet."""
 
     def __init__(self, character: Character, eyes: Sequence[tuple[int, Eyeball, LidEdges, list[Array]]]) -> None:
-        """Prepare for ``eyes``: of each its number, ball, edges of the lids, and distances of all vertices to them."""
+        """Precompute the turning of ``eyes``: number, ball, lid edges and distances of all vertices from both edges."""
         lids = [(number, _Lids.of(character, ball, edges, distances)) for number, ball, edges, distances in eyes]
         first = np.cumsum([0, *(len(each.ids) for _, each in lids)])
         self._count = int(first[-1])
         # Upper lids of all eyes, then lower lids of all eyes.
         both = range(2)
-        self._spreading = Spreading.beside([each.spreadings[side] for side in both for _, each in lids])
-        # Where the rims' own turns lie among those of all lids.
+        self._spreading = Spreading.block_diagonal([each.spreadings[side] for side in both for _, each in lids])
+        # Indices of the rims among the vertices of all lids.
         self._own = np.concatenate(
             [each.rims[side] + first[i] + side * self._count for side in both for i, (_, each) in enumerate(lids)]
         )
@@ -61,30 +61,30 @@ class Turning:
         self._edges = [each.edges for _, each in lids]
         edges = [ids for each in self._edges for ids in (each.upper, each.lower, each.corners)]
         rims = [each.ids[each.rims[side]] for side in both for _, each in lids]
-        self._seen = np.concatenate([*edges, *rims])
-        self._runs = runs_of([len(ids) for ids in (*edges, *rims)])
-        self._eye_of_seen = np.repeat(
+        self._vertices = np.concatenate([*edges, *rims])
+        self._runs = slices_of([len(ids) for ids in (*edges, *rims)])
+        self._eye_of_vertex = np.repeat(
             [*np.repeat(numbers, 3), *numbers, *numbers], [len(ids) for ids in (*edges, *rims)]
         )
-        self._at_rest = character.vertices[self._seen]
+        self._at_rest = character.vertices[self._vertices]
 
-    def apply(self, vertices: Singles, centres: Array, looks: bool) -> Iterator[Moved]:
+    def apply(self, vertices: Singles, centres: Array, eyes_move: bool) -> Iterator[Displacement]:
         """Turn the lids of the pose ``vertices``, (N, 3), in place.
 
         Args:
-            vertices: Shape (N, 3).
-            centres: Of the eyes, shape (E, 3).
-            looks: Whether an eye is moved; if none is, lids that are at rest are not looked at.
+            vertices: Posed vertices, shape (N, 3).
+            centres: Centres of the eyes, shape (E, 3).
+            eyes_move: True if an eye moves; otherwise lids at rest are skipped.
         """
-        centre_of_seen = centres.take(self._eye_of_seen, axis=0)
+        centres_of_vertices = centres.take(self._eye_of_vertex, axis=0)
         for shares in self._shares:
-            places = vertices.take(self._seen, axis=0)
-            if not looks and np.array_equal(places, self._at_rest):
+            places = vertices.take(self._vertices, axis=0)
+            if not eyes_move and np.array_equal(places, self._at_rest):
                 return
-            past = self._past(places - centre_of_seen)
-            if past.max(initial=0.0) <= 0.0:
+            overlaps = self._overlaps(places - centres_of_vertices)
+            if overlaps.max(initial=0.0) <= 0.0:
                 return
-            turns = shares * hinge(past, _TURN_START, _TURN_MARGIN)
+            turns = shares * hinge(overlaps, _TURN_START, _TURN_MARGIN)
             both = self._spreading(turns)
             both[self._own] = np.maximum(both.take(self._own), turns)
             angle = both[: self._count] - both[self._count :]
@@ -92,11 +92,11 @@ class Turning:
             turned = np.flatnonzero(angle)
             yield self._turn(vertices, turned, angle.take(turned), centres)
 
-    def _past(self, relative: Array) -> Array:
-        """Return by which angle each vertex of the rims is past the other edge, less what it may be, shape (k,).
+    def _overlaps(self, relative: Array) -> Array:
+        """Return the angle by which each rim vertex is past the other edge, less the allowed angle, shape (k,).
 
         Args:
-            relative: Where edges, corners and rims lie, relative to the centres of their eyes, shape (s, 3).
+            relative: Positions of edges, corners and rims relative to the centres of their eyes, shape (s, 3).
         """
         azimuth, elevation, _ = azimuth_and_elevation(relative)
         azimuths, elevations = ([each[run] for run in self._runs] for each in (azimuth, elevation))
@@ -107,12 +107,12 @@ class Turning:
             upper, lower = edges.curves_through(azimuths[edge], elevations[edge])
             uppers.append(lower(azimuths[rim]) - elevations[rim])
             lowers.append(elevations[other] - upper(azimuths[other]))
-        past = np.concatenate([*uppers, *lowers])
-        past += self._allowed
-        return past
+        overlaps = np.concatenate([*uppers, *lowers])
+        overlaps += self._allowed
+        return overlaps
 
-    def _turn(self, vertices: Singles, turned: Ids, angle: Singles, centres: Array) -> Moved:
-        """Turn the vertices numbered ``turned``, (n,), up by an ``angle``, (n,), in place."""
+    def _turn(self, vertices: Singles, turned: Ids, angle: Singles, centres: Array) -> Displacement:
+        """Turn the vertices ``self._ids[turned]`` up by an ``angle``, (n,), in place."""
         ids = self._ids.take(turned)
         before = vertices.take(ids, axis=0)
         x, y, z = (before - centres.take(self._eye_of_id.take(turned), axis=0)).T
@@ -120,21 +120,21 @@ class Turning:
         cosine, sine = np.cos(angle), np.sin(angle)
         shrink = cosine - sine * y / across - 1.0
         move = np.stack([x * shrink, across * sine + y * (cosine - 1.0), z * shrink])
-        return moved_by(vertices, ids, before, move)
+        return move_vertices(vertices, ids, before, move)
 
 
 @dataclass(frozen=True, eq=False)
 class _Lids:
-    """The lids of one eye, as far as they turn.
+    """The parts of the lids of one eye that turn.
 
     Attributes:
-        ids: The vertices that turn, shape (n,).
-        edges: The edges.
+        ids: Ids of the vertices that turn, shape (n,).
+        edges: Edges of the lids.
         rims: Indices into ``ids`` of the vertices at the rim of the upper and of the lower lid.
-        allowed: How far each of these lies behind its edge, less the overlap that it may have.
-        spreadings: From each rim over ``ids``.
-        lashes: Vertices of lashes.
-        roots: The index into ``ids`` of the vertex that each of them goes with.
+        allowed: Angle of each rim vertex behind its edge in the neutral face, less the allowed overlap.
+        spreadings: Spreading of turns from each rim over ``ids``.
+        lashes: Vertex ids of the lashes.
+        roots: Index into ``ids`` of the vertex to which each of ``lashes`` is attached.
     """
 
     ids: Ids
@@ -147,16 +147,16 @@ class _Lids:
 
     @classmethod
     def of(cls, character: Character, ball: Eyeball, edges: LidEdges, distances: list[Array]) -> Self:
-        """Return the lids with ``edges`` before a ``ball`` of ``character``."""
+        """Return the lids with ``edges`` in front of a ``ball`` of ``character``."""
         skin = skin_ids(character)
-        reach = TURNS * ball.radius
+        reach = TURN_REACH * ball.radius
         near = skin[np.minimum(distances[0], distances[1])[skin] < reach]
         points = character.vertices[near].astype(np.float64) - ball.centre
         azimuth, elevation, _ = azimuth_and_elevation(points)
-        upper = upper_share(distances, near)
+        upper = upper_lid_share(distances, near)
         outward = np.sign(ball.centre[0]) or 1.0
         curves = edges.curves(character.vertices, ball.centre)
-        starts, ends = zip(*(_known(curve.azimuth) for curve in curves), strict=True)
+        starts, ends = zip(*(_known_range(curve.azimuth) for curve in curves), strict=True)
         first, last = max(starts), min(ends)
         on_edge = (azimuth > first) & (azimuth < last) & (ball.clearance(points)[0] >= 0.0)
         along, up = outward * azimuth / SPACING, elevation / SPACING
@@ -170,26 +170,26 @@ class _Lids:
             rims.append(rim)
             allowed.append(behind - np.maximum(across, PRESSED))
             spreadings.append(Spreading.over(along, up, share, fade, rim))
-        turning = np.unique(np.concatenate([*rims, *(spreading.reaches for spreading in spreadings)]))
-        lashes, roots = followers_of(character, ball, edges, near[turning])
+        turning = np.unique(np.concatenate([*rims, *(spreading.support for spreading in spreadings)]))
+        lashes, roots = attached_lashes(character, ball, edges, near[turning])
         return cls(
             near[turning],
             edges,
             [np.searchsorted(turning, rim) for rim in rims],
             allowed,
-            [spreading.at(turning) for spreading in spreadings],
+            [spreading.restricted(turning) for spreading in spreadings],
             lashes,
             roots,
         )
 
 
-def runs_of(lengths: Sequence[int]) -> list[slice]:
-    """Return where runs of such ``lengths``, one after another, lie."""
+def slices_of(lengths: Sequence[int]) -> list[slice]:
+    """Return the slices of consecutive blocks of the given ``lengths``."""
     return [slice(*run) for run in itertools.pairwise(np.cumsum([0, *lengths]).tolist())]
 
 
-def upper_share(distances: list[Array] | None, ids: Ids) -> Array:
-    """Return the share of the vertices ``ids`` in the upper lid, 1/2 at the corners, by ``distances`` to the edges."""
+def upper_lid_share(distances: list[Array] | None, ids: Ids) -> Array:
+    """Return the share of the vertices ``ids`` in the upper lid from ``distances`` to the edges; 1/2 at the corners."""
     if distances is None:
         return np.full(len(ids), 0.5)
     upper, lower = (np.minimum(distance[ids], 1e6) for distance in distances)
@@ -200,15 +200,15 @@ def _azimuth(character: Character, ball: Eyeball, ids: Ids) -> Array:
     return azimuth_and_elevation(character.vertices[ids].astype(np.float64) - ball.centre)[0]
 
 
-def _known(azimuth: Array) -> tuple[float, float]:
-    """Return between which angles an edge is known whose points lie at the rising ``azimuth``, shape (n,)."""
-    first = 1 if azimuth[1] - azimuth[0] > _UNKNOWN else 0
-    last = -2 if azimuth[-1] - azimuth[-2] > _UNKNOWN else -1
+def _known_range(azimuth: Array) -> tuple[float, float]:
+    """Return the range of azimuths in which an edge with points at ascending ``azimuth``, (n,), is known."""
+    first = 1 if azimuth[1] - azimuth[0] > _LARGEST_GAP else 0
+    last = -2 if azimuth[-1] - azimuth[-2] > _LARGEST_GAP else -1
     return float(azimuth[first]), float(azimuth[last])
 
 
 def _lashes(character: Character, ball: Eyeball, edges: LidEdges | None) -> list[tuple[Ids, bool]]:
-    """Return the pieces of lashes on the lids of ``ball``, each with whether they are those of the upper lid."""
+    """Return the connected pieces of lashes on the lids of ``ball``, each with True if it is on the upper lid."""
     found = []
     for part in character.parts if edges is not None else ():
         if part.material != "lashes":
@@ -226,19 +226,19 @@ def _lashes(character: Character, ball: Eyeball, edges: LidEdges | None) -> list
     return found
 
 
-def followers_of(character: Character, ball: Eyeball, edges: LidEdges | None, skin: Ids) -> tuple[Ids, Ids]:
-    """Return the vertices of lashes, and the index into ``skin`` of the edge's vertex that each goes with.
+def attached_lashes(character: Character, ball: Eyeball, edges: LidEdges | None, skin: Ids) -> tuple[Ids, Ids]:
+    """Return the vertex ids of lashes, and the index into ``skin`` of the edge vertex to which each is attached.
 
-    Those that go with none of ``skin`` are left out.
+    Lashes attached to no vertex of ``skin`` are left out.
     """
     ids, roots = [np.zeros(0, dtype=np.intp)], [np.zeros(0, dtype=np.intp)]
-    place = np.full(len(character.vertices), -1, dtype=np.intp)
-    place[skin] = np.arange(len(skin))
+    index = np.full(len(character.vertices), -1, dtype=np.intp)
+    index[skin] = np.arange(len(skin))
     for lashes, is_upper in _lashes(character, ball, edges):
         assert edges is not None
         edge = edges.upper if is_upper else edges.lower
         between = np.abs(_azimuth(character, ball, lashes)[:, None] - _azimuth(character, ball, edge)[None])
         ids.append(lashes)
-        roots.append(place[edge[between.argmin(axis=1)]])
+        roots.append(index[edge[between.argmin(axis=1)]])
     found, root = np.concatenate(ids), np.concatenate(roots)
     return found[root >= 0], root[root >= 0]

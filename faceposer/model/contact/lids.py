@@ -1,4 +1,4 @@
-"""The edges of the lids: found as the border of the opening that the eyeball is seen through from its centre."""
+"""Edges of the lids, found as the border of the opening in the skin as seen from the centre of the eyeball."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,33 +16,34 @@ from faceposer.model.contact.samples import lattice
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
 
-# The map of directions from the eye's centre: degrees sideways and up to which it goes, and degrees of a cell.
+# Map of directions from the eye's centre: extent sideways, extent up and down, and size of a cell, in degrees.
 _SIDE, _UP, _CELL = 100, 80, 1.0
-# Skin over the ball within this share of its radius is part of the lids; nearer than the second it lies on the ball.
+# Largest clearance of lid skin from the ball, and of skin that touches the ball, as shares of the radius.
 _REACH, _TOUCHING = 0.8, 1e-3
-#: Closed lids press on each other: edges that overlap by this angle, in radians, are in touch and not past each other.
+#: Closed lids press on each other: edges that overlap by up to this angle, in radians, have not passed each other.
 PRESSED = 0.04
-# Two eyes, and their vertices, are mirror images up to this share of the radius.
+# Tolerance of the mirror symmetry of the two eyes, as a share of the radius.
 _SAME = 0.02
-# An edge vertex lies within so many cells of the border of the opening.
+# Largest distance of an edge vertex from the border of the opening, in cells.
 _NEAR = 4.0
-# Vertices of an edge are so far apart, in radians of azimuth, and lie at most so far behind those beside them.
+# Least distance between vertices of an edge in azimuth, and largest retreat behind the chord of their neighbours, in
+# radians.
 _SPACING, _BEHIND = np.deg2rad(1.5), np.deg2rad(0.8)
 # An eighth of the largest curvature of an edge, in 1 / radians.
-_BENT = 0.25
-# Fewer vertices do not make an edge, and an opening of fewer columns is none.
+_CURVATURE = 0.25
+# Least number of vertices of an edge, and of columns of an opening.
 _FEWEST, _NARROWEST = 3, 8
 
 
 @dataclass(frozen=True, eq=False)
 class LidEdges:
-    """Edges of the upper and the lower lid of one eye as vertices, from right to left of the character.
+    """Edges of the upper and the lower lid of one eye, ordered from the character's right to its left.
 
     Attributes:
         upper: Vertex ids, shape (u,).
         lower: Vertex ids, shape (l,).
-        corners: Right and left corner of the eye, which end both edges; or fewer.
-        left: Whether it is the character's left eye.
+        corners: Vertex ids of the right and left corner of the eye, as far as known, which end both edges.
+        left: True for the character's left eye.
     """
 
     upper: Ids
@@ -51,7 +52,11 @@ class LidEdges:
     left: bool
 
     def mirrored(self, across: Ids) -> Self | None:
-        """Return the edges on the other side, by the vertex ``across`` from each, (N,), or None where there is none."""
+        """Return the edges of the other eye, or None if a vertex has no mirror image.
+
+        Args:
+            across: Mirror image of each vertex, shape (N,); -1 if there is none.
+        """
         ids = [across[each][::-1] for each in (self.upper, self.lower, self.corners)]
         return None if any((each < 0).any() for each in ids) else type(self)(ids[0], ids[1], ids[2], not self.left)
 
@@ -65,14 +70,14 @@ class LidEdges:
         return self.curves_through(azimuths, elevations)
 
     def curves_through(self, azimuths: Sequence[Array], elevations: Sequence[Array]) -> tuple["EdgeCurve", "EdgeCurve"]:
-        """Return the same where upper edge, lower edge and corners are seen at such angles."""
+        """Return the same, given the angles of upper edge, lower edge and corners."""
         upper, lower = (
             EdgeCurve.through(azimuths[i], elevations[i], azimuths[2], elevations[2], self.left) for i in range(2)
         )
         return upper, lower
 
     def overlap(self, ball: Eyeball, vertices: NDArray[np.floating]) -> tuple[Array, Array]:
-        """Return by which angle each vertex of the upper, (u,), and of the lower edge, (l,), lies past the other."""
+        """Return the angles by which vertices of the upper edge, (u,), and the lower edge, (l,), are past the other."""
         _, centre = ball.motion(vertices)
         upper, lower = self.curves(vertices, centre)
         (upper_side, upper_up, _), (lower_side, lower_up, _) = (
@@ -83,11 +88,11 @@ class LidEdges:
 
 @dataclass(frozen=True, eq=False)
 class EdgeCurve:
-    """The elevation of a lid's edge over the azimuth.
+    """The elevation of a lid's edge as a function of the azimuth.
 
     Attributes:
-        azimuth: Of its points, not falling, shape (n,).
-        elevation: Of its points, shape (n,).
+        azimuth: Azimuths of its points, nondecreasing, shape (n,).
+        elevation: Elevations of its points, shape (n,).
     """
 
     azimuth: Array
@@ -97,10 +102,10 @@ class EdgeCurve:
     def through(
         cls, azimuth: Array, elevation: Array, end_azimuth: Array, end_elevation: Array, ascending: bool
     ) -> Self:
-        """Return the curve through the points of an edge and, outside them, the corners of the eye.
+        """Return the curve through the points of an edge and the corners of the eye outside them.
 
-        Where the edge, followed from the nose outwards, which is ``ascending`` or not, runs back, its points count as
-        if at the place that it has reached.
+        Where the edge, followed outwards from the nose, turns back, its azimuth is held. ``ascending`` states whether
+        azimuths increase outwards.
         """
         azimuth = np.maximum.accumulate(azimuth) if ascending else np.minimum.accumulate(azimuth[::-1])[::-1]
         before, after = end_azimuth < azimuth[0], end_azimuth > azimuth[-1]
@@ -115,8 +120,8 @@ class EdgeCurve:
         return elevation
 
 
-def over_the_ball(character: Character, ball: Eyeball) -> Ids:
-    """Return the skin vertices that lie on the eyeball or over it, before its centre, in rising order."""
+def skin_near_ball(character: Character, ball: Eyeball) -> Ids:
+    """Return the skin vertices on or above the front of the eyeball, in ascending order."""
     skin = skin_ids(character)
     relative = character.vertices[skin].astype(np.float64) - ball.centre
     clearance, distance = ball.clearance(relative)
@@ -125,22 +130,22 @@ def over_the_ball(character: Character, ball: Eyeball) -> Ids:
 
 
 def skin_ids(character: Character) -> Ids:
-    """Return the vertices of all parts of skin, shape (n,)."""
+    """Return the vertex ids of all skin parts, shape (n,)."""
     runs = [np.arange(*part.vertices, dtype=np.intp) for part in character.parts if part.material == "skin"]
     return np.concatenate(runs) if runs else np.zeros(0, dtype=np.intp)
 
 
 def azimuth_and_elevation(relative: Array) -> tuple[Array, Array, Array]:
-    """Return angles to the left and up, and the distance, of points ``relative`` (n, 3) to a centre, (n,) each."""
+    """Return the angles to the left and up, and the distances, of points ``relative`` to a centre, shape (n,) each."""
     distance = np.sqrt(np.einsum("nd,nd->n", relative, relative))
     elevation = np.arcsin(np.clip(relative[:, 1] / np.maximum(distance, 1e-9), -1.0, 1.0))
     return np.arctan2(relative[:, 0], relative[:, 2]), elevation, distance
 
 
 def find_all_edges(character: Character, balls: Sequence[Eyeball]) -> list[LidEdges | None]:
-    """Return the edges of the lids before each of ``balls``, None where there are none.
+    """Find the edges of the lids of each of ``balls``, None if there are none.
 
-    Where the face is symmetric, the right eye has the mirror image of what is found on the left.
+    On symmetric faces the right eye gets the mirror image of the left eye's edges.
     """
     edges = [find_edges(character, ball) if ball.centre[0] >= 0.0 else None for ball in balls]
     lefts = [(ball, found) for ball, found in zip(balls, edges, strict=True) if found is not None]
@@ -159,8 +164,8 @@ def find_all_edges(character: Character, balls: Sequence[Eyeball]) -> list[LidEd
 
 
 def find_edges(character: Character, ball: Eyeball) -> LidEdges | None:
-    """Return the edges of the lids before ``ball``, or None if it is not seen through an opening of the skin."""
-    near = over_the_ball(character, ball)
+    """Find the edges of the lids of ``ball``; return None if it is not behind an opening in the skin."""
+    near = skin_near_ball(character, ball)
     chosen = np.zeros(len(character.vertices), dtype=bool)
     chosen[near] = True
     triangles = character.triangles[chosen[character.triangles].any(axis=1)]
@@ -199,20 +204,20 @@ def find_edges(character: Character, ball: Eyeball) -> LidEdges | None:
 
 
 def _corners(character: Character, ball: Eyeball, edges: Ids) -> Ids:
-    """Return the corners of the eye, from right to left, where they lie beyond all vertices of the ``edges``."""
+    """Return those corners of the eye, from right to left, that are beyond all vertices of the ``edges``."""
     names = ("3.11", "3.7") if ball.centre[0] >= 0.0 else ("3.12", "3.8")
     known = np.array([character.feature_points[n] for n in names if n in character.feature_points], dtype=np.intp)
     azimuth, elevation, _ = azimuth_and_elevation(character.vertices[known].astype(np.float64) - ball.centre)
-    reached = azimuth_and_elevation(character.vertices[edges].astype(np.float64) - ball.centre)[0]
-    beyond = (azimuth < reached.min()) | (azimuth > reached.max())
+    on_edges = azimuth_and_elevation(character.vertices[edges].astype(np.float64) - ball.centre)[0]
+    beyond = (azimuth < on_edges.min()) | (azimuth > on_edges.max())
     return known[beyond & (np.abs(elevation) < 0.5) & (np.abs(azimuth) < 0.5 * np.pi)]
 
 
 def _one_per_place(ids: Ids, vertices: NDArray[np.floating], ball: Eyeball, is_upper: bool) -> Ids:
-    """Return those of the vertices ``ids`` that lie nearest to the opening in their surroundings, by azimuth."""
+    """Return the subset of the vertices ``ids`` nearest to the opening at each azimuth, ordered by azimuth."""
     azimuth, elevation, _ = azimuth_and_elevation(vertices[ids].astype(np.float64) - ball.centre)
     away = elevation if is_upper else -elevation
-    # From the nose outwards, so that both eyes are treated alike.
+    # From the nose outwards, for left-right symmetry.
     order = np.argsort(azimuth if ball.centre[0] >= 0.0 else -azimuth, kind="stable")
     kept: list[int] = []
     for i in order:
@@ -225,8 +230,8 @@ def _one_per_place(ids: Ids, vertices: NDArray[np.floating], ball: Eyeball, is_u
         line, place = away[kept], azimuth[kept]
         share = (place[1:-1] - place[:-2]) / (place[2:] - place[:-2])
         behind = line[1:-1] - (line[:-2] + share * (line[2:] - line[:-2]))
-        # Between neighbours far apart an arch rises high above their chord.
-        behind -= _BENT * (place[2:] - place[:-2]) ** 2
+        # An arch rises above the chord of neighbours far apart.
+        behind -= _CURVATURE * (place[2:] - place[:-2]) ** 2
         if behind.max() < _BEHIND:
             break
         del kept[1 + int(behind.argmax())]
@@ -234,7 +239,7 @@ def _one_per_place(ids: Ids, vertices: NDArray[np.floating], ball: Eyeball, is_u
 
 
 def _covered(corners: Array, ball: Eyeball) -> NDArray[np.bool_]:
-    """Return which directions from the centre meet triangles outside the ball, shape (columns, rows)."""
+    """Return the mask of directions from the centre that meet triangles outside the ball, shape (columns, rows)."""
     points = lattice(corners, 0.4 * np.deg2rad(_CELL) * ball.radius)
     clearance, _ = ball.clearance(points)
     column, line = _cells(points[clearance >= -_TOUCHING * ball.radius])

@@ -1,4 +1,4 @@
-"""The skin in front of a dental arch: outer skin, and the inside of the lips as far as an open mouth shows it."""
+"""The skin in front of a dental arch: the outer skin, and the inside of the lips that an open mouth reveals."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,20 +16,20 @@ from faceposer.model.contact.samples import SurfaceSamples, lattice
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
 
-# Shares of the head's height: how far before the teeth and beyond their ends skin is looked at, how far behind the
-# outermost skin it still is the outer skin, and how far around the rim of the lips their inside belongs to them.
+# Shares of the head's height: reach of the search in front of the teeth and beyond their ends, depth of the outer skin
+# behind the outermost surface, and width of the inside of the lips from their rim.
 _REACH, _BEYOND, _OUTERMOST, _INSIDE = 0.12, 0.08, 0.006, 0.025
-# Share of the head's height from which an edge is so long that its triangles are sampled more finely.
+# Length of an edge from which its triangles are sampled more finely, as a share of the head's height.
 _LARGE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class Covering:
-    """The skin that covers the teeth of an arch in the neutral face, as vertex ids in rising order.
+    """The skin that covers the teeth of an arch in the neutral face, as vertex ids in ascending order.
 
     Attributes:
-        outer: What is seen from outside, shape (n,).
-        lips: That with the inside of the lips, shape (m,).
+        outer: The outer skin, shape (n,).
+        lips: The outer skin and the inside of the lips, shape (m,).
     """
 
     outer: Ids
@@ -62,36 +62,36 @@ def find_covering(character: Character, arch: DentalArch) -> Covering:
 
 
 def skin_samples(character: Character, ids: Ids) -> SurfaceSamples:
-    """Return samples of the triangles between the vertices ``ids``, and of all these."""
+    """Return samples of the vertices ``ids`` and of the triangles among them."""
     return SurfaceSamples.of(character.vertices, triangles_among(character, ids), ids, _LARGE * character.height)
 
 
 def triangles_among(character: Character, ids: Ids) -> NDArray[np.int32]:
-    """Return the triangles of the ``character`` that have all corners among ``ids``, shape (F, 3)."""
-    return character.triangles[_chosen(character, ids)[character.triangles].all(axis=1)]
+    """Return the triangles of the ``character`` with all corners in ``ids``, shape (F, 3)."""
+    return character.triangles[_vertex_mask(character, ids)[character.triangles].all(axis=1)]
 
 
 def triangles_with_any(character: Character, ids: Ids) -> NDArray[np.int32]:
-    """Return the triangles of the ``character`` that have a corner among ``ids``, shape (F, 3)."""
-    return character.triangles[_chosen(character, ids)[character.triangles].any(axis=1)]
+    """Return the triangles of the ``character`` with any corner in ``ids``, shape (F, 3)."""
+    return character.triangles[_vertex_mask(character, ids)[character.triangles].any(axis=1)]
 
 
 def with_neighbours(character: Character, ids: Ids) -> Ids:
-    """Return the vertices ``ids`` and those with which they share a triangle, in rising order."""
+    """Return the vertices ``ids`` and those that share a triangle with them, in ascending order."""
     neighbours: Ids = np.unique(triangles_with_any(character, ids)).astype(np.intp)
     return np.union1d(ids, neighbours)
 
 
-def _chosen(character: Character, ids: Ids) -> NDArray[np.bool_]:
+def _vertex_mask(character: Character, ids: Ids) -> NDArray[np.bool_]:
     chosen = np.zeros(len(character.vertices), dtype=bool)
     chosen[ids] = True
     return chosen
 
 
 def surface_distance(character: Character, sources: Ids, limit: float) -> Array:
-    """Return the length of the shortest way along edges from ``sources`` to each vertex, (N,); inf from ``limit`` on.
+    """Return the length of the shortest path along neutral edges from ``sources`` to each vertex, shape (N,).
 
-    In the neutral face.
+    Lengths beyond ``limit`` are infinite.
     """
     graph = _edge_graph(character)
     distances: Array = csgraph.dijkstra(graph, directed=False, indices=sources, min_only=True, limit=limit)
@@ -100,7 +100,7 @@ def surface_distance(character: Character, sources: Ids, limit: float) -> Array:
 
 @lru_cache(maxsize=2)
 def _edge_graph(character: Character) -> sparse.csr_array:
-    """Return the lengths of all edges and of both diagonals of quads, which split alike on both sides, (N, N)."""
+    """Return the lengths of all edges and of both diagonals of quads, for left-right symmetry, shape (N, N)."""
     corners, positions = character.polygons.astype(np.int64), character.vertices.astype(np.float64)
     pairs = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))
     ends = np.concatenate([corners[:, pair] for pair in pairs])

@@ -1,8 +1,8 @@
-"""How deep the surfaces of a posed face lie in each other.
+"""Depths of penetration between the surfaces of a posed face.
 
-The meshes themselves are measured, not the smooth obstacles of the contact step: radii of the eyeball's triangles, the
-front of the triangles of teeth and gums. Depths count from those of the neutral face; skin that lies inside the
-eyeball or behind the teeth there, as the lining of socket and mouth does, is left out.
+The meshes themselves are measured rather than the smooth obstacles of the contact step: radii of the eyeball's
+triangles, the front of the triangles of teeth and gums. Depths are relative to the neutral face; skin that is inside
+the eyeball or behind the teeth there, such as the lining of socket and mouth, is excluded.
 """
 
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from faceposer.model.character import Character
 from faceposer.model.contact.arches import FINE, DentalArch, find_arches, radius_raster
 from faceposer.model.contact.eyeballs import Eyeball, find_eyeballs
-from faceposer.model.contact.lids import PRESSED, LidEdges, find_all_edges, over_the_ball
+from faceposer.model.contact.lids import PRESSED, LidEdges, find_all_edges, skin_near_ball
 from faceposer.model.contact.lips import find_covering, skin_samples, triangles_among
 from faceposer.model.contact.samples import lattice
 from faceposer.model.face_model import FaceModel
@@ -23,15 +23,15 @@ Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
 Vertices = NDArray[np.floating]
 
-#: What ``penetration_mm`` tells: skin inside the eyeballs, lids past each other, skin behind the front of the teeth,
-#: and teeth outside the skin.
+#: Kinds of penetration: skin inside the eyeballs, lids past each other, skin behind the front of the teeth, and teeth
+#: outside the skin.
 KINDS = ("lids_eyeballs", "lid_lid", "lips_teeth", "teeth_skin")
 _MM = 10.0
-# Teeth that seem to stick out, the farthest first, are looked at exactly up to so many vertices.
-_LOOKED_AT = 48
-# Triangles that reach farther than so many columns from a point are not looked at: they lie behind the axis.
-_AROUND = 40.0 * FINE
-# Triangles of the eyeball that a direction may meet, and how far outside a triangle still counts as met.
+# Largest number of protruding vertices of teeth, the farthest first, that are measured exactly.
+_MEASURED_EXACTLY = 48
+# Triangles that extend farther than this from a point, in columns, are behind the axis and are skipped.
+_LARGEST_EXTENT = 40.0 * FINE
+# Number of triangles of the eyeball tested per direction, and tolerance of their barycentric coordinates.
 _CANDIDATES, _OUTSIDE = 10, 0.02
 
 
@@ -40,21 +40,21 @@ def penetration_mm(model_or_character: FaceModel | Character, vertices: Vertices
 
     Args:
         model_or_character: The face, or its character.
-        vertices: The posed vertices, shape (N, 3), with the contact step or without.
+        vertices: The posed vertices, shape (N, 3), with or without the contact step.
 
     Returns:
-        Depths by the names in ``KINDS``; a kind is left out where the character lacks the parts. "lids_eyeballs" is the
-        depth of skin below the surface of the eyeball, along the radius; "lid_lid" how far the edges of upper and
-        lower lid have passed each other, along the eyeball, beyond the .04 radii that closed lids press together;
-        "lips_teeth" how far skin of lips, cheeks and chin lies behind the front of teeth and gums, or past their edge
-        if that is nearer; "teeth_skin" how far teeth or gums stick out of the outer skin.
+        Depths by the names in ``KINDS``, without kinds for which the character lacks the parts. "lids_eyeballs" is the
+        depth of skin below the surface of the eyeball, along the radius; "lid_lid" the overlap of the edges of upper
+        and lower lid, along the eyeball, beyond the 0.04 radii by which closed lids press together; "lips_teeth" the
+        depth of skin of lips, cheeks and chin behind the front of teeth and gums, or past their edge if that is nearer;
+        "teeth_skin" the height of teeth or gums above the outer skin.
 
     Raises:
-        ValueError: If ``vertices`` has another shape than the character's.
+        ValueError: If the shape of ``vertices`` differs from that of the character's vertices.
     """
     character = model_or_character if isinstance(model_or_character, Character) else model_or_character.character
     if vertices.shape != character.vertices.shape:
-        raise ValueError(f"vertices of shape {vertices.shape} where the character has {character.vertices.shape}")
+        raise ValueError(f"vertices must have shape {character.vertices.shape}, not {vertices.shape}")
     result: dict[str, float] = {}
     for kind, depth in _gauges(character):
         result[kind] = max(result.get(kind, 0.0), _MM * depth(vertices))
@@ -63,11 +63,11 @@ def penetration_mm(model_or_character: FaceModel | Character, vertices: Vertices
 
 @lru_cache(maxsize=4)
 def _gauges(character: Character) -> list[tuple[str, Callable[[Vertices], float]]]:
-    """Return functions from posed vertices to a depth in the character's unit, each with its kind."""
+    """Return pairs of a kind and a function from posed vertices to a depth in the character's unit."""
     gauges: list[tuple[str, Callable[[Vertices], float]]] = []
     balls = find_eyeballs(character)
     for ball, edges in zip(balls, find_all_edges(character, balls), strict=True):
-        near = over_the_ball(character, ball)
+        near = skin_near_ball(character, ball)
         if len(near):
             gauges.append(("lids_eyeballs", _BallGauge(character, ball, near)))
         if edges is not None:
@@ -81,7 +81,7 @@ def _gauges(character: Character) -> list[tuple[str, Callable[[Vertices], float]
 
 
 class _BallGauge:
-    """How deep skin lies below the triangles of an eyeball, deeper than in the neutral face."""
+    """Depth of skin below the triangles of an eyeball, relative to the neutral face."""
 
     def __init__(self, character: Character, ball: Eyeball, near: Ids) -> None:
         from scipy.spatial import cKDTree
@@ -112,7 +112,7 @@ class _BallGauge:
         return depth
 
     def _radii(self, directions: Array) -> Array:
-        """Return where rays from the centre in ``directions``, (n, 3), leave the mesh, shape (n,)."""
+        """Return the distances at which rays from the centre in ``directions``, (n, 3), leave the mesh, shape (n,)."""
         _, found = self._tree.query(directions, k=min(_CANDIDATES, len(self._corners)))
         a, b, c = (self._corners[found.reshape(len(directions), -1), k] for k in range(3))
         rays = np.broadcast_to(directions[:, None], a.shape)
@@ -131,7 +131,7 @@ class _BallGauge:
 
 
 class _EdgeGauge:
-    """How far the edges of the two lids of an eye have passed each other, farther than in the neutral face."""
+    """Overlap of the edges of the two lids of an eye, relative to the neutral face."""
 
     def __init__(self, character: Character, ball: Eyeball, edges: LidEdges) -> None:
         self._ball, self._edges = ball, edges
@@ -144,11 +144,11 @@ class _EdgeGauge:
 
 
 class _SkinGauge:
-    """How far skin that is in front of the teeth in the neutral face lies behind their front."""
+    """Depth of skin behind the front of the teeth, relative to the neutral face."""
 
-    def __init__(self, character: Character, arch: DentalArch, before: Ids) -> None:
+    def __init__(self, character: Character, arch: DentalArch, skin: Ids) -> None:
         self._arch = arch
-        samples = skin_samples(character, before)
+        samples = skin_samples(character, skin)
         self._samples = samples
         self._at_rest = np.zeros(len(samples))
         self._at_rest = arch.depth(arch.resting(samples.places(character.vertices), character.vertices))
@@ -159,11 +159,11 @@ class _SkinGauge:
 
 
 class _TeethGauge:
-    """How far teeth and gums stick out of the outermost skin that covers them."""
+    """Height of teeth and gums above the outermost skin that covers them, relative to the neutral face."""
 
-    def __init__(self, character: Character, arch: DentalArch, before: Ids) -> None:
+    def __init__(self, character: Character, arch: DentalArch, skin: Ids) -> None:
         self._arch = arch
-        self._triangles = triangles_among(character, before)
+        self._triangles = triangles_among(character, skin)
         self._skin = np.unique(self._triangles)
         self._at_rest = np.zeros(len(arch.frame.ids))
         self._at_rest = self._out(character.vertices)
@@ -186,22 +186,24 @@ class _TeethGauge:
         column, line = arch.coarse_cell(place, height)
         over = skin[np.clip(column, 0, len(skin) - 1), np.clip(line, 0, rows - 1)]
         out = np.where(np.isfinite(over), radius - over, 0.0)
-        # Cells are coarse where skin is steep: what seems to stick out is looked at exactly.
-        seeming = np.flatnonzero(out > 0.0)
-        seeming = seeming[np.argsort(-out[seeming], kind="stable")[:_LOOKED_AT]]
+        # Cells are too coarse for steep skin: vertices that seem to protrude are measured exactly.
+        protruding = np.flatnonzero(out > 0.0)
+        protruding = protruding[np.argsort(-out[protruding], kind="stable")[:_MEASURED_EXACTLY]]
         exact = np.zeros(len(radius))
-        for i in seeming:
+        for i in protruding:
             exact[i] = self._above_skin(corners, teeth[i], float(place[i]), float(height[i]), float(radius[i]))
         return exact
 
     def _above_skin(self, corners: Array, point: Array, place: float, height: float, radius: float) -> float:
-        """Return the distance of ``point`` to the plane of the outermost of triangles ``corners``, (F, 3, 3), above it.
+        """Return the height of ``point`` above the plane of the outermost triangle on its ray from the axis.
 
-        0 if the ray from the axis through the point meets none, or leaves one farther out.
+        It is 0 if the ray meets none of the triangles ``corners``, (F, 3, 3), or meets one beyond the point.
         """
         across, up, reach = (x.reshape(-1, 3) for x in self._arch.cylinder(corners.reshape(-1, 3)))
         around = (
-            (np.abs(across - place).max(axis=1) < _AROUND) & (up.min(axis=1) <= height) & (up.max(axis=1) >= height)
+            (np.abs(across - place).max(axis=1) < _LARGEST_EXTENT)
+            & (up.min(axis=1) <= height)
+            & (up.max(axis=1) >= height)
         )
         corners, x, y, reach = corners[around], across[around] - place, up[around] - height, reach[around]
         weights = np.stack([x[:, k - 2] * y[:, k - 1] - x[:, k - 1] * y[:, k - 2] for k in range(3)], axis=1)

@@ -1,12 +1,12 @@
-"""Spreads what a few vertices are pushed by over the skin around them, so that it ends softly.
+"""Smooth spreading of pushes of a few vertices over the surrounding skin.
 
-A push u_v of vertices v is gathered at control points c and handed out again by quadratic B-splines B over two surface
+Pushes u_v of vertices v are gathered at control points c and interpolated by quadratic B-splines B over two surface
 coordinates:
 
     g_c = (sum_v B_cv u_v^4 / sum_v B_cv)^(1/4),    s_v = f_v sum_c B_cv g_c.
 
-A weighted 4-norm is nearly the greatest push around a point, and unlike that it is smooth; both steps are nonexpansive,
-so that the field changes by no more than the pushes do.
+The weighted 4-norm is close to the maximum of the pushes around a point but smooth; both steps are nonexpansive, so
+that the field changes by no more than the pushes.
 """
 
 from collections.abc import Sequence
@@ -22,17 +22,17 @@ Singles = NDArray[np.float32]
 Ids = NDArray[np.intp]
 _Float = TypeVar("_Float", np.float32, np.float64)
 
-#: Pushes of less than this share of a head's height are nothing: single precision does not know them.
-NOTHING = 1e-8
+#: Pushes below this share of the head's height are ignored, as they are below single precision.
+NEGLIGIBLE = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
 class Spreading:
-    """Gathers pushes of K of V vertices at control points and hands them out.
+    """Operator that gathers pushes of K of V vertices at C control points and interpolates them.
 
     Attributes:
-        gather: Weights of pushed vertices in control points, shape (C, K).
-        spread: Weights of control points at vertices, rows sum to f_v at most, shape (V, C).
+        gather: Weights of pushed vertices at control points, shape (C, K).
+        spread: Weights of control points at vertices, with row sums of at most f_v, shape (V, C).
     """
 
     gather: sparse.csr_array
@@ -40,14 +40,14 @@ class Spreading:
 
     @classmethod
     def over(cls, first: Array, second: Array, layer: Array, fade: Array, keys: Ids) -> Self:
-        """Return the spreading over vertices with two surface coordinates in units of the control points' distance.
+        """Return the spreading over V vertices, given two surface coordinates in units of the control points' spacing.
 
         Args:
             first: First coordinate, shape (V,).
             second: Second coordinate, shape (V,).
-            layer: Share of each vertex in the upper of two layers that hand nothing to each other, as the lips; (V,).
-            fade: Factor f_v on what each vertex gets, shape (V,).
-            keys: Vertices that can be pushed, shape (K,); the others count as such that are not.
+            layer: Share of each vertex in the upper of two separate layers, such as the lips, shape (V,).
+            fade: Factor f_v of each vertex, shape (V,).
+            keys: Indices of the vertices that can be pushed, shape (K,); the pushes of all others are 0.
         """
         count = len(first)
         rows, places, values = [], [], []
@@ -65,38 +65,38 @@ class Spreading:
         splines = sparse.csr_array((value[used], (row[used], column.ravel())), shape=shape)
         totals = np.asarray(splines.sum(axis=0)).ravel()
         pushed = splines[keys]
-        # Control points that nobody pushes have nothing to hand out.
+        # Control points that receive no push are omitted.
         reached = np.flatnonzero(np.asarray(pushed.sum(axis=0)).ravel())
         gather = sparse.dia_array((1.0 / totals[None, reached], [0]), shape=(len(reached),) * 2) @ pushed[:, reached].T
         spread = sparse.dia_array((fade[None], [0]), shape=(count, count)) @ splines[:, reached]
         return cls(_compact(gather), _compact(spread))
 
     @classmethod
-    def beside(cls, parts: Sequence[Self]) -> Self:
-        """Return the ``parts`` as one, with the pushes, and the fields, of one after those of another."""
+    def block_diagonal(cls, parts: Sequence[Self]) -> Self:
+        """Return the ``parts`` as one spreading, with their pushes and fields concatenated."""
         return cls(
             _compact(sparse.block_diag([part.gather for part in parts])),
             _compact(sparse.block_diag([part.spread for part in parts])),
         )
 
     @property
-    def reaches(self) -> Ids:
-        """The vertices that get anything, in rising order."""
+    def support(self) -> Ids:
+        """The vertices at which the field can be positive, in ascending order."""
         return np.flatnonzero(np.diff(self.spread.indptr))
 
-    def at(self, vertices: Ids) -> Self:
-        """Return the same with the field at some of the ``vertices`` alone, shape (n,)."""
+    def restricted(self, vertices: Ids) -> Self:
+        """Return the spreading with the field at ``vertices`` only, shape (n,)."""
         return type(self)(self.gather, _compact(self.spread[vertices]))
 
     def __call__(self, push: NDArray[np.floating]) -> Singles:
-        """Return the field, shape (V,), at least 0, of a ``push`` at least 0, shape (K,)."""
+        """Return the field, shape (V,), of a ``push``, shape (K,); both are nonnegative."""
         squared = (push * push).astype(np.float32)
         field: Singles = self.spread @ np.sqrt(np.sqrt(self.gather @ (squared * squared)))
         return field
 
 
 def _compact(matrix: sparse.sparray) -> sparse.csr_array:
-    """Return the ``matrix`` by rows with short indices and numbers, half of what a product reads, and without zeros."""
+    """Return the ``matrix`` in CSR format with 32-bit indices and values and without zeros, for fast products."""
     rows = sparse.csr_array(matrix, dtype=np.float32)
     rows.eliminate_zeros()
     rows.indices, rows.indptr = rows.indices.astype(np.int32), rows.indptr.astype(np.int32)
@@ -104,16 +104,16 @@ def _compact(matrix: sparse.sparray) -> sparse.csr_array:
 
 
 def _splines(position: Array) -> tuple[Array, Array, Array]:
-    """Return the quadratic B-splines around the nearest integer, before it, at it and after it, (V,) each."""
+    """Return the quadratic B-splines centred one before, at and one after the nearest integer, shape (V,) each."""
     t = position - np.round(position)
     return 0.5 * (0.5 - t) ** 2, 0.75 - t * t, 0.5 * (0.5 + t) ** 2
 
 
 def hinge(depth: NDArray[_Float], start: NDArray[_Float] | float, margin: NDArray[_Float] | float) -> NDArray[_Float]:
-    """Return how far a point that lies ``depth`` deep is pushed out, shape (n,); 0 for one that does not.
+    """Return the push of points at ``depth`` below a surface, shape (n,); 0 for points outside.
 
-    With d = max(depth, 0), start s and margin m it is (d + m d / (d + m)) d / (d + s): smooth at 0, and for d above s a
-    little more than d, so that surfaces do not stay in one another.
+    With d = max(depth, 0), start s and margin m it is (d + m d / (d + m)) d / (d + s): smooth at 0, and slightly more
+    than d for d above s, so that penetration is removed completely.
     """
     d = np.maximum(depth, 0.0)
     push: NDArray[_Float] = np.asarray((d + margin * d / (d + margin)) * d / (d + start), dtype=depth.dtype)

@@ -1,4 +1,4 @@
-"""The contact step: from the vertices of a pose to those of a face whose surfaces do not lie in each other."""
+"""The contact step, which corrects the vertices of a pose so that its surfaces do not penetrate each other."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -10,38 +10,38 @@ from numpy.typing import NDArray
 from faceposer.model.character import Character
 from faceposer.model.contact.arch_contact import ArchContact
 from faceposer.model.contact.arches import find_arches
+from faceposer.model.contact.displacement import Displacement
 from faceposer.model.contact.eyeballs import find_eyeballs
 from faceposer.model.contact.lid_contact import LidContact, lid_contacts
-from faceposer.model.contact.moved import Moved
 
-# Share of a head's height by which a vertex is moved at most.
+# Largest displacement of a vertex, as a share of the head's height.
 _MOST = 0.15
 
 
 class ContactStep:
-    """Keeps lids on eyeballs and off each other, and the skin before the teeth, for one character.
+    """Contact step of one character: keeps lids on the eyeballs and apart, and the skin in front of the teeth.
 
-    Everything that the character's shape settles is worked out once. Parts that a character lacks are left out, and so
-    are those whose geometry is none of eyes and teeth, such as flat ones. A pose in which nothing penetrates, such as
-    the neutral face, stays exactly as it is.
+    Everything that depends on the neutral mesh alone is precomputed. Parts that the character lacks are skipped, and so
+    are parts with a geometry unlike eyes and teeth, such as flat ones. A pose without penetration, such as the neutral
+    face, is not changed at all.
 
     Attributes:
-        parts: The corrections, in the order in which they are made.
-        most: No vertex is moved farther than this, in the unit of the character; no surface of a face lies deeper.
+        parts: The corrections in order of application.
+        most: Largest displacement of a vertex, in the unit of the character; no penetration in a face is deeper.
     """
 
     def __init__(self, parts: list[LidContact | ArchContact], most: float = np.inf) -> None:
-        """Make a step of ``parts`` that moves no vertex farther than ``most``."""
+        """Create a step of ``parts`` that moves no vertex farther than ``most``."""
         self.parts = parts
         self.most = most
 
     @classmethod
     def of(cls, character: Character) -> Self:
-        """Return the step for ``character``."""
+        """Build the contact step of ``character``."""
         parts: list[LidContact | ArchContact] = []
-        with _left_out_if_degenerate():
+        with _skip_degenerate():
             parts += lid_contacts(character, find_eyeballs(character))
-        with _left_out_if_degenerate():
+        with _skip_degenerate():
             parts += [ArchContact(character, arch) for arch in find_arches(character)]
         return cls(parts, _MOST * character.height)
 
@@ -49,14 +49,14 @@ class ContactStep:
         """Correct the pose ``vertices``, shape (N, 3), in place, and return them."""
         if not self.parts:
             return vertices
-        moves: list[Moved] = []
+        moves: list[Displacement] = []
         with np.errstate(all="ignore"):
             for part in self.parts:
-                # Where points lie in a plane, on a line or nowhere at all, the part is left out.
+                # A pose with coplanar, collinear or non-finite points is degenerate: skip the part.
                 with suppress(np.linalg.LinAlgError, ValueError, OverflowError, IndexError):
                     moves.extend(part.apply(vertices))
             if not sum(move.farthest for move in moves) <= self.most:
-                # Shapes that tear a face apart, or no numbers at all: what is far off stays where the pose has it.
+                # Shapes that tear the face apart, or NaN: vertices moved too far are restored.
                 before = vertices.copy()
                 for move in reversed(moves):
                     before[move.ids] = move.before
@@ -67,7 +67,7 @@ class ContactStep:
 
 
 @contextmanager
-def _left_out_if_degenerate() -> Iterator[None]:
-    """Leave out a part whose points lie in a plane, on a line or nowhere at all."""
+def _skip_degenerate() -> Iterator[None]:
+    """Skip a part with coplanar, collinear or non-finite points."""
     with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError, ValueError, OverflowError):
         yield
