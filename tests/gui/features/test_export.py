@@ -12,7 +12,8 @@ from faceposer.gui.events import Drop
 from faceposer.gui.features.export.feature import ExportFeature
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
 from faceposer.gui.testing.scripted_user import Robot
-from faceposer.gui.widgets.file_dialogs import FileDialogs, FileRequest
+from faceposer.gui.widgets.file_dialogs import FileDialogs
+from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.interchange.formats import write
 from faceposer.model.performance import Performance
 from faceposer.render.options import OutputOptions
