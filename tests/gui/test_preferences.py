@@ -116,7 +116,7 @@ def test_a_key_that_another_action_has_is_refused_with_its_name(robot: Robot) ->
     feature = open_dialog(robot)
     feature.capture("wireframe")
     robot.key("S")
-    assert feature.problem == "S is the key of Stroke."
+    assert feature.problem == "S is already the key of Stroke."
     assert app.actions["wireframe"].keys == ("W",)
     assert app.toolbox.chosen.name == "point", "a captured key does nothing else"
     feature.capture("wireframe")

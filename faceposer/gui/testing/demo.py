@@ -46,7 +46,7 @@ class _Script:
         self._pull(RIGHT_CORNER, -1.5, -2.0)
         self._say("Raise the inner end of a brow")
         self._pull(LEFT_BROW, 1.0, -9.0)
-        self._say("Orbit by dragging the background")
+        self._say("Orbit by dragging beside the face")
         self._orbit(130.0, 10.0)
         self._say("Drag from any side")
         self._pull(LOWER_LIP, 0.0, 3.5)

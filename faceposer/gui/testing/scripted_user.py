@@ -37,7 +37,7 @@ class Robot:
                 self._after_frame(self)
 
     def move(self, position: Position, steps: int = 1, ease: bool = False) -> None:
-        """Move the pointer in ``steps`` to ``position`` in the window; ``ease`` starts and ends slowly, as a hand does."""
+        """Move the pointer in ``steps`` to ``position`` in the window; with ``ease``, start and end slowly."""
         begin = self.position
         for step in range(1, steps + 1):
             share = step / steps

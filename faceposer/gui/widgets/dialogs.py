@@ -17,7 +17,7 @@ _MOUSE = (
     ("Right click on a point", "remove it"),
     ("Shift+click on a point", "select more"),
     ("Arrow keys", "nudge the selection by 1 pixel, with Shift by 10"),
-    ("Drag on the background", "orbit"),
+    ("Drag beside the face", "orbit"),
     ("Wheel", "zoom"),
 )
 _NAVIGATION = {

@@ -46,7 +46,7 @@ def mark_of(index: int, constraint: CurveConstraint, view: MarkView) -> CurveMar
 
 
 def curve_line(control: Array) -> Array:
-    """Return points on the relaxed curve through ``control``, shape (n, 2), for drawing; a single point is returned as is."""
+    """Return points on the relaxed curve through ``control``, shape (n, 2), for drawing, or a single point itself."""
     if len(control) < 2:
         return control
     return curve_at(relaxed_bezier(control), even_parameters(len(control) - 1, _SAMPLES_PER_SEGMENT))[0]
