@@ -51,10 +51,15 @@ class Action:
         return shown_key(self.keys[0]) if self.keys else ""
 
     @property
+    def bracketed_shortcut(self) -> str:
+        """The shortcut in brackets, to be appended to a tooltip, or ""."""
+        return f"  ({self.shortcut})" if self.keys else ""
+
+    @property
     def tooltip(self) -> str:
         """Label and key, with the help text below."""
         name = self.label.rstrip(".")
-        first = f"{name}  ({self.shortcut})" if self.keys else name
+        first = f"{name}{self.bracketed_shortcut}"
         return f"{first}\n{self.help}" if self.help else first
 
 
@@ -199,7 +204,7 @@ def parsed_key(text: str) -> tuple[frozenset[str], str]:
     return frozenset(name.lower() for name in modifiers), key
 
 
-def written_key(key: str, modifiers: frozenset[str]) -> str:
+def format_key(key: str, modifiers: frozenset[str]) -> str:
     """Return the shortcut of ``key`` with ``modifiers``, the inverse of ``parsed_key``."""
     return "+".join([*(name.title() for name in ("ctrl", "shift", "alt") if name in modifiers), key])
 

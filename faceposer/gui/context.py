@@ -169,13 +169,13 @@ class EditorContext(Protocol):
     def open_file(self, path: str | Path) -> None:
         """Open a session or a character, after asking about unsaved changes."""
 
-    def show_session(self, opening: Callable[[Worker], Session], failure: str, comfort: str = "") -> bool:
+    def show_session(self, opening: Callable[[Worker], Session], failure: str, remedy: str = "") -> bool:
         """Edit the session that ``opening`` returns; return True on success.
 
         Args:
             opening: Called with the solver for the session; its FacePoserError is reported, and nothing changes.
             failure: Title of that report.
-            comfort: Text appended to the error.
+            remedy: Text appended to the error.
         """
         ...
 

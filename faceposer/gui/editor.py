@@ -88,7 +88,7 @@ class Editor:
         self.features = build_features(self)
         self.recovery = self.features[RecoveryFeature]
         self.files = SessionFiles(
-            self, self.new_worker, self.set_session, lambda: self.features.quit_question, self.close_soon
+            self, self.new_worker, self.set_session, lambda: self.features.quit_question, self.request_close
         )
         self.actions = build_actions(self)
         self.actions.set_keys(self.settings.keys)
@@ -103,7 +103,7 @@ class Editor:
         self.closing = False
         self.notice = ""
         self._notice_until = 0.0
-        self.drawn_constraints = self._draw_constraints_of(session)
+        self.drawn_constraints = self._new_drawn_constraints(session)
         self._mode: Mode = "live"
         self.set_session(session)
         self.files.remember(what)
@@ -128,7 +128,7 @@ class Editor:
         session.mode = self._mode
         self.scene.set_model(session.model)
         self.toolbox = Toolbox(self.viewport, self.toolbox.tool_settings)
-        self.drawn_constraints = self._draw_constraints_of(session)
+        self.drawn_constraints = self._new_drawn_constraints(session)
         self.comparing = False
         camera = session.document.camera
         if camera is None:
@@ -140,7 +140,7 @@ class Editor:
             self.dialogs.ask(Question("The character may have changed", session.remark))
         self.redraw()
 
-    def _draw_constraints_of(self, session: Session) -> DrawnConstraints:
+    def _new_drawn_constraints(self, session: Session) -> DrawnConstraints:
         return DrawnConstraints(session, self.scene, self.viewport, self.toolbox, lambda: self.busy)
 
     def set_mode(self, mode: Mode) -> None:
@@ -155,7 +155,7 @@ class Editor:
 
     # The view
 
-    def picture(self, size: tuple[int, int]) -> moderngl.Texture:
+    def face_image(self, size: tuple[int, int]) -> moderngl.Texture:
         """Return the image of the face for the view, of ``size`` pixels, or coarser while it moves without a GPU."""
         samples = _SAMPLES
         if self.resolution.enabled and self.toolbox.active:
@@ -273,14 +273,14 @@ class Editor:
         """Open a session or a character, after asking about unsaved changes."""
         self.files.open(str(path))
 
-    def show_session(self, opening: Callable[[Worker], Session], failure: str, comfort: str = "") -> bool:
+    def show_session(self, opening: Callable[[Worker], Session], failure: str, remedy: str = "") -> bool:
         """Edit the session that ``opening`` returns; see ``SessionFiles.show``."""
-        return self.files.show(opening, failure, comfort)
+        return self.files.show(opening, failure, remedy)
 
     def guard_changes(self, proceed: Callable[[], None]) -> None:
         """Ask about unsaved changes, then call ``proceed`` unless the user cancels."""
         self.files.guard(proceed)
 
-    def close_soon(self) -> None:
+    def request_close(self) -> None:
         """Leave the loop after this frame."""
         self.closing = True

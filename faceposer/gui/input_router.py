@@ -6,7 +6,7 @@ dialog is open; the owner of the press owns the pointer until the last button is
 
 from typing import Literal
 
-from faceposer.gui.actions import written_key
+from faceposer.gui.actions import format_key
 from faceposer.gui.events import CloseRequest, Drop, Event, FocusLost, Key, Pointer
 from faceposer.gui.shell import Shell
 from faceposer.tools.tool import Button, EventKind, PointerEvent
@@ -120,7 +120,7 @@ class Router:
             if key.key == self._compare_key:
                 self._release_compare(key.time)
             return
-        if key.kind == "press" and context.features.take_key(written_key(key.key, key.modifiers)):
+        if key.kind == "press" and context.features.take_key(format_key(key.key, key.modifiers)):
             return
         if context.dialogs.open or context.file_dialogs.browsing or context.features.is_modal:
             return

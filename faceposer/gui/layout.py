@@ -14,7 +14,7 @@ from faceposer.gui.panels.characters import draw_characters
 from faceposer.gui.panels.menu_bar import draw_menu_bar
 from faceposer.gui.panels.status_bar import draw_status_bar, status_height
 from faceposer.gui.panels.tool_bar import STRIP_WIDTH, draw_tool_options, draw_tool_strip
-from faceposer.gui.panels.view import draw_output_panel, draw_view_panel
+from faceposer.gui.panels.view import draw_save_buttons, draw_view_panel
 from faceposer.gui.shell import Shell
 from faceposer.gui.widgets.basic import tooltip
 from faceposer.gui.widgets.theme import BAR, GROUND, em
@@ -105,7 +105,7 @@ def _draw_panel(context: Shell, position: tuple[float, float], size: tuple[float
                 imgui.end_child()
                 imgui.end_tab_item()
         imgui.end_tab_bar()
-    draw_output_panel(context)
+    draw_save_buttons(context)
     imgui.end()
     imgui.pop_style_color()
 
@@ -164,7 +164,7 @@ def _draw_view(context: Shell, position: tuple[float, float], size: tuple[float,
         context.viewport_placed()
     ratio = context.window.pixels[0] / max(context.window.size[0], 1)
     pixels = (max(round(context.viewport.size[0] * ratio), 1), max(round(context.viewport.size[1] * ratio), 1))
-    texture = context.picture(pixels)
+    texture = context.face_image(pixels)
     imgui.image(imgui.ImTextureRef(texture.glo), ImVec2(*context.viewport.size), ImVec2(0.0, 1.0), ImVec2(1.0, 0.0))
     imgui.set_cursor_pos(ImVec2(0.0, 0.0))
     buttons = (
@@ -219,7 +219,7 @@ def _paint_marks(context: Shell, painter: Painter, marks: dict[int | None, Mark]
     constraints = context.session.document.constraints
     order = sorted((i for i in marks if i is not None), key=lambda i: painted_order(constraints[i].kind))
     for i in order:
-        dimmed = 1.0 if i in painter.lit or not painter.lit else 0.8
+        dimmed = 1.0 if i in painter.highlighted or not painter.highlighted else 0.8
         marks[i].paint(painter, (1.0 if constraints[i].enabled else 0.35) * dimmed)
     if None in marks:
         marks[None].paint(painter, 1.0)

@@ -31,14 +31,14 @@ _TOOLS = (
 )
 
 
-def _tool_actions(context: Shell, do: Commands, free: Callable[[], bool]) -> list[Action]:
+def _tool_actions(context: Shell, do: Commands, idle: Callable[[], bool]) -> list[Action]:
     """Return the actions that choose tools and change their settings."""
 
     def chosen(name: str) -> Callable[[], bool]:
         return lambda: context.toolbox.chosen.name == name
 
     def usable(name: str) -> Callable[[], bool]:
-        return lambda: free() and (name != "gaze" or eyes_of(context.session.model.character) is not None)
+        return lambda: idle() and (name != "gaze" or eyes_of(context.session.model.character) is not None)
 
     tools = [
         Action(
@@ -53,7 +53,7 @@ def _tool_actions(context: Shell, do: Commands, free: Callable[[], bool]) -> lis
             "Tools",
             partial(do.nudge, dx * step, dy * step),
             (f"Shift+{key}" if step > 1 else key,),
-            lambda: free() and bool(context.toolbox.selection),
+            lambda: idle() and bool(context.toolbox.selection),
             repeats=True,
             help=f"Move the selection by {step} pixel{'s' if step > 1 else ''}",
             listed=False,
@@ -67,7 +67,7 @@ def _tool_actions(context: Shell, do: Commands, free: Callable[[], bool]) -> lis
         "Tools",
         do.toggle_symmetry,
         ("X",),
-        free,
+        idle,
         lambda: context.toolbox.tool_settings.symmetry.on,
         separated=True,
         help="Mirror edits to the other side of the face; existing asymmetry is kept",
@@ -88,24 +88,24 @@ def build_actions(context: Shell) -> Actions:
     """Return the actions of ``context``, in the order of its menus."""
     do = Commands(context)
 
-    def free() -> bool:
+    def idle() -> bool:
         return not context.busy
 
     def can_apply() -> bool:
         solvable = context.session.mode == "apply" and bool(context.session.document.constraints)
         unfinished = bool(context.toolbox.curve_tool.points) or _has_trajectories(context)
-        return free() and (solvable or unfinished)
+        return idle() and (solvable or unfinished)
 
     def can_undo() -> bool:
         toolbox = context.toolbox
         unfinished = toolbox.curve_tool.points or toolbox.stroke_tool.draws_target or toolbox.distance_tool.first
         drawn = toolbox.chosen is toolbox.trajectory_tool and toolbox.trajectory_tool.can_step_back
-        return free() and (bool(unfinished) or drawn or context.session.can_undo)
+        return idle() and (bool(unfinished) or drawn or context.session.can_undo)
 
     def can_redo() -> bool:
         toolbox = context.toolbox
         drawn = toolbox.chosen is toolbox.trajectory_tool and toolbox.trajectory_tool.can_step_forward
-        return free() and (drawn or context.session.can_redo)
+        return idle() and (drawn or context.session.can_redo)
 
     entries = context.features.actions()
     # These two have a fixed place in the menus.
@@ -119,10 +119,10 @@ def build_actions(context: Shell) -> Actions:
                 "File",
                 context.files.new,
                 ("Ctrl+N",),
-                free,
+                idle,
                 help="Start a new session with this character",
             ),
-            Submenu("new-with", "New with", "File", context.files.new_with, free),
+            Submenu("new-with", "New with", "File", context.files.new_with, idle),
             Action(
                 "open", "Open...", "File", context.files.open_dialog, ("Ctrl+O",), help="Open a session or a character"
             ),
@@ -166,7 +166,7 @@ def build_actions(context: Shell) -> Actions:
                 "Edit",
                 do.delete_selected,
                 ("Delete", "Backspace"),
-                lambda: free() and (do.pin_selected or bool(context.toolbox.selection) or context.features.selects),
+                lambda: idle() and (do.pin_selected or bool(context.toolbox.selection) or context.features.selects),
                 separated=True,
             ),
             Action(
@@ -175,7 +175,7 @@ def build_actions(context: Shell) -> Actions:
                 "Edit",
                 do.clear_points,
                 (),
-                lambda: free() and any(not c.locked for c in context.session.document.constraints),
+                lambda: idle() and any(not c.locked for c in context.session.document.constraints),
                 help="Remove all constraints except locked ones; the face returns to the start pose",
             ),
             Action(
@@ -184,7 +184,7 @@ def build_actions(context: Shell) -> Actions:
                 "Edit",
                 do.reset,
                 ("R",),
-                free,
+                idle,
                 help="Return to the neutral face and remove all constraints",
             ),
             Action(
@@ -201,10 +201,10 @@ def build_actions(context: Shell) -> Actions:
                 "Edit",
                 do.accept_pose,
                 ("Ctrl+Enter",),
-                lambda: free() and bool(context.session.document.constraints),
+                lambda: idle() and bool(context.session.document.constraints),
                 help="Make the current face the start pose and remove the constraints",
             ),
-            *_tool_actions(context, do, free),
+            *_tool_actions(context, do, idle),
             *(
                 Action(f"view-{name}", label, "View", lambda name=name: do.look(name), (key,))  # type: ignore[misc]
                 for name, label, key in _VIEWS
@@ -294,7 +294,7 @@ def build_actions(context: Shell) -> Actions:
                 "Help",
                 context.palette.show,
                 ("Ctrl+P",),
-                free,
+                idle,
                 help="Search all commands by name",
             ),
             guide,

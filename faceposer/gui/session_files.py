@@ -131,13 +131,13 @@ class SessionFiles:
             for entry in known
         ]
 
-    def show(self, opening: Callable[[Worker], Session], failure: str, comfort: str = "") -> bool:
+    def show(self, opening: Callable[[Worker], Session], failure: str, remedy: str = "") -> bool:
         """Edit the session that ``opening`` returns; the caller has asked about unsaved changes.
 
         Args:
             opening: Called with the solver for the session; its FacePoserError is reported, and nothing changes.
             failure: Title of that report.
-            comfort: Text appended to the error.
+            remedy: Text appended to the error.
 
         Returns:
             True on success.
@@ -148,7 +148,7 @@ class SessionFiles:
             session = opening(worker)
         except FacePoserError as error:
             worker.close()
-            context.dialogs.report(failure, f"{error}{comfort}")
+            context.dialogs.report(failure, f"{error}{remedy}")
             return False
         except Exception:
             worker.close()

@@ -38,7 +38,7 @@ class Shell(EditorContext, Protocol):
     constraints_panel: ConstraintsPanel
     shapes_panel: ShapesPanel
 
-    def picture(self, size: tuple[int, int]) -> moderngl.Texture:
+    def face_image(self, size: tuple[int, int]) -> moderngl.Texture:
         """Return the image of the face for the view, of at most ``size`` pixels."""
         ...
 

@@ -22,16 +22,16 @@ class Painter:
 
     Attributes:
         scale: Pixels of the view per pixel at normal density.
-        lit: Indices of the highlighted constraints.
+        highlighted: Indices of the highlighted constraints.
     """
 
-    def __init__(self, draw: imgui.ImDrawList, viewport: Viewport, lit: frozenset[int]) -> None:
+    def __init__(self, draw: imgui.ImDrawList, viewport: Viewport, highlighted: frozenset[int]) -> None:
         """Draw into ``draw``."""
         self._draw = draw
         self._viewport = viewport
         self._origin = np.asarray(viewport.origin)
         self.scale = viewport.ui_scale
-        self.lit = lit
+        self.highlighted = highlighted
 
     @staticmethod
     def ghost(own_view: bool) -> float:
@@ -85,10 +85,10 @@ class Painter:
         closed = imgui.ImDrawFlags_.closed.value if shape != "line" else 0
         self._draw.add_polyline(self._path(path), tint, max(width, 2.0), closed)
 
-    def knob(self, at: Pixel, radius: float, colour: Colour, alpha: float, lit: bool) -> None:
-        """Draw a handle, with a ring around it if ``lit``."""
+    def knob(self, at: Pixel, radius: float, colour: Colour, alpha: float, highlighted: bool) -> None:
+        """Draw a handle, with a ring around it if ``highlighted``."""
         center, radius = self._at(at), radius * self.scale
-        if lit:
+        if highlighted:
             self._draw.add_circle(center, radius + 2.6 * self.scale, u32(WHITE, alpha), 0, 1.6 * self.scale)
         self._draw.add_circle_filled(center, radius + 1.4 * self.scale, u32(EDGE, 0.85 * alpha))
         self._draw.add_circle_filled(center, radius, u32(colour, alpha))

@@ -9,7 +9,7 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.details import draw_details
 from faceposer.gui.panels.tool_bar import TOOL_ICONS
 from faceposer.gui.widgets.basic import action_button, button_width, caption, heading, tooltip
-from faceposer.gui.widgets.text import broken, text_width
+from faceposer.gui.widgets.text import text_width, wrapped
 from faceposer.gui.widgets.theme import FAINT, INK, WARNING, Icon, em, u32
 from faceposer.solve.conflicts import NOTABLE_PX
 from faceposer.solve.constraints.registry import Constraint
@@ -70,7 +70,7 @@ class ConstraintsPanel:
             sign = f"{Icon.FIGHT} " if i in context.drawn_constraints.conflicts else ""
             residual_text = f"{sign}{residuals[i]:.1f} px"
             room = width - em(4.0 * _BUTTON + _ICON + 0.5) - text_width(residual_text)
-            lines = broken(context.point_name(i), room)
+            lines = wrapped(context.point_name(i), room)
             height = len(lines) * imgui.get_text_line_height() + 2.0 * em(_PAD)
             rows.append(_Row(constraint, lines, residual_text, residuals[i], round(height)))
         return rows
@@ -98,10 +98,10 @@ class ConstraintsPanel:
         begin, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
         corner = imgui.get_cursor_screen_pos()
         imgui.set_next_item_allow_overlap()
-        lit = index in context.toolbox.selection or (
+        highlighted = index in context.toolbox.selection or (
             context.toolbox.hover is not None and context.toolbox.hover.pin == index
         )
-        pressed, _ = imgui.selectable("##row", lit, 0, ImVec2(width, row.height))
+        pressed, _ = imgui.selectable("##row", highlighted, 0, ImVec2(width, row.height))
         context.widget_rects.record(f"point:{index}")
         if imgui.is_item_hovered():
             context.highlighted = index

@@ -32,7 +32,7 @@ class PosePanel:
         """Draw the panel."""
         tips = (
             "Solve while you drag.",
-            f"Solve only when you press Apply  ({context.actions['apply'].shortcut})",
+            f"Solve only when you press Apply{context.actions['apply'].bracketed_shortcut}",
         )
         session = context.session
         mode = _MODES.index(session.mode)

@@ -129,8 +129,7 @@ def _curve(context: EditorContext) -> None:
         context.toolbox.accept()
     imgui.end_disabled()
     context.widget_rects.record("curve:accept")
-    key = context.actions["apply"].shortcut
-    tooltip(f"Accept the curve, then drag its control points{f'  ({key})' if key else ''}")
+    tooltip(f"Accept the curve, then drag its control points{context.actions['apply'].bracketed_shortcut}")
 
 
 def _fix(context: EditorContext) -> None:

@@ -28,8 +28,7 @@ def draw_view_panel(context: EditorContext) -> None:
                 context.widget_rects, context.actions[name if name == "frame" else f"view-{name}"], width, label
             )
     heading(context.fonts, "Display")
-    shortcut = context.actions["clay"].shortcut
-    key = f"  ({shortcut})" if shortcut else ""
+    key = context.actions["clay"].bracketed_shortcut
     tips = (f"Show textures of skin, eyes and teeth{key}", f"Show plain clay, to judge the form{key}")
     chosen = choice(context.widget_rects, "shading", ("Full", "Clay"), int(context.shading == "clay"), tips)
     context.shading = "clay" if chosen else "full"
@@ -46,7 +45,7 @@ def _switch(context: EditorContext, name: str, label: str) -> None:
     tooltip(action.tooltip)
 
 
-def draw_output_panel(context: EditorContext) -> None:
+def draw_save_buttons(context: EditorContext) -> None:
     """Draw the buttons that save, at the bottom of the side panel."""
     imgui.separator()
     imgui.spacing()

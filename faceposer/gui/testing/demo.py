@@ -22,7 +22,7 @@ class DemoFiles:
 
     frames: tuple[Path, ...]
     animation: Path
-    picture: Path
+    image: Path
     mesh: Path
     session: Path
 
@@ -147,6 +147,6 @@ def run(folder: Path, progress: Callable[[str], None] = print) -> DemoFiles:
         )
     finally:
         app.close()
-    names = ", ".join(path.name for path in (files.animation, files.picture, files.mesh, files.session))
+    names = ", ".join(path.name for path in (files.animation, files.image, files.mesh, files.session))
     progress(f"{len(files.frames)} frames, {names} written to {folder}")
     return files

@@ -1,4 +1,4 @@
-"""Text limited to a width: shortened in the middle, where names differ least, or broken into lines."""
+"""Text limited to a width: shortened in the middle, where names differ least, or wrapped."""
 
 from collections.abc import Callable
 
@@ -51,19 +51,19 @@ def _cut(text: str, count: int) -> str:
     return f"{text[:head].rstrip()}{_ELLIPSIS}{tail.lstrip()}"
 
 
-def broken(text: str, width: float, most: int = 2, measure: Measure = text_width) -> list[str]:
-    """Return ``text`` in at most ``most`` lines no wider than ``width``; the last line is shortened if necessary.
+def wrapped(text: str, width: float, max_lines: int = 2, measure: Measure = text_width) -> list[str]:
+    """Return ``text`` in at most ``max_lines`` lines no wider than ``width``; the last line is shortened if necessary.
 
     Args:
         text: Words, separated by spaces.
         width: Maximum width, in the unit of ``measure``.
-        most: Maximum number of lines, at least 1.
+        max_lines: Maximum number of lines, at least 1.
         measure: Returns the width of a text.
     """
     lines: list[str] = []
     words = text.split()
     while words:
-        if len(lines) == most - 1:
+        if len(lines) == max_lines - 1:
             lines.append(shortened(" ".join(words), width, measure))
             break
         count = 1

@@ -24,12 +24,12 @@ class CurveMark:
 
     def paint(self, painter: Painter, alpha: float) -> None:
         """Draw the mark with opacity ``alpha``."""
-        lit = self.index in painter.lit
+        highlighted = self.index in painter.highlighted
         ghost = painter.ghost(self.own_view)
         painter.line(self.source, ACCENT, 1.6, 0.75 * alpha)
-        painter.line(self.line, TARGET, 2.4 if lit else 1.8, alpha * ghost)
+        painter.line(self.line, TARGET, 2.4 if highlighted else 1.8, alpha * ghost)
         for x, y in self.handles.tolist():
-            painter.knob((x, y), 4.6 if self.own_view else 3.2, TARGET, alpha * ghost, lit)
+            painter.knob((x, y), 4.6 if self.own_view else 3.2, TARGET, alpha * ghost, highlighted)
 
     @property
     def anchor(self) -> Pixel | None:

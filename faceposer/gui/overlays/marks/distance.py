@@ -24,7 +24,7 @@ class DistanceMark:
     def paint(self, painter: Painter, alpha: float) -> None:
         """Draw the mark with opacity ``alpha``."""
         ends, goal, scale = self.pair.ends, self.pair.goal, painter.scale
-        lit = self.pair.index in painter.lit
+        highlighted = self.pair.index in painter.highlighted
         along = ends[1] - ends[0]
         length = float(np.hypot(*along))
         across: Array = np.array([-along[1], along[0]]) / length if length > 1e-6 else np.array([1.0, 0.0])
@@ -32,9 +32,9 @@ class DistanceMark:
             for tip in goal:
                 painter.line(np.stack([tip - 7.0 * scale * across, tip + 7.0 * scale * across]), WARNING, 2.0, alpha)
             painter.line(goal + 4.0 * scale * across, WARNING, 1.4, 0.8 * alpha)
-        painter.line(ends, TARGET, 2.4 if lit else 1.8, alpha)
+        painter.line(ends, TARGET, 2.4 if highlighted else 1.8, alpha)
         for x, y in ends.tolist():
-            painter.knob((x, y), 5.0 if goal is not None else 3.6, TARGET, alpha, lit)
+            painter.knob((x, y), 5.0 if goal is not None else 3.6, TARGET, alpha, highlighted)
         painter.text(ends.mean(axis=0) + (12.0 * scale, 0.0), f"{length:.0f} px", alpha)
 
     @property

@@ -23,7 +23,9 @@ class AreaMark:
         """Draw the mark with opacity ``alpha``."""
         # Many vertices get smaller dots, so that the face remains visible.
         radius = min(max(40.0 / max(len(self.pixels), 1) ** 0.5, 0.9), 2.2)
-        painter.dots(self.pixels, radius * (1.3 if self.index in painter.lit else 1.0), self.colour, 0.8 * alpha)
+        painter.dots(
+            self.pixels, radius * (1.3 if self.index in painter.highlighted else 1.0), self.colour, 0.8 * alpha
+        )
 
     @property
     def anchor(self) -> Pixel | None:

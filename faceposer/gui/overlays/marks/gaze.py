@@ -25,8 +25,8 @@ class GazeMark:
         colour = INK if self.index is None else ACCENT
         for eye in self.eyes:
             painter.line(np.stack([eye, np.array(self.handle)]), colour, 1.2, 0.45 * alpha)
-        lit = self.index is not None and self.index in painter.lit
-        for tint, thickness in ((EDGE, 4.0), (WHITE if lit else colour, 2.2)):
+        highlighted = self.index is not None and self.index in painter.highlighted
+        for tint, thickness in ((EDGE, 4.0), (WHITE if highlighted else colour, 2.2)):
             painter.ring(self.handle, 9.0, tint, 0.9 * alpha, thickness)
         painter.disc(self.handle, 3.0, colour, alpha)
 

@@ -27,9 +27,9 @@ class StrokeMark:
 
     def paint(self, painter: Painter, alpha: float) -> None:
         """Draw the mark with opacity ``alpha``."""
-        lit = self.index in painter.lit
-        painter.dots(self.source, 1.3, ACCENT, (0.7 if lit else 0.45) * alpha)
-        strength = (0.55 if lit else 0.38) * alpha * painter.ghost(self.own_view)
+        highlighted = self.index in painter.highlighted
+        painter.dots(self.source, 1.3, ACCENT, (0.7 if highlighted else 0.45) * alpha)
+        strength = (0.55 if highlighted else 0.38) * alpha * painter.ghost(self.own_view)
         painter.band(self.target, self.width, self.shape, TARGET, strength)
 
     @property
