@@ -67,7 +67,7 @@ class ConstraintsPanel:
         rows = []
         residuals = context.session.residuals_px
         for i, constraint in enumerate(context.session.document.constraints):
-            sign = f"{Icon.FIGHT} " if i in context.drawn_constraints.conflicts else ""
+            sign = f"{Icon.CONFLICT} " if i in context.drawn_constraints.conflicts else ""
             residual_text = f"{sign}{residuals[i]:.1f} px"
             room = width - em(4.0 * _BUTTON + _ICON + 0.5) - text_width(residual_text)
             lines = wrapped(context.point_name(i), room)

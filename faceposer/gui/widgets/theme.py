@@ -62,7 +62,7 @@ class Icon:
     GAZE = "\uf05b"
     SYMMETRY = "\uf07e"
     PHOTO = "\uf03e"
-    FIGHT = "\uf0e7"
+    CONFLICT = "\uf0e7"
     PLAY = "\uf04b"
     PAUSE = "\uf04c"
     FIRST = "\uf048"
