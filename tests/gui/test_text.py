@@ -28,7 +28,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(1100, 900), folder=str(tmp_path)))
     monkeypatch.setattr(
-        app, "picture", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
+        app, "face_image", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
     )
     yield Robot(app)
     app.close()
