@@ -18,7 +18,7 @@ from faceposer.gui.features.photo.actions import photo_actions
 from faceposer.gui.features.photo.overlay import draw_photo_overlay
 from faceposer.gui.features.photo.panel import draw_photo_tab
 from faceposer.gui.settings import last_folder
-from faceposer.gui.widgets.file_dialogs import FileRequest
+from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.photo.aligning import aligned, first_camera
 from faceposer.photo.photo import MAX_PHOTOS, Photo, Place
 from faceposer.photo.reading import FOREIGN_SUFFIXES, PHOTO_SUFFIXES, inspect_photo, read_photo

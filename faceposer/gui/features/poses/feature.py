@@ -16,7 +16,7 @@ from faceposer.gui.features.poses.name_dialog import NameDialog
 from faceposer.gui.features.poses.panel import Category, PosesPanel
 from faceposer.gui.features.poses.portraits import FILE_SIZE, Portraits
 from faceposer.gui.widgets.dialogs import Choice, Question
-from faceposer.gui.widgets.file_dialogs import FileRequest
+from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.poses.applying import (
     REGIONS,
     Blend,

@@ -9,7 +9,7 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.preferences.dialog import PreferencesDialog
 from faceposer.gui.settings import Settings, save_settings
-from faceposer.gui.widgets.file_dialogs import FileRequest
+from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.render.options import Look
 from faceposer.session.autosave import autosave_dir
 from faceposer.tools.tool import Navigation
