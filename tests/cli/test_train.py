@@ -129,9 +129,9 @@ def test_a_prior_that_did_not_converge_is_reported(
         (["train", "--examples", ".", "-o", "a.npz"], "The folder '.' has no meshes"),
         (["train", "--markers", "take.csv", "-o", "a.npz"], "need a map (--marker-map)"),
         (["character", "info", "nobody"], "There is no character 'nobody'"),
-        (["character", "rename", "man", "--name", "x"], "'man' is no character file"),
-        (["character", "rename", "a.npz"], "Nothing is to be renamed"),
-        (["character", "rename", "a.npz", "--shape", "jawOpen"], "'jawOpen' does not say how to rename"),
+        (["character", "rename", "man", "--name", "x"], "'man' is not a character file"),
+        (["character", "rename", "a.npz"], "No new name is given"),
+        (["character", "rename", "a.npz", "--shape", "jawOpen"], "--shape 'jawOpen' must have the form OLD=NEW"),
         (["character", "check", "a.npz"], "There is no character file 'a.npz'"),
     ],
 )

@@ -134,7 +134,7 @@ def test_an_imported_rig_is_studied(name: str, tmp_path: Path, capsys: pytest.Ca
     assert {row["method"] for row in rows} == set(METHODS_OF_ALL_KINDS.split(","))
     # The made-up performance never blinks.
     assert {row.get("region") for row in rows} == {None, "brows", "midface", "mouth"}
-    assert "No frame to test on moves enough for: 1 point within the lids" in err
+    assert "No frame of the takes to test on moves enough for: 1 point within the lids" in err
     of_bounded = [row for row in rows if row["method"] == "bounded-weights" and "region" not in row]
     assert {row["constraint"] for row in of_bounded} == {"point", "distance", "stroke"}
     assert all(row["error_3d_relative"] < 1.0 for row in of_bounded if row["count"] > 1)

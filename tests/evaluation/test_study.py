@@ -203,8 +203,8 @@ def test_a_damaged_line_is_named(takes: tuple[Path, Path], tmp_path: Path, capsy
     ("words", "sentence"),
     [
         (("--methods", "nothing"), "There is no technique 'nothing'"),
-        (("--kinds", "circle"), "'circle' is no kind of constraint"),
-        (("--counts", "4"), "does not say of which kind"),
+        (("--kinds", "circle"), "'circle' is not a kind of constraint"),
+        (("--counts", "4"), "must have the form KIND=N,N"),
         (("--regions", "ear"), "has no region 'ear'"),
         (("--noise", "-1"), "is not a number of pixels"),
         (("--capture-test", "missing.csv"), "'missing.csv' cannot be read"),
