@@ -98,7 +98,7 @@ def test_a_pose_comes_from_a_file(low: FaceModel, take: Path, tmp_path: Path, ca
     assert run("export", "low", "--pose", take, "--frame", 16, "-o", tmp_path / "a.obj") == 0
     assert "Frame 16 of 16." in capsys.readouterr().out
     assert run("export", "low", "--pose", tmp_path / "a.obj", "-o", tmp_path / "b.csv") == 0
-    assert "The pose is that of the mesh." in capsys.readouterr().out
+    assert "The pose matches the mesh exactly." in capsys.readouterr().out
     back = read_capture(tmp_path / "b.csv")
     assert back.weights[0, back.shape_names.index("jawOpen")] == pytest.approx(1.0, abs=0.02)
 
@@ -118,11 +118,11 @@ def test_a_pose_comes_from_a_file(low: FaceModel, take: Path, tmp_path: Path, ca
         (("low", "-o", "{out}/a.gif", "--transparent"), "applies to images only; use an output that ends in .png"),
         (("low", "-o", "{out}/a", "--sequence", "ply", "--transparent"), "use --sequence png"),
         (("low", "-o", "{out}/a", "--sequence", "gif"), "--sequence takes obj, ply, png, not 'gif'"),
-        (("low", "-o", "{out}/a.glb", "--pose", "{take}", "--frame", "17"), "frames 1 to 16, and not frame 17"),
+        (("low", "-o", "{out}/a.glb", "--pose", "{take}", "--frame", "17"), "frames 1 to 16, but no frame 17"),
         (("low", "-o", "{take}", "--pose", "{take}"), "is what is read"),
         (("low", "-o", "{out}/a.glb", "--pose", "{out}/none.obj"), "cannot be read"),
         (("low", "-o", "{out}/a.glb", "--animation", "{out}/none.csv"), "cannot be read"),
-        (("man", "-o", "{out}/a.glb", "--pose", "{out}/three.obj"), "has 3 vertices, and Man has 2"),
+        (("man", "-o", "{out}/a.glb", "--pose", "{out}/three.obj"), "has 3 vertices, but Man has 2"),
         (("low", "-o", "{out}/a.glb", "--pose", "{take}", "--animation", "{take}"), "not allowed with"),
         (("low", "-o", "{out}/a.gif", "--fps", "0"), "not a number of frames per second"),
         (("low", "-o", "{out}/a.gif", "--turntable", "nan"), "not a number of seconds"),

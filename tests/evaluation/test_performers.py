@@ -133,9 +133,18 @@ def test_a_study_of_performers_goes_on_where_it_was_stopped(
         (("--performer", "anna=a.csv", "--performer", "pooled=b.csv"), "cannot be the name of a performer"),
         (("--performer", "anna=a.csv", "--performer", "../ben=b.csv"), "cannot be the name of a performer"),
         (("--performer", "anna=a.csv", "--performer", "ben=b.csv"), "'b.csv' cannot be read"),
-        (("--performer", "anna=a.csv", "--performer", "ben=b.csv", "--fold"), "--fold cannot be combined with --performer"),
-        (("--performer", "anna=a.csv", "--performer", "ben=b.csv", "--tune"), "--tune cannot be combined with --performer"),
-        (("--performer", "anna=a.csv", "--performer", "ben=b.csv", "--capture", "c.csv"), "--capture cannot be combined"),
+        (
+            ("--performer", "anna=a.csv", "--performer", "ben=b.csv", "--fold"),
+            "--fold cannot be combined with --performer",
+        ),
+        (
+            ("--performer", "anna=a.csv", "--performer", "ben=b.csv", "--tune"),
+            "--tune cannot be combined with --performer",
+        ),
+        (
+            ("--performer", "anna=a.csv", "--performer", "ben=b.csv", "--capture", "c.csv"),
+            "--capture cannot be combined",
+        ),
     ],
 )
 def test_performers_that_cannot_be_left_out_are_refused_in_a_sentence(

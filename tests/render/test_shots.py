@@ -252,9 +252,9 @@ def test_png_without_background(low: FaceModel, yawn: Performance, tmp_path: Pat
         assert picture.mode == "RGBA"
         assert picture.getextrema()[3] == (0, 255)
     for suffix in (".gif", ".obj", ".glb"):
-        with pytest.raises(FacePoserError, match=r"cannot leave the background out; write \.png"):
+        with pytest.raises(FacePoserError, match=r"cannot have a transparent background; write \.png"):
             write(tmp_path / f"b{suffix}", low, low.neutral(), look)
-    with pytest.raises(FacePoserError, match="OBJ cannot leave"):
+    with pytest.raises(FacePoserError, match="OBJ cannot have"):
         next(write_sequence_steps(Output(tmp_path / "b", low, yawn, look), ".obj"))
 
 
@@ -271,7 +271,7 @@ def test_a_film_that_is_stopped_leaves_nothing(suffix: str, low: FaceModel, tmp_
 
 @pytest.mark.gl
 def test_what_cannot_be_written_gets_a_sentence(low: FaceModel, yawn: Performance, tmp_path: Path) -> None:
-    with pytest.raises(FacePoserError, match="shows one pose and not 6"):
+    with pytest.raises(FacePoserError, match="shows one pose, not 6"):
         write(tmp_path / "a.png", low, yawn, OutputOptions(SMALL))
     with pytest.raises(FacePoserError, match=r"must end in one of .*\.gif"):
         write(tmp_path / "a.bmp", low, low.neutral(), OutputOptions(SMALL))

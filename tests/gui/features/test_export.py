@@ -201,7 +201,7 @@ def test_a_pose_is_opened_and_can_be_undone(robot: Robot, tmp_path: Path) -> Non
     robot.frames(2)
     choose(robot, "smile.obj")
     robot.frames(2)
-    assert app.notice.startswith("Opened smile.obj. The pose is that of the mesh.")
+    assert app.notice.startswith("Opened smile.obj. The pose matches the mesh exactly.")
     assert not app.session.document.constraints
     np.testing.assert_allclose(app.session.coefficients, pose, atol=1e-3)
     np.testing.assert_allclose(app.scene.vertices, app.session.model.surface(pose), atol=1e-3)
