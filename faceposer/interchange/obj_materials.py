@@ -129,16 +129,16 @@ def library_name(stem: str) -> str:
     return f"{writable_name(stem)}.mtl"
 
 
-def _free_name(folder: Path, stem: str, suffix: str, picture: bytes, taken: dict[str, bytes]) -> str:
-    """Return the first name for ``picture`` that no other picture has, here or in ``folder``."""
-    same = next((name for name, content in taken.items() if content == picture), None)
-    if same is not None:
-        return same
-    lower = {name.lower() for name in taken}
+def _free_name(folder: Path, stem: str, suffix: str, image: bytes, taken: dict[str, bytes]) -> str:
+    """Return a file name for ``image`` that no other image has, in ``taken`` or in ``folder``."""
+    existing = next((name for name, content in taken.items() if content == image), None)
+    if existing is not None:
+        return existing
+    taken_names = {name.lower() for name in taken}
     number = 1
     while True:
         name = f"{stem}{suffix}" if number == 1 else f"{stem}_{number}{suffix}"
-        if name.lower() not in lower and holds(folder / name, picture) is not False:
+        if name.lower() not in taken_names and has_content(folder / name, image) is not False:
             return name
         number += 1
 

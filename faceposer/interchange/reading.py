@@ -122,8 +122,8 @@ def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
     max_error = float(errors.max())
     if mean_error > _MAX_ERROR * character.height:
         raise FacePoserError(
-            f"'{name}' is not a pose of {character.title}: the mean error is {_MILLIMETRES * mean_error:.0f} mm; export "
-            "the mesh with its original vertex order."
+            f"'{name}' is not a pose of {character.title}: the mean error is {_MILLIMETRES * mean_error:.0f} mm; "
+            "export the mesh with its original vertex order."
         )
     note = f"Mean error to the mesh {_MILLIMETRES * mean_error:.2f} mm, maximum {_MILLIMETRES * max_error:.2f} mm."
     if _MILLIMETRES * max_error < _INVISIBLE_ERROR:

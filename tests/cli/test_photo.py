@@ -69,14 +69,14 @@ def test_photo_refuses_in_one_sentence_and_writes_nothing(
     cut.write_bytes(cut.read_bytes()[:-9000])
     out, before = tmp_path / "out.json", (photo.read_bytes(), pins.read_bytes())
     for arguments, words in (
-        (("man", photo, "--pins", few, "-o", out), "its camera takes 4"),
+        (("man", photo, "--pins", few, "-o", out), "aligning the camera needs at least 4"),
         (("man", tmp_path / "none.jpg", "--pins", pins, "-o", out), "There is no photo"),
         (("man", photo, "--pins", tmp_path / "none.json", "-o", out), "cannot be read"),
         (("man", photo, "--pins", pins, "-o", out, "--focal", -3), "focal length"),
         (("nobody", photo, "--pins", pins, "-o", out), "no character"),
         (("man", photo, "--pins", pins, "-o", pins), "is what is read"),
         (("man", photo, "--pins", pins, "-o", out, "--render", photo), "is what is read"),
-        (("man", photo, "--pins", outside, "-o", out), "pins[1] at (401, 20), outside of the photo of 400 x 300"),
+        (("man", photo, "--pins", outside, "-o", out), "pins[1] at (401, 20), outside the photo of 400 x 300"),
         (("man", cut, "--pins", pins, "-o", out), "cut.jpg' cannot be read"),
     ):
         assert run("photo", *arguments) == 2

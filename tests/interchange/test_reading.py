@@ -59,7 +59,7 @@ def test_what_the_face_cannot_do_is_told_in_millimetres(low: FaceModel, tmp_path
     write_obj(tmp_path / "a.obj", bumped, low.character.polygons)
     read = read_pose(tmp_path / "a.obj", low)
     assert distance(low, read.coefficients, pose) < 0.3
-    most = float(read.note.split("at most ")[1].split(" mm")[0])
+    most = float(read.note.split("maximum ")[1].split(" mm")[0])
     assert 15.0 < most < 20.5
 
 
