@@ -127,7 +127,7 @@ def test_a_study_of_performers_goes_on_where_it_was_stopped(
     [
         (("--performer", "anna"), "must have the form NAME=CSV,CSV"),
         (("--performer", "anna="), "must have the form NAME=CSV,CSV"),
-        (("--performer", "anna=a.csv"), "leaves nobody to learn from"),
+        (("--performer", "anna=a.csv"), "there is nobody to learn from"),
         (("--performer", "anna=a.csv", "--performer", "Anna=b.csv"), "two performers called 'anna'"),
         (("--performer", "anna=a.csv", "--performer", "ben=./a.csv"), "a take of anna and of ben"),
         (("--performer", "anna=a.csv", "--performer", "pooled=b.csv"), "cannot be the name of a performer"),

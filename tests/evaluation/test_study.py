@@ -196,7 +196,7 @@ def test_a_damaged_line_is_named(takes: tuple[Path, Path], tmp_path: Path, capsy
     assert status == 2
     assert err.startswith(f"Line 2 of '{path}' is damaged")
     path.write_text("nonsense\n")
-    assert "is no file of trials" in run(capsys, *words)[2]
+    assert "is not a trial log" in run(capsys, *words)[2]
 
 
 @pytest.mark.parametrize(
@@ -337,7 +337,7 @@ def test_tuning_tells_ends_of_grids_from_ends_of_what_there_is() -> None:
     assert found["parameters"]["energy"] == 1.0
     assert (found["at_end_of_grid"], found["at_natural_end"]) == (["prior_weight"], ["energy"])
     assert end_warning("ppca", found) == (
-        "ppca: prior_weight=8 at the end of the grid, beyond which there may be better; offer wider ones."
+        "ppca: prior_weight=8 at the end of the grid; better values may be beyond it, so widen the grid."
     )
     # What is better by less than is worth a word is no reason to go to the end.
     found = search(Ppca, lambda parameters: 1.0 - 1e-6 * parameters["prior_weight"])
