@@ -120,7 +120,7 @@ class Arap(Method):
         return data
 
     def deformed(self, data: Any, targets: Array) -> Array:
-        """Return the skin's vertices, shape (n, 3), with the constrained vertices of ``data`` at ``targets``, (b, 3)."""
+        """Return the skin's vertices, (n, 3), with the constrained vertices of ``data`` at ``targets``, (b, 3)."""
         vertices: Array = self._igl.arap_solve(targets, data, self._vertices)
         return vertices
 

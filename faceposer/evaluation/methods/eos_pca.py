@@ -69,7 +69,7 @@ class EosPca(ModelMethod):
         self._affine = (setting.camera, self._nearest_affine(setting.camera))
 
     def _nearest_affine(self, camera: Camera) -> Array:
-        """Return the matrix, (3, 4), that maps homogeneous points approximately to the pixels, v down, of ``camera``."""
+        """Return the affine approximation of ``camera``, shape (3, 4): homogeneous points to pixels, v down."""
         points = self._character.vertices[self._moving].astype(np.float64)
         homogeneous = np.column_stack([points, np.ones(len(points))])
         rows = np.linalg.lstsq(homogeneous, camera.project(points), rcond=None)[0].T
