@@ -123,7 +123,10 @@ def test_a_prior_that_did_not_converge_is_reported(
         (["train", "--rig", "x.glb", "-o", "a.obj"], "The output 'a.obj' must end in '.npz'."),
         (["train", "-o", "a.npz"], "One of the arguments --rig --examples --markers is required"),
         (["train", "--rig", "x.glb", "--examples", "y", "-o", "a.npz"], "not allowed with"),
-        (["train", "--examples", ".", "--regions", "99", "-o", "a.npz"], "'99' is not 'face', 'whole' or a number from 2 to 12"),
+        (
+            ["train", "--examples", ".", "--regions", "99", "-o", "a.npz"],
+            "'99' is not 'face', 'whole' or a number from 2 to 12",
+        ),
         (["train", "--examples", ".", "--dimensions", "0", "-o", "a.npz"], "'0' is not a number from 1 to 500"),
         (["train", "--examples", ".", "--capture", "a.csv", "-o", "a.npz"], "Performances (--capture)"),
         (["train", "--examples", ".", "-o", "a.npz"], "The folder '.' has no meshes"),
