@@ -6,7 +6,7 @@ class FacePoserError(Exception):
 
 
 class NoWindowError(FacePoserError):
-    """The system cannot show a window, for want of a display or of a sufficient OpenGL; commands still work."""
+    """The system cannot show a window, because there is no display or no sufficient OpenGL; commands still work."""
 
 
 class FacePoserWarning(UserWarning):

@@ -23,48 +23,48 @@ def _short_repr(value: object) -> str:
     return " ".join(repr(value).split())[:60]
 
 
-def one_of(value: T, choices: Sequence[T], what: str) -> T:
+def one_of(value: T, choices: Sequence[T], label: str) -> T:
     """Return ``value`` if it is one of ``choices``.
 
     Raises:
-        FacePoserError: Otherwise; the message begins with ``what``.
+        FacePoserError: Otherwise; the message begins with ``label``.
     """
     if value not in choices:
-        raise FacePoserError(f"{what} must be one of {', '.join(map(repr, choices))}, not {_short_repr(value)}.")
+        raise FacePoserError(f"{label} must be one of {', '.join(map(repr, choices))}, not {_short_repr(value)}.")
     return value
 
 
-def some_of(values: Iterable[T] | T, choices: Sequence[T], what: str) -> tuple[T, ...]:
+def some_of(values: Iterable[T] | T, choices: Sequence[T], label: str) -> tuple[T, ...]:
     """Return ``values``, several or a single one, as a tuple if all are among ``choices``.
 
     Raises:
-        FacePoserError: Otherwise; the message begins with ``what``.
+        FacePoserError: Otherwise; the message begins with ``label``.
     """
     several = (values,) if isinstance(values, str) or not isinstance(values, Iterable) else tuple(values)
-    return tuple(one_of(value, choices, what) for value in several)
+    return tuple(one_of(value, choices, label) for value in several)
 
 
-def real(value: float, what: str) -> float:
+def real(value: float, label: str) -> float:
     """Return ``value`` as a float of any size.
 
     Raises:
-        FacePoserError: If it is not a number; the message begins with ``what``.
+        FacePoserError: If it is not a number; the message begins with ``label``.
     """
     try:
         return float(value)
     except (TypeError, ValueError, OverflowError) as error:
-        raise FacePoserError(f"{what} must be a number, not {_short_repr(value)}.") from error
+        raise FacePoserError(f"{label} must be a number, not {_short_repr(value)}.") from error
 
 
-def number(value: float, least: float, most: float, what: str) -> float:
+def number(value: float, least: float, most: float, label: str) -> float:
     """Return ``value`` as a float from ``least`` to ``most``.
 
     Raises:
-        FacePoserError: If it is not such a number; the message begins with ``what``.
+        FacePoserError: If it is not such a number; the message begins with ``label``.
     """
-    found = math.nan if isinstance(value, bool) else real(value, what)
+    found = math.nan if isinstance(value, bool) else real(value, label)
     if not least <= found <= most:
-        raise FacePoserError(f"{what} must be a number from {least:g} to {most:g}, not {_short_repr(value)}.")
+        raise FacePoserError(f"{label} must be a number from {least:g} to {most:g}, not {_short_repr(value)}.")
     return found
 
 

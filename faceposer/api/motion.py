@@ -96,7 +96,7 @@ class MotionMixin:
         Args:
             character: Name of a built-in character, or a character file.
             method: "distances" matches distances between feature points, "weights" copies ARKit weights.
-            pairs: Pairs of points whose distances are matched; the built-in list if None.
+            pairs: Pairs of points with distances to match; the built-in list if None.
         """
         session, name = self.session, fspath(character)
         checks.one_of(method, get_args(Method), "The method")

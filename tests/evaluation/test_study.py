@@ -153,7 +153,7 @@ def test_a_study_that_is_stopped_keeps_what_is_done(
         patch.setattr(Bench, "run", stopped)
         status, _, err = run(capsys, *words)
     assert status == 130
-    assert "the same command goes on" in err
+    assert "repeat the command to continue" in err
     kept = (tmp_path / "trials.jsonl").read_bytes()
     assert len(kept.splitlines()) == 3
     assert run(capsys, *words)[0] == 0

@@ -65,5 +65,5 @@ class Handles:
 
 
 def missing_package(method: str, package: str) -> FacePoserError:
-    """Return the error for a ``method`` whose ``package`` is not installed."""
+    """Return the error for a ``method`` that needs the missing ``package``."""
     return FacePoserError(f"The method '{method}' needs the package '{package}': pip install 'faceposer[bench]'.")
