@@ -231,7 +231,7 @@ def test_a_pose_of_another_face_is_refused(robot: Robot, tmp_path: Path) -> None
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     exchange_of(app).open_pose(tmp_path / "a.obj")
     count = len(app.session.model.character.vertices)
-    assert f"has 3 vertices, and Low-poly head has {count}" in app.dialogs.waiting[0].text
+    assert f"has 3 vertices, but Low-poly head has {count}" in app.dialogs.waiting[0].text
     np.testing.assert_array_equal(app.session.coefficients, pose)
 
 
