@@ -244,7 +244,7 @@ def _report(
     done = {(row["constraint"], row["count"], row["noise_px"], row.get("region")) for row in rows}
     plan = studies[0].plan
     tried = [
-        cell for cell in plan.cells if any(plan.wanted(name, cell) for name in plan.methods if name not in left_out)
+        cell for cell in plan.cells if any(plan.n_trials(name, cell) for name in plan.methods if name not in left_out)
     ]
     without = [cell for cell in tried if (cell.constraint, cell.count, cell.noise_px, cell.region) not in done]
     if without:

@@ -64,7 +64,7 @@ class Plan:
     trials: Mapping[str, int]
     seeds: tuple[int, ...]
 
-    def wanted(self, method: str, cell: Cell) -> int:
+    def n_trials(self, method: str, cell: Cell) -> int:
         """Return the number of trials of ``cell`` for ``method`` and each seed."""
         kind: type[Method] = METHODS[method]
         if cell.constraint not in kind.kinds:
@@ -79,7 +79,7 @@ class Plan:
                 for first in range(0, self.trials[cell.constraint], CHUNK):
                     missing = {}
                     for method in self.methods:
-                        last = min(first + CHUNK, self.wanted(method, cell))
+                        last = min(first + CHUNK, self.n_trials(method, cell))
                         finished = done.get((method, cell, seed), ())
                         numbers = tuple(number for number in range(first, last) if number not in finished)
                         if numbers:

@@ -49,7 +49,7 @@ def pooled_rows_of(groups: Sequence[Scores], plan: Plan) -> list[Row]:
 
 def _scores(groups: Sequence[Scores], plan: Plan, method: str, cell: Cell) -> dict[_Key, Score]:
     """Return the scores of ``method`` in ``cell`` that the plan includes."""
-    count = plan.wanted(method, cell)
+    count = plan.n_trials(method, cell)
     return {
         (group, seed, number): score
         for group, scores in enumerate(groups)

@@ -27,7 +27,7 @@ Show = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
-class Done:
+class TaskResult:
     """Results of a task.
 
     Attributes:
@@ -42,7 +42,7 @@ class Done:
 
 
 @dataclass
-class Bench:
+class TrialRunner:
     """Runner of trials on one face, with prepared methods; each process has one.
 
     Attributes:
@@ -83,7 +83,7 @@ class Bench:
             self._trials = ((cell, seed), trials)
         return trials
 
-    def run(self, task: Task) -> Done:
+    def run(self, task: Task) -> TaskResult:
         """Run ``task``; all methods run each trial in turn, so that they share the same machine load."""
         methods = {name: method for name in task.missing if (method := self.method(name)) is not None}
         numbers = sorted({number for name in methods for number in task.missing[name]})
@@ -95,7 +95,7 @@ class Bench:
             for name, method in methods.items():
                 if number in task.missing[name]:
                     scores[name][number] = self._score(name, method, task.cell, trials[number])
-        return Done(task, scores, {name: self._skipped[name] for name in task.missing if name in self._skipped})
+        return TaskResult(task, scores, {name: self._skipped[name] for name in task.missing if name in self._skipped})
 
     def _score(self, name: str, method: Method, cell: Cell, trial: Trial) -> Score:
         if (name, cell.constraint) not in self._warm:
@@ -144,26 +144,26 @@ def run_plan(source: Source, plan: Plan, log: TrialLog, jobs: int, show: Show) -
     return skipped
 
 
-def _run_serially(source: Source, tasks: list[Task]) -> Iterator[Done]:
-    bench = Bench(*source.load())
+def _run_serially(source: Source, tasks: list[Task]) -> Iterator[TaskResult]:
+    runner = TrialRunner(*source.load())
     for task in tasks:
-        yield bench.run(task)
+        yield runner.run(task)
 
 
-_bench: Bench | None = None
+_runner: TrialRunner | None = None
 
 
 def _prepare(source: Source) -> None:
-    global _bench  # noqa: PLW0603 - state of a pool process between tasks
-    _bench = Bench(*source.load())
+    global _runner  # noqa: PLW0603 - state of a pool process between tasks
+    _runner = TrialRunner(*source.load())
 
 
-def _run(task: Task) -> Done:
-    assert _bench is not None
-    return _bench.run(task)
+def _run(task: Task) -> TaskResult:
+    assert _runner is not None
+    return _runner.run(task)
 
 
-def _run_in_pool(source: Source, tasks: list[Task], jobs: int) -> Iterator[Done]:
+def _run_in_pool(source: Source, tasks: list[Task], jobs: int) -> Iterator[TaskResult]:
     remaining = iter(tasks)
     with processes(min(jobs, len(tasks)), _prepare, source) as executor:
         # Few tasks are submitted at a time, in order, so that a stopped study has complete cells.

@@ -126,7 +126,7 @@ class _Sheet:
 
     def scores(self, method: str, cell: Cell) -> dict[Key, Score]:
         """Return the scores of ``method`` in ``cell``, keyed by seed and number of the trial."""
-        count = self._study.plan.wanted(method, cell)
+        count = self._study.plan.n_trials(method, cell)
         return {
             (seed, number): score
             for seed in self._study.plan.seeds

@@ -15,7 +15,7 @@ from faceposer.evaluation.methods.gaussian import Ppca
 from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.plan import Plan, Task, known_methods
 from faceposer.evaluation.rows import rows_of
-from faceposer.evaluation.running import Bench, Done
+from faceposer.evaluation.running import TaskResult, TrialRunner
 from faceposer.evaluation.takes import Source, frames_a_second, steady
 from faceposer.evaluation.trials import Cell
 from faceposer.evaluation.tuning import end_warning, search
@@ -142,15 +142,15 @@ def test_a_study_that_is_stopped_keeps_what_is_done(
     takes: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     words = (*given(takes, tmp_path), *SMALL, "--no-figures")
-    real = Bench.run
+    real = TrialRunner.run
 
-    def stopped(bench: Bench, task: Task) -> Done:
+    def stopped(bench: TrialRunner, task: Task) -> TaskResult:
         if task.cell.count == 8:
             raise KeyboardInterrupt
         return real(bench, task)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Bench, "run", stopped)
+        patch.setattr(TrialRunner, "run", stopped)
         status, _, err = run(capsys, *words)
     assert status == 130
     assert "repeat the command to continue" in err
