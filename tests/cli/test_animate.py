@@ -38,10 +38,8 @@ def test_a_table_of_pixels_becomes_an_animation(jaw: Path, tmp_path: Path, capsy
     out = tmp_path / "jaw.json"
     assert run("animate", "man", jaw, "--camera", tmp_path / "camera.json", "-o", out) == 0
     said = capsys.readouterr()
-    assert re.search(
-        r"15 frames at 30 per second, points 0\.[1-5] px off on average, 1 of them without any point", said.out
-    )
-    assert "jumps left out: 1" in said.out
+    assert re.search(r"15 frames at 30 fps, mean error 0\.[1-5] px, 1 of them without points", said.out)
+    assert "jumps removed: 1" in said.out
     assert said.err == ""
     data = json.loads(out.read_text())
     assert data["rate"] == 30.0

@@ -202,7 +202,7 @@ def test_a_pose_is_opened_and_can_be_undone(robot: Robot, tmp_path: Path) -> Non
     robot.frames(2)
     choose(robot, "smile.obj")
     robot.frames(2)
-    assert app.notice.startswith("Opened smile.obj. The pose is that of the mesh.")
+    assert app.notice.startswith("Opened smile.obj. The pose matches the mesh exactly.")
     assert not app.session.document.constraints
     np.testing.assert_allclose(app.session.coefficients, pose, atol=1e-3)
     np.testing.assert_allclose(app.scene.vertices, app.session.model.surface(pose), atol=1e-3)
@@ -232,7 +232,7 @@ def test_a_pose_of_another_face_is_refused(robot: Robot, tmp_path: Path) -> None
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     exchange_of(app).open_pose(tmp_path / "a.obj")
     count = len(app.session.model.character.vertices)
-    assert f"has 3 vertices, and Low-poly head has {count}" in app.dialogs.waiting[0].text
+    assert f"has 3 vertices, but Low-poly head has {count}" in app.dialogs.waiting[0].text
     np.testing.assert_array_equal(app.session.coefficients, pose)
 
 
