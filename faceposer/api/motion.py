@@ -5,7 +5,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Self, get_args
 
-from faceposer.animation.following import follow
+from faceposer.animation.following import solve_trajectories
 from faceposer.animation.keyframes import Keyframes
 from faceposer.animation.trajectories import Trajectories
 from faceposer.animation.trajectory_io import read_trajectories
@@ -13,7 +13,7 @@ from faceposer.api import checks
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.model.performance import Performance
-from faceposer.session.opening import load_model, session_of
+from faceposer.session.opening import load_model, session_for
 from faceposer.session.session import Session
 from faceposer.session.transferred import transferred
 from faceposer.solve.problem import RECORDED_SPREAD
@@ -78,7 +78,7 @@ class MotionMixin:
         if not isinstance(trajectories, Trajectories):
             read = read_trajectories(Path(trajectories), model.character, camera=camera)
             trajectories, _ = read.without_jumps()
-        return follow(
+        return solve_trajectories(
             model,
             trajectories,
             smoothness=smoothness,
@@ -105,7 +105,7 @@ class MotionMixin:
         target = load_model(name)
         transfer = make_transfer(session.model, target, method, DEFAULT_PAIRS if pairs is None else pairs)
         document = transferred(session.document, session.coefficients, transfer, name, target)
-        return type(self)(session_of(document, None))
+        return type(self)(session_for(document, None))
 
     def export(
         self,

@@ -81,7 +81,7 @@ class PosingMixin:
 
     def save_pose(self, name: str, folder: PathName | None = None, overwrite: bool = False) -> Path:
         """Write the current pose to the user's library, or to ``folder``, and return its file."""
-        target = library.own_folder() if folder is None else Path(folder)
+        target = library.default_pose_folder() if folder is None else Path(folder)
         return library.PoseLibrary(target).save(self.pose(name), overwrite)
 
     def take_pose(self, path: PathName, frame: int = 0) -> str:
@@ -105,7 +105,7 @@ class PosingMixin:
         text = fspath(name)
         if Path(text).suffix.lower() == library.SUFFIX:
             return read_pose(Path(text))
-        own = library.PoseLibrary(library.own_folder()).entries()
+        own = library.PoseLibrary(library.default_pose_folder()).entries()
         entries = [
             entry
             for entry in (*own, *library.starter_poses())

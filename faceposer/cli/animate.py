@@ -6,7 +6,7 @@ from typing import Any
 
 from faceposer.cli.arguments import add_contact_option, add_spread, number_between
 from faceposer.cli.progress_line import ProgressLine
-from faceposer.files.atomic import check_apart
+from faceposer.files.atomic import check_not_input
 
 NAME = "animate"
 _PRIORS = ("regions", "whole", "plain")
@@ -56,10 +56,10 @@ def run(options: argparse.Namespace) -> int:
     from faceposer.interchange.formats import check_writable
 
     check_writable(options.output, lambda form: form.animated)
-    check_apart(options.output, options.character, options.trajectories, options.camera, options.markers)
+    check_not_input(options.output, options.character, options.trajectories, options.camera, options.markers)
     import numpy as np
 
-    from faceposer.animation.following import follow, residuals
+    from faceposer.animation.following import solve_trajectories, residuals
     from faceposer.animation.trajectory_io import read_camera, read_trajectories
     from faceposer.geometry.marker_map import read_marker_map
     from faceposer.interchange.formats import write
@@ -82,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
     n_frames = len(trajectories)
     line = ProgressLine()
     try:
-        performance = follow(
+        performance = solve_trajectories(
             model,
             trajectories,
             smoothness=options.smoothness,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from faceposer.cli.arguments import add_contact_option, add_materials_option, image_size
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import check_apart
+from faceposer.files.atomic import check_not_input
 
 if TYPE_CHECKING:
     import numpy as np
@@ -231,7 +231,7 @@ def _check_options(options: argparse.Namespace) -> None:
         raise FacePoserError(f"--turntable applies to videos only; use an output that ends in {videos}.")
     if options.transparent and not form.transparent:
         raise FacePoserError("--transparent applies to images only; use an output that ends in .png.")
-    check_apart(path, options.what, options.pose, options.animation)
+    check_not_input(path, options.what, options.pose, options.animation)
 
 
 def _positive_number(text: str, most: float, unit: str) -> float:

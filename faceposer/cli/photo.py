@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from faceposer.cli.arguments import add_spread
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import check_apart, check_output
+from faceposer.files.atomic import check_not_input, check_output
 
 if TYPE_CHECKING:
     import numpy as np
@@ -54,8 +54,8 @@ def run(options: argparse.Namespace) -> int:
     if options.render is not None:
         check_output(options.render, ".png")
     # The output may be the input session, which then gains the photo.
-    check_apart(options.output, options.photo, options.pins)
-    check_apart(options.render, options.photo)
+    check_not_input(options.output, options.photo, options.pins)
+    check_not_input(options.render, options.photo)
     if options.focal is not None and not 1.0 <= options.focal <= 1e6:
         raise FacePoserError("The focal length must be between 1 and 1,000,000 pixels.")
     from dataclasses import replace
@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     from faceposer.photo.photo import Photo
     from faceposer.photo.pins_file import read_pins
     from faceposer.photo.reading import focal_in_mm, inspect_photo, read_photo
-    from faceposer.session.photos import with_expression
+    from faceposer.session.photos import pose_from_photo
     from faceposer.solve.camera_fit import LEAST_POINTS
 
     file = inspect_photo(options.photo)
@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
     camera = photo.camera
     document = replace(session.document, photos=(*session.document.photos, photo))
     with session.edit("Open a photo"):
-        session.replace(document if options.no_pose else with_expression(document, model, photo))
+        session.replace(document if options.no_pose else pose_from_photo(document, model, photo))
     session.wait()
     posed_errors = residuals_px(photo, model, session.coefficients)
     _print_errors(pins, aligned_errors, posed_errors, model.character.feature_titles)

@@ -7,7 +7,7 @@ from typing import Any
 
 from faceposer.cli.arguments import add_contact_option, add_materials_option, add_spread
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import check_apart, check_output, write_text
+from faceposer.files.atomic import check_not_input, check_output, write_text
 
 NAME = "solve"
 # Longest time for a solve, in seconds.
@@ -32,13 +32,13 @@ def run(options: argparse.Namespace) -> int:
     check_output(options.output, ".obj")
     if options.report is not None:
         check_output(options.report, ".json")
-        check_apart(options.report, options.session)
+        check_not_input(options.report, options.session)
     from dataclasses import replace
 
     from faceposer.cli.opening import print_remark
     from faceposer.interchange.meshes import write_posed_obj
     from faceposer.session.document import read_document
-    from faceposer.session.opening import session_of
+    from faceposer.session.opening import session_for
     from faceposer.session.report import solve_report
 
     if options.session.suffix.lower() != ".json":
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
     document = replace(read_document(options.session), coefficients=None)
     if options.spread is not None:
         document = replace(document, spread=options.spread)
-    session = session_of(document, options.session)
+    session = session_for(document, options.session)
     print_remark(session)
     if session.solution is None:
         session.apply()

@@ -6,7 +6,7 @@ from typing import Any
 
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import check_apart, check_output
+from faceposer.files.atomic import check_not_input, check_output
 
 NAME = "train"
 
@@ -82,7 +82,7 @@ def _regions(text: str) -> str | int:
 def run(options: argparse.Namespace) -> int:
     """Learn the character, write it and return the exit status."""
     check_output(options.output, ".npz")
-    check_apart(options.output, options.examples, options.scan)
+    check_not_input(options.output, options.examples, options.scan)
     if options.summary is not None and options.summary.exists() and not options.summary.is_dir():
         raise FacePoserError(f"'{options.summary}' is a file; give a folder for the summary.")
     from faceposer.model.character_file import save_character

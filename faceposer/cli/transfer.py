@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from faceposer.cli.arguments import add_contact_option, add_materials_option
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import check_apart
+from faceposer.files.atomic import check_not_input
 
 if TYPE_CHECKING:
     from faceposer.model.face_model import FaceModel
@@ -108,7 +108,7 @@ def run(options: argparse.Namespace) -> int:
     from faceposer.interchange.formats import check_writable, offered
 
     form = check_writable(options.output)
-    check_apart(options.output, options.source, options.target, options.pairs)
+    check_not_input(options.output, options.source, options.target, options.pairs)
     suffix = options.output.suffix.lower()
     holds_animation = form.animated
     if options.pairs is not None and options.method == "weights":
@@ -217,16 +217,16 @@ def _holds_weights(path: Path) -> bool:
 
 def _write_session(options: argparse.Namespace, source: _Source, transfer: "Transfer", target: "FaceModel") -> None:
     """Write the session of the target with everything that can be transferred."""
-    from faceposer.session.document import character_from, write_document
+    from faceposer.session.document import portable_character, write_document
     from faceposer.session.transferred import transferred
 
     assert source.document is not None
     pose = source.document.coefficients
     assert pose is not None
-    character = character_from(options.target, options.output.parent)
+    character = portable_character(options.target, options.output.parent)
     document = transferred(source.document, pose, transfer, character, target)
     document = replace(document, contact=document.contact and options.contact)
-    write_document(options.output, document.stamped(target))
+    write_document(options.output, document.with_version_data(target))
     keys = 0 if document.keyframes is None else len(document.keyframes.keys)
     content = f"{keys} keys" if keys else "pose"
     print(f"{options.output} written: {content} by {options.method}")
@@ -243,14 +243,14 @@ def _write(
     """Write a single pose as a session or in any other format, several as an animation."""
     from faceposer.interchange.formats import write
     from faceposer.render.options import OutputOptions
-    from faceposer.session.document import Document, character_from, write_document
+    from faceposer.session.document import Document, portable_character, write_document
 
     pose = performance.coefficients[0]
     output_options = OutputOptions(contact=options.contact, materials=options.materials)
     if len(performance) > 1:
         write(path, model, performance, output_options, line.progress)
     elif path.suffix.lower() == ".json":
-        document = Document(character_from(character, path.parent), contact=options.contact)
-        write_document(path, document.starting_from(pose).posed(pose).stamped(model))
+        document = Document(portable_character(character, path.parent), contact=options.contact)
+        write_document(path, document.with_start(pose).posed(pose).with_version_data(model))
     else:
         write(path, model, pose, output_options)

@@ -48,7 +48,7 @@ class Action:
     @property
     def shortcut(self) -> str:
         """The first key in the notation of the operating system, or ""."""
-        return shown_key(self.keys[0]) if self.keys else ""
+        return display_key(self.keys[0]) if self.keys else ""
 
     @property
     def bracketed_shortcut(self) -> str:
@@ -155,7 +155,7 @@ class Actions:
                 raise FacePoserError(f"'{key}' is not a key.")
             other = self.owner(key)
             if other is not None and other.name != name:
-                raise FacePoserError(f"{shown_key(key)} is already the key of {other.label.rstrip('.')}.")
+                raise FacePoserError(f"{display_key(key)} is already the key of {other.label.rstrip('.')}.")
         self._by_name[name] = replace(self._by_name[name], keys=tuple(keys))
         self._index()
 
@@ -165,7 +165,7 @@ class Actions:
         found = (action for action in self._by_name.values() if chord in map(parsed_key, action.keys))
         return next(found, None)
 
-    def usual_keys(self, name: str) -> tuple[str, ...]:
+    def default_keys(self, name: str) -> tuple[str, ...]:
         """Return the default keys of the action ``name``."""
         return next(action.keys for action in self._defaults if action.name == name)
 
@@ -209,6 +209,6 @@ def format_key(key: str, modifiers: frozenset[str]) -> str:
     return "+".join([*(name.title() for name in ("ctrl", "shift", "alt") if name in modifiers), key])
 
 
-def shown_key(text: str) -> str:
+def display_key(text: str) -> str:
     """Return a shortcut in the notation of the operating system."""
     return text.replace("Ctrl", "Cmd") if sys.platform == "darwin" else text

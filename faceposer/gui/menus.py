@@ -6,7 +6,7 @@ from functools import partial
 from faceposer.gui.actions import Action, Actions, Submenu
 from faceposer.gui.commands import Commands
 from faceposer.gui.shell import Shell
-from faceposer.tools.gaze_tool import eyes_of
+from faceposer.tools.gaze_tool import eye_centres_of
 
 # Name of the view, label, key; Ctrl gives the opposite side, as in Blender.
 _VIEWS = (
@@ -38,7 +38,7 @@ def _tool_actions(context: Shell, do: Commands, idle: Callable[[], bool]) -> lis
         return lambda: context.toolbox.chosen.name == name
 
     def usable(name: str) -> Callable[[], bool]:
-        return lambda: idle() and (name != "gaze" or eyes_of(context.session.model.character) is not None)
+        return lambda: idle() and (name != "gaze" or eye_centres_of(context.session.model.character) is not None)
 
     tools = [
         Action(

@@ -110,6 +110,6 @@ class Viewport:
         """
         target = self.framed().target
         if camera.shift == (0.0, 0.0) and abs(camera.rotation[0, 1]) < 1e-6:
-            self.view = OrbitView.of_camera(camera, target)
+            self.view = OrbitView.from_camera(camera, target)
         else:
             self.view = replace(PictureView.whole(camera, target), locked=False)

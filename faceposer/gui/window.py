@@ -31,7 +31,7 @@ from faceposer.gui.events import (
 )
 from faceposer.gui.key_names import BUTTONS, KEY_CODES, KEY_NAMES, MODIFIER_KEYS, MODIFIERS_OF_IMGUI, modifier_bits
 from faceposer.gui.window_creation import SMALLEST, Place, Size, create_window, is_on_monitor
-from faceposer.render.mesh_buffers import drawn_by_processor
+from faceposer.render.mesh_buffers import is_software_renderer
 from faceposer.tools.tool import Button
 
 # A turn of the wheel too small to scroll.
@@ -117,7 +117,7 @@ class Window:
     @property
     def software(self) -> bool:
         """True if the processor draws, not a graphics card."""
-        return drawn_by_processor(self.ctx)
+        return is_software_renderer(self.ctx)
 
     @property
     def size(self) -> Size:

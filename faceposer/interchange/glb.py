@@ -20,7 +20,7 @@ from faceposer.interchange.surfaces import base_colour, is_png, opacity, roughne
 from faceposer.model.character import Character, Part
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
-from faceposer.model.shape_names import halves_of, whole_of
+from faceposer.model.shape_names import half_shapes_of, whole_shape_of
 from faceposer.progress import Progress
 
 METRES_PER_UNIT = 0.01
@@ -99,8 +99,8 @@ def _with_wholes(character: Character, frames: NDArray[np.float64]) -> tuple[Cha
     The whole shape is the sum of its halves; it gets the weight common to both, and the halves keep the difference.
     """
     names, shapes, weights = list(character.shape_names), [*character.shapes], [*frames.T]
-    for whole in dict.fromkeys(map(whole_of, character.shape_names)):
-        halves = [names.index(half) for half in halves_of(whole) if half in names]
+    for whole in dict.fromkeys(map(whole_shape_of, character.shape_names)):
+        halves = [names.index(half) for half in half_shapes_of(whole) if half in names]
         if len(halves) < 2 or whole in names:
             continue
         left, right = (weights[half] for half in halves)

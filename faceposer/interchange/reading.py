@@ -16,7 +16,7 @@ from faceposer.interchange.named_weights import NamedWeights
 from faceposer.interchange.weights_json import read_weights
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
-from faceposer.model.shape_names import canonical_shape, halves_of, whole_of
+from faceposer.model.shape_names import canonical_shape, half_shapes_of, whole_shape_of
 from faceposer.training.capture import read_capture
 
 Array = NDArray[np.float64]
@@ -182,7 +182,7 @@ def read_performance(path: Path, model: FaceModel) -> ReadPerformance:
     used: set[str] = set()
     for column, shape in enumerate(shapes):
         # A file may have a shape, the whole of a half shape, the halves of a whole shape, or all, which then add up.
-        for group in ((shape,), {whole_of(shape)} - {shape}, halves_of(shape)):
+        for group in ((shape,), {whole_shape_of(shape)} - {shape}, half_shapes_of(shape)):
             found = [names.index(name) for name in group if name in names]
             if found:
                 weights[:, column] += named.frames[:, found].mean(axis=1)

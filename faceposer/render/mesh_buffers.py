@@ -11,7 +11,7 @@ from faceposer.model.character import Character
 from faceposer.render.line_buffers import LineBuffers
 
 
-def drawn_by_processor(ctx: moderngl.Context) -> bool:
+def is_software_renderer(ctx: moderngl.Context) -> bool:
     """Return True if the CPU renders, without a graphics card."""
     renderer = ctx.info["GL_RENDERER"].lower()
     return any(name in renderer for name in ("llvmpipe", "softpipe", "swiftshader", "swrast"))
@@ -83,7 +83,7 @@ def _texture(ctx: moderngl.Context, data: bytes) -> moderngl.Texture:
     texture = ctx.texture(image.size, len(image.getbands()), image.tobytes(), alignment=1)
     texture.build_mipmaps()
     texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-    if not drawn_by_processor(ctx):
+    if not is_software_renderer(ctx):
         # Mesa's software renderer takes many seconds for some triangles seen edge-on.
         texture.anisotropy = 4.0
     return texture

@@ -23,7 +23,7 @@ class Scene:
         photo: Photo behind or in front of the face, or None.
         expression_lines: True if expression lines of the skin are shown; clay shows none.
         look: Light and backdrop of ``draw``; portraits have the default ones.
-        pictures_drawn: Number of images rendered.
+        images_rendered: Number of images rendered.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
@@ -43,7 +43,7 @@ class Scene:
         self.photo: PhotoLayer | None = None
         self.expression_lines = True
         self.look = Look()
-        self.pictures_drawn = 0
+        self.images_rendered = 0
 
     @property
     def triangles(self) -> NDArray[np.int32]:
@@ -93,7 +93,7 @@ class Scene:
             self._renderer.draw(target.framebuffer, camera, shading, wireframe, self.photo, lines, look=self.look)
             target.resolve()
             self._drawn = (key, target)
-            self.pictures_drawn += 1
+            self.images_rendered += 1
         return self._drawn[1].texture
 
     def portrait(self, coefficients: ArrayLike, camera: Camera, samples: int) -> NDArray[np.uint8]:

@@ -27,7 +27,7 @@ def face() -> Face:
 
 
 @pytest.fixture(autouse=True)
-def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def default_pose_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     return tmp_path / "data" / "faceposer" / "poses"
 
@@ -203,10 +203,10 @@ def test_the_name_of_a_whole_sets_both_halves(face: Face) -> None:
     assert face.weights["browInnerUpRight"] < 0.1
 
 
-def test_own_poses_go_round(face: Face, own_folder: Path) -> None:
+def test_own_poses_go_round(face: Face, default_pose_folder: Path) -> None:
     face.set_weights({"mouthSmileLeft": 0.7})
     path = face.save_pose("Half a smile")
-    assert path == own_folder / "half-a-smile.json"
+    assert path == default_pose_folder / "half-a-smile.json"
     with pytest.raises(faceposer.FacePoserError, match="already"):
         face.save_pose("Half a smile")
     other = faceposer.load("woman")

@@ -76,7 +76,7 @@ def test_what_the_timeline_of_a_session_plays_goes_out(
 ) -> None:
     keys, jaw = tmp_path / "keys.json", low.coefficients_of({"jawOpen": 1.0})
     keyframes = Keyframes((Key.of(0, 0.0 * jaw), Key.of(10, jaw)), 24.0, 13)
-    write_document(keys, Document("low", keyframes=keyframes, frame=10, animated=True).starting_from(jaw).posed(jaw))
+    write_document(keys, Document("low", keyframes=keyframes, frame=10, animated=True).with_start(jaw).posed(jaw))
     assert run("export", keys, "-o", tmp_path / "a.json") == 0
     assert "13 frames at 24 fps" in capsys.readouterr().out
     data = json.loads((tmp_path / "a.json").read_text())

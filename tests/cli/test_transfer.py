@@ -21,7 +21,7 @@ SMILE = {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8}
 def smile(tmp_path: Path, model: FaceModel) -> Path:
     path = tmp_path / "smile.json"
     pose = model.coefficients_of(SMILE)
-    write_document(path, Document("man").starting_from(pose).posed(pose))
+    write_document(path, Document("man").with_start(pose).posed(pose))
     return path
 
 
@@ -78,7 +78,7 @@ def test_a_session_goes_over_with_all_its_keys(tmp_path: Path, model: FaceModel)
         "man", prior_weight=2.0, keyframes=Keyframes(keys, 24.0, 25, loop=True), frame=12, animated=True
     )
     pose = keys[1].pose
-    write_document(source, document.starting_from(pose).posed(pose))
+    write_document(source, document.with_start(pose).posed(pose))
 
     assert run("transfer", source, "low", "-o", out) == 0
     session = open_session(str(out))

@@ -58,7 +58,7 @@ class Examples:
 
     def _pixels(self, constraint: PointConstraint | DistanceConstraint | StrokeConstraint, most: int | None) -> Array:
         """Return the pixels of the constraint's points, or at most ``most`` of them, on all examples, (n, m, 2)."""
-        rows, neutral = self.model.rows_at(constraint.points)
+        rows, neutral = self.model.jacobian_at(constraint.points)
         if most is not None:
             chosen = np.unique(np.linspace(0, len(rows) - 1, most).round().astype(np.intp))
             rows, neutral = rows[chosen], neutral[chosen]

@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, imgui
 
-from faceposer.gui.actions import Action, Actions, shown_key
+from faceposer.gui.actions import Action, Actions, display_key
 from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.action_search import Match, ranked
 from faceposer.gui.widgets.basic import WidgetRects
@@ -194,7 +194,7 @@ def _draw_row(match: Match, corner: ImVec2, width: float, height: float, chosen:
     for text, colour in _runs(match):
         draw.add_text(ImVec2(x, y), u32(colour, alpha), text)
         x += imgui.calc_text_size(text).x
-    keys = ", ".join(shown_key(key) for key in action.keys)
+    keys = ", ".join(display_key(key) for key in action.keys)
     right = corner.x + width - em(0.6)
     keys_left = right - imgui.calc_text_size(keys).x
     draw.add_text(ImVec2(keys_left, y), u32(INK, 0.85 * alpha), keys)

@@ -133,7 +133,7 @@ class PosePanel:
         flags = imgui.SliderFlags_.clamp_on_input | (imgui.SliderFlags_.logarithmic if logarithmic else 0)
         changed, new = imgui.slider_float(f"##pose:{name}", value, 0.0, largest, form, flags)
         context.widget_rects.record(name)
-        context.slider_edit.follow(session, name, step, changed, lambda: change(new))
+        context.slider_edit.update(session, name, step, changed, lambda: change(new))
         tooltip(tip)
         if reset:
             imgui.same_line()
@@ -187,5 +187,5 @@ class PosePanel:
                     document = document.with_constraint(i, replace(constraint, weight=value))
             session.replace(document)
 
-        context.slider_edit.follow(session, "hold", "Change the hold weight", changed, apply)
+        context.slider_edit.update(session, "hold", "Change the hold weight", changed, apply)
         tooltip("How strongly fixed vertices are held in place, from 0 (free) upwards.")

@@ -65,4 +65,4 @@ class ShapesPanel:
             start, before = self._begun
             session.set_start(start + session.model.subspace.projection[:, j] * (value - before))
 
-        context.slider_edit.follow(session, key, f"Set {name}", changed, apply, begin)
+        context.slider_edit.update(session, key, f"Set {name}", changed, apply, begin)

@@ -12,8 +12,8 @@ from faceposer.model.character import Character
 from faceposer.session.place_names import MEASURES
 from faceposer.solve.constraints.stroke import STROKE_ENERGIES
 from faceposer.tools.distance_tool import add_distance
-from faceposer.tools.fix_tool import region_held, toggle_region
-from faceposer.tools.gaze_tool import eyes_of
+from faceposer.tools.fix_tool import fixed_region_index, toggle_fixed_region
+from faceposer.tools.gaze_tool import eye_centres_of
 
 STRIP_WIDTH = 3.2
 TOOL_ICONS = {
@@ -48,7 +48,9 @@ _TITLES = {
 def draw_tool_strip(context: EditorContext) -> None:
     """Draw the buttons of the tools in a column, and that of symmetry."""
     usable = [
-        name for name in context.toolbox.tools if name != "gaze" or eyes_of(context.session.model.character) is not None
+        name
+        for name in context.toolbox.tools
+        if name != "gaze" or eye_centres_of(context.session.model.character) is not None
     ]
     # Smaller buttons if the window is too low for all of them.
     spacing = imgui.get_style().item_spacing.y
@@ -147,7 +149,7 @@ def _fix(context: EditorContext) -> None:
         if i % columns:
             imgui.same_line()
         width = button_width(columns - i % columns)
-        held = region_held(names, context.viewport) is not None
+        held = fixed_region_index(names, context.viewport) is not None
         if held:
             imgui.push_style_color(imgui.Col_.button, ImVec4(*HELD[:3], 0.55))
         verb = "Release" if held else "Hold"
@@ -156,7 +158,7 @@ def _fix(context: EditorContext) -> None:
         if held:
             imgui.pop_style_color()
         if pressed and not context.busy:
-            toggle_region(names, context.viewport, context.toolbox.tool_settings)
+            toggle_fixed_region(names, context.viewport, context.toolbox.tool_settings)
 
 
 def regions_to_hold(character: Character) -> list[tuple[str, tuple[str, ...]]]:

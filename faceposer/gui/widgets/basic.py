@@ -162,7 +162,7 @@ def action_button(rects: WidgetRects, action: Action, width: float, label: str =
         imgui.pop_style_color(3)
 
 
-def lit_button(label: str, on: bool, colour: tuple[float, float, float, float], width: float) -> bool:
+def toggle_button(label: str, on: bool, colour: tuple[float, float, float, float], width: float) -> bool:
     """Draw a button, in ``colour`` if it is ``on``, and return True if it was pressed."""
     if on:
         _push_button_colour(colour)
@@ -193,7 +193,7 @@ def choice(
         if i:
             imgui.same_line(0.0, gap)
         shown = shortened(label, max(texts[i] + spare, 1.0))
-        pressed = lit_button(f"{shown}##{name}{i}", i == chosen, ACCENT_DARK, texts[i] + spare)
+        pressed = toggle_button(f"{shown}##{name}{i}", i == chosen, ACCENT_DARK, texts[i] + spare)
         rects.record(f"{name}:{i}")
         tooltip(tips[i] if shown == label else f"{label}\n{tips[i]}")
         if pressed:

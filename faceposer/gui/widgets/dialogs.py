@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from imgui_bundle import imgui
 
 from faceposer.errors import FacePoserError
-from faceposer.gui.actions import Actions, shown_key
+from faceposer.gui.actions import Actions, display_key
 from faceposer.gui.widgets.basic import WidgetRects, caption
 from faceposer.gui.widgets.modal import modal, modal_buttons, modal_title
 from faceposer.gui.widgets.theme import FAINT, Fonts, em, u32
@@ -228,7 +228,7 @@ def _pressed(*keys: imgui.Key) -> bool:
 
 def _rows(actions: Actions, menu: str) -> tuple[tuple[str, str], ...]:
     return tuple(
-        (", ".join(map(shown_key, action.keys)), action.help or action.label)
+        (", ".join(map(display_key, action.keys)), action.help or action.label)
         for action in actions.in_menu(menu)
         if action.keys
     )

@@ -35,7 +35,7 @@ class SliderEdit:
         """True if a slider is being dragged."""
         return self._open is not None
 
-    def follow(
+    def update(
         self,
         session: Session,
         key: str,

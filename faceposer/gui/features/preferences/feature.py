@@ -135,7 +135,7 @@ class PreferencesFeature(Feature):
             self.problem = str(error)
             return
         self.problem = ""
-        if tuple(keys) == actions.usual_keys(name):
+        if tuple(keys) == actions.default_keys(name):
             self.settings.keys.pop(name, None)
         else:
             self.settings.keys[name] = list(keys)

@@ -9,7 +9,7 @@ from faceposer.gui.overlays.painter import WHITE, Painter
 from faceposer.gui.viewport import Pixel
 from faceposer.gui.widgets.theme import ACCENT, EDGE, INK
 from faceposer.solve.constraints.gaze import GazeConstraint
-from faceposer.tools.gaze_tool import handle_position, pupils_of
+from faceposer.tools.gaze_tool import handle_position, pupil_centres_of
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def mark_of(index: int, constraint: GazeConstraint, view: MarkView) -> GazeMark 
 def handle_mark(index: int | None, direction: tuple[float, float], view: MarkView) -> GazeMark | None:
     """Return the handle for a ``direction`` in degrees, or None if the character has no eyes."""
     character = view.viewport.session.model.character
-    eyes, position = pupils_of(character, direction), handle_position(character, direction)
+    eyes, position = pupil_centres_of(character, direction), handle_position(character, direction)
     if eyes is None or position is None:
         return None
     u, v = view.camera.project(position[None])[0].tolist()

@@ -13,7 +13,7 @@ from faceposer.gui.overlays.painter import Painter
 from faceposer.gui.viewport import Pixel, Viewport
 from faceposer.render.scene import Scene
 from faceposer.solve.constraints.stroke import Pixels
-from faceposer.tools.stroke_tool import seen_pixels
+from faceposer.tools.stroke_tool import pixels_in_view
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ class MarkView:
 
         For another camera, the pixels are placed in space at the mean depth of ``positions``, (n, 3), on the face.
         """
-        seen = seen_pixels(pixels, camera, self.camera)
+        seen = pixels_in_view(pixels, camera, self.camera)
         if seen is not None:
             return seen, True
         depth = float(camera.to_camera(positions)[:, 2].mean())

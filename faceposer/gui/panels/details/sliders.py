@@ -58,7 +58,7 @@ def value_slider(
     def apply() -> None:
         context.session.change_constraint(index, changed_to(new), f"Change {title.lower()}")
 
-    context.slider_edit.follow(context.session, f"{key}:{index}", f"Change the {title.lower()}", changed, apply)
+    context.slider_edit.update(context.session, f"{key}:{index}", f"Change the {title.lower()}", changed, apply)
     if tip:
         tooltip(tip)
 
