@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
     check_not_input(options.output, options.character, options.trajectories, options.camera, options.markers)
     import numpy as np
 
-    from faceposer.animation.following import solve_trajectories, residuals
+    from faceposer.animation.following import residuals, solve_trajectories
     from faceposer.animation.trajectory_io import read_camera, read_trajectories
     from faceposer.geometry.marker_map import read_marker_map
     from faceposer.interchange.formats import write

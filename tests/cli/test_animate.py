@@ -51,13 +51,13 @@ def test_a_table_of_pixels_becomes_an_animation(jaw: Path, tmp_path: Path, capsy
 
 def test_options_reach_the_solver(jaw: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: dict[str, object] = {}
-    follow = following.follow
+    solve = following.solve_trajectories
 
     def watched(model: FaceModel, trajectories: object, **options: object) -> object:
         asked.update(options, trajectories=trajectories)
-        return follow(model, trajectories, **options)
+        return solve(model, trajectories, **options)
 
-    monkeypatch.setattr(following, "follow", watched)
+    monkeypatch.setattr(following, "solve_trajectories", watched)
     words = ["--camera", tmp_path / "camera.json", "--points", "8.4, 2.10", "--rate", "60", "--keep-jumps"]
     words += [
         "--smoothness",
