@@ -4,7 +4,7 @@ import argparse
 import os
 import shlex
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 from faceposer.cli import evaluate_values as values
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
+from faceposer.progress import Progress
 
 NAME = "evaluate"
 
@@ -180,22 +181,26 @@ def run(options: argparse.Namespace) -> int:
     for sentence in lacking:
         print(sentence, file=sys.stderr)
     plan = Plan(methods, cells, trials, options.seed)
-    progress = _StudyProgress()
+    line = ProgressLine(log=True)
     try:
         if options.performer:
             from faceposer.evaluation.performers import PerformersStudy
 
+            def begin_performer(name: str) -> Progress:
+                line.restart(f"{name} left out: ")
+                return line.progress
+
             performers_study = PerformersStudy(sources, plan, options.output, command)
-            result = performers_study.run(setting.character, jobs, progress.begin_performer, options.restart)
+            result = performers_study.run(setting.character, jobs, begin_performer, options.restart)
         else:
             study = Study(sources[""], plan, options.output, command)
-            outcome = study.run(setting.character, jobs, progress.show, options.restart)
+            outcome = study.run(setting.character, jobs, line.progress, options.restart)
     except KeyboardInterrupt:
-        progress.clear()
+        line.clear()
         print(f"Stopped; repeat the command to continue the study in '{options.output}'.", file=sys.stderr)
         raise
     finally:
-        progress.clear()
+        line.clear()
     if not options.performer:
         return _report([study], [outcome], outcome.rows, _tables(outcome.rows), outcome.left_out, options)
     studies = [performers_study.study(name) for name in result.outcomes]
@@ -308,26 +313,3 @@ def _known_take(name: str, option: str) -> Path:
     if not folder:
         raise FacePoserError(f"No take is given: use {option}, or set {_CAPTURES} to the folder that contains {name}.")
     return Path(folder) / name
-
-
-class _StudyProgress:
-    """Progress of the studies, one for each performer who is left out."""
-
-    def __init__(self) -> None:
-        self._line = ProgressLine(log=True)
-        self.clear = self._line.clear
-
-    def begin_performer(self, performer: str) -> Callable[[int, int], None]:
-        """Begin the study in which ``performer`` is left out, and return the callback for its progress."""
-        self._line.restart(f"{performer} left out: ")
-        return self.show
-
-    def show(self, done: int, of: int) -> None:
-        """Show that ``done`` of the trials are done, ``of`` being their number."""
-        if of in (0, done):
-            text = "all trials are done"
-        elif done == 0:
-            text = "training the techniques, about a minute"
-        else:
-            text = f"{100 * done // of} % of the remaining trials"
-        self._line.count(done, of, text)
