@@ -3,10 +3,10 @@
 
     FACEPOSER_CAPTURES=FOLDER python scripts/study_performers.py -o DIR                        # the default
     FACEPOSER_CAPTURES=FOLDER python scripts/study_performers.py -o DIR --variants FILE.py     # custom variants
-    ... --only ships lwr "prior weight 2" --data fold1 jmtechart --trials 20 --base ships
+    ... --only default lwr "prior weight 2" --data fold1 jmtechart --trials 20 --base default
 
-Each line is a variant on one data set: the sum of its 3D errors relative to the neutral face and, in brackets, the share
-of trials that end worse than the neutral face. The target noise is 1.5 px. The data sets are
+Each line is a variant on one data set: the sum of its 3D errors relative to the neutral face and, in brackets, the
+share of trials that end worse than the neutral face. The target noise is 1.5 px. The data sets are
 
     fold1, fold2       parts of take 3, learned from the rest of it (with --others also from the other performers)
     alex, jmtechart, llv_dao   each performer, learned from the two others; for alex, take 3 only
@@ -86,7 +86,7 @@ TAKE_4 = "take4"
 POOLS = {"folds": ("fold1", "fold2"), "performers": tuple(name for name, _ in PERFORMERS)}
 
 VARIANTS: dict[str, Variant] = {
-    "ships": lambda setting: (setting.model, 1.0, {}),
+    "default": lambda setting: (setting.model, 1.0, {}),
     "prior weight 2": lambda setting: (setting.model, 2.0, {}),
     "no damping": lambda setting: (setting.model, 1.0, {"prior": "whole"}),
 }
