@@ -79,7 +79,7 @@ def draws(model: FaceModel, count: int) -> Array:
 
 
 def depths(model: FaceModel, poses: Array, names: Sequence[str]) -> tuple[dict[str, Any], Array]:
-    """Return the depths of ``poses``, (n, r), without and with contact, and the time of the step in milliseconds, (n,)."""
+    """Return the depths of ``poses``, (n, r), without and with contact, and the milliseconds of the step, (n,)."""
     rows: dict[str, list[dict[str, float]]] = {"without": [], "with": []}
     milliseconds = np.zeros(len(poses))
     moved, untouched = 0.0, 0

@@ -123,7 +123,7 @@ DIFFERENCES = {FINITE: solve_by_differences, FINITE_ALONE: solve_by_differences_
 
 
 def rival_rows(character: str, trials: int, names: Iterable[str] = RIVALS) -> list[Row]:
-    """Measure solves from the neutral face of ours and of the rivals ``names``; return no rows without FACEPOSER_CAPTURES.
+    """Measure our solve and the rivals ``names`` from the neutral face; return no rows without FACEPOSER_CAPTURES.
 
     All learn from take 3; the trials are from take 4, with a target noise of 1.5 px. The methods solve each trial one
     after another in random order, so that other load affects all equally. Rows of the basis at the constrained points

@@ -51,7 +51,7 @@ class ExampleData:
             yield face @ turn.T + _SHIFT_CM * rng.standard_normal(3)
 
     def exact_basis(self, scale: Array, count: int, centred: bool) -> tuple[Array, Array, float]:
-        """Return the exact principal directions, (3 N, k), their energies, (k,), and the total energy, from the rig's weights.
+        """Return the exact principal directions, (3 N, k), energies, (k,), and total energy, from the rig's weights.
 
         Isotropic noise does not change the directions; the energies are without noise.
 
@@ -73,7 +73,7 @@ class ExampleData:
 
 
 def example_data(n_frames: int, n_vertices: int) -> ExampleData:
-    """Return the built-in man, cut to ``n_vertices``, moved by ``n_frames`` frames of the real takes, repeated in a cycle."""
+    """Return the built-in man, cut to ``n_vertices``, moved by the frames of the real takes in a cycle."""
     folder = os.environ.get("FACEPOSER_CAPTURES")
     if not folder:
         sys.exit("Set FACEPOSER_CAPTURES to the folder with the capture files.")
