@@ -45,7 +45,7 @@ def ear_freedom(place: Floats, ears: Floats) -> Floats:
 
 
 def ear_height(place: Floats) -> Floats:
-    """Return the relative height in the ear of positions on the base mesh, 0 at the lobe to 1 at the top, shape (N,)."""
+    """Return the relative height of base-mesh positions in the ear, 0 at the lobe to 1 at the top, shape (N,)."""
     height: Floats = np.clip((place[:, 1] - _LOBE) / (_TOP - _LOBE), 0.0, 1.0)
     return height
 
