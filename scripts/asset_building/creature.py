@@ -147,7 +147,7 @@ def build_creature(
 
 
 def _creature_vertices(builder: Builder) -> tuple[Floats, Floats]:
-    """Return the base mesh in the shape of the creature, (N, 3), and the weights of the free parts of its ears, (N,)."""
+    """Return the base mesh in the shape of the creature, (N, 3), and weights of the free parts of its ears, (N,)."""
     rest, skin = builder.rest, builder.skin
     vertices = even(identity_vertices(builder.source, rest, CREATURE), builder.mirror)
     ears = np.zeros(len(rest))

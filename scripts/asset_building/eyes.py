@@ -73,7 +73,7 @@ def surface_radius(angle: Floats) -> Floats:
 
 
 def turned_eye(vertices: Floats, side: str, strengths: dict[str, float]) -> Floats:
-    """Return the offsets, shape (N, 3), of the eyeball ``vertices`` of `build_eye`, rotated by a combination of gaze shapes.
+    """Return the offsets, shape (N, 3), of the eyeball ``vertices`` of `build_eye`, rotated by gaze shapes together.
 
     Args:
         vertices: The eyeball, shape (N, 3); its poles are its first and last vertices.

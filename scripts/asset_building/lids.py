@@ -18,8 +18,8 @@ _SOCKET_RINGS, _SOCKET_DEPTH = LASH_RING - 4, 0.96
 _CLEARANCE, _REACH = 0.07, 0.9
 #: Overlap of closed lids in centimetres.
 _LID_OVERLAP = 0.03
-#: For coarse lids: distances of the upper edge in front of and below the lower one, and distance from the edges in which
-#: lids follow them, in centimetres.
+#: For coarse lids: distances of the upper edge in front of and below the lower one, and distance from the edges in
+#: which lids follow them, in centimetres.
 _LID_BEFORE, _LID_BELOW, _FOLLOWS = 0.02, 0.02, 0.6
 #: For coarse lids: distance of the inner edges of closed lids behind the line where they meet, in centimetres.
 _BEHIND = 0.1
@@ -76,9 +76,10 @@ def close_exactly(vertices: Floats, blink: Floats, ring: Ints, side: str) -> Flo
 
 
 def meet_exactly(vertices: Floats, blink: Floats, ring: Ints, centre: Floats, faces: Ints) -> Floats:
-    """Return the shape ``blink`` (N, 3), changed so that both lids' edges coincide in one coarse line at full strength.
+    """Return the shape ``blink`` (N, 3), changed so that the edges of both lids coincide at full strength.
 
-    The line is halfway between the edges, with its corners at the vertices of the upper edge, in front of the lower one.
+    The line is halfway between the edges, with its corners at the vertices of the upper edge, in front of the lower
+    one.
 
     Args:
         vertices: The neutral skin, shape (N, 3).
@@ -203,7 +204,7 @@ def keep_clear(
 
 
 def _distances(away: Floats, radius: float) -> tuple[Floats, Floats]:
-    """Return the lengths of ``away`` (..., 3) from the centre of a ball that looks ahead, and of its surface in that direction."""
+    """Return the distances of ``away`` (..., 3) from the centre of a ball looking ahead, and of its surface there."""
     distance = np.linalg.norm(away, axis=-1)
     angle = np.degrees(np.arccos(np.clip(away[..., 2] / np.maximum(distance, 1e-9), -1.0, 1.0)))
     return distance, radius * surface_radius(angle)

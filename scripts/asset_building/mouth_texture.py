@@ -13,8 +13,8 @@ _LIGHT = (1.0, 0.985, 0.94, 0.85, 0.68, 0.42, 0.26)
 def paint_teeth(height: int = 256) -> NDArray[np.uint8]:
     """Return the teeth's texture, shape (height, 4 height, 3).
 
-    There is a column for each kind of tooth in each jaw. u runs around the crown from its back over the face; v from the
-    root to the middle of the biting surface, with its rim at about 0.74.
+    There is a column for each kind of tooth in each jaw. u runs around the crown from its back over the face; v from
+    the root to the middle of the biting surface, with its rim at about 0.74.
     """
     u, v = _grid(height, 4 * height)
     place = u * 2 * N_KINDS

@@ -8,7 +8,7 @@ _FLIP = np.array([-1.0, 1.0, 1.0])
 
 
 def even(vertices: Floats, mirror: Ints) -> Floats:
-    """Return the mean of ``vertices`` (N, 3) and their mirror image; ``mirror`` (N,) is the vertex opposite each in x."""
+    """Return the mean of ``vertices`` (N, 3) and their mirror image; ``mirror`` (N,) is the vertex opposite in x."""
     return 0.5 * (vertices + _FLIP * vertices[mirror])
 
 
