@@ -24,10 +24,10 @@ if str(ROOT) not in sys.path:
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import OrbitView
-from faceposer.gui.widgets.theme import FONTS
 from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.render.offscreen import render_character
+from faceposer.resources import fonts_folder
 from faceposer.transfer.pairs import PRESETS, Pair
 from faceposer.transfer.transfer import make_transfer
 
@@ -109,7 +109,7 @@ def sheet(rows: list[list[NDArray[np.uint8] | None]]) -> Image.Image:
     top, left = 34, 96
     image = Image.new("RGB", (left + len(titles) * SIDE, top + len(rows) * SIDE), (30, 31, 34))
     draw = ImageDraw.Draw(image)
-    font = ImageFont.truetype(str(next(FONTS.rglob("Roboto-Regular.ttf"))), 20)
+    font = ImageFont.truetype(str(fonts_folder() / "Roboto/Roboto-Regular.ttf"), 20)
     for column, title in enumerate(titles):
         draw.text((left + (column + 0.5) * SIDE, top / 2), title, (227, 230, 232), font, anchor="mm")
     for index, (name, row) in enumerate(zip(EXPRESSIONS, rows, strict=True)):

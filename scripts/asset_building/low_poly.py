@@ -71,7 +71,7 @@ _FOLD_RING = LASH_RING + 2
 _INNER_RING = LASH_RING - 2
 #: Depth in the mouth, in centimetres, to which the insides of the lips are visible.
 _LIP_DEPTH = 0.6
-#: How far closed lips overlap where their coarse edges meet, in centimetres, and in how many rounds they are moved.
+#: Overlap of the coarse edges of closed lids, in centimetres, and number of iterations to reach it.
 _LIP_OVERLAP, _ROUNDS = 0.04, 4
 #: Factor on the eyeball's size, so that its facets do not intersect those of the lids.
 _EYE_SCALE = 0.975
