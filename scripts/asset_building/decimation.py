@@ -62,7 +62,7 @@ class Decimation:
             self._on_line.setdefault(a, set()).add(b)
             self._on_line.setdefault(b, set()).add(a)
         self._locked = set(np.asarray(locked).tolist())
-        self._locked |= {vertex for vertex, beside in self._on_line.items() if len(beside) != 2}
+        self._locked |= {vertex for vertex, neighbours in self._on_line.items() if len(neighbours) != 2}
         self._quadrics = _quadrics(poses, triangles, lines)
         self._stamp = dict.fromkeys(self._at, 0)
         self._heap: list[tuple[float, int, int, int]] = []
@@ -124,11 +124,11 @@ class Decimation:
             else:
                 self.triangles[number] = tuple(target if corner == vertex else corner for corner in corners)
                 self._at[target].add(number)
-        for beside in self._on_line.pop(vertex, set()):
-            self._on_line[beside].discard(vertex)
-            if beside != target:
-                self._on_line[beside].add(target)
-                self._on_line[target].add(beside)
+        for neighbour in self._on_line.pop(vertex, set()):
+            self._on_line[neighbour].discard(vertex)
+            if neighbour != target:
+                self._on_line[neighbour].add(target)
+                self._on_line[target].add(neighbour)
         self._quadrics[target] += self._quadrics[vertex]
         del self._stamp[vertex]
         for changed in sorted(self._neighbours(target) | {target}):

@@ -145,7 +145,7 @@ def _faces_at_edges(base: BaseMesh, faces: NDArray[np.intp]) -> dict[frozenset[i
 
 def _above(base: BaseMesh, faces_at: dict[frozenset[int], list[int]], loop: list[int]) -> NDArray[np.intp]:
     """Return the quads that can be reached from the highest one without crossing ``loop``, shape (F,)."""
-    faces = sorted({face for beside in faces_at.values() for face in beside})
+    faces = sorted({face for adjacent in faces_at.values() for face in adjacent})
     fence = {frozenset(edge) for edge in zip(loop, loop[1:] + loop[:1], strict=True)}
     crown = faces[int(base.vertices[base.quads[faces], 1].mean(axis=1).argmax())]
     reached, front = {crown}, [crown]
@@ -179,5 +179,5 @@ def _edge_loop(faces_at: dict[frozenset[int], list[int]], base: BaseMesh, start:
         if vertex == loop[0]:
             return loop
         loop.append(vertex)
-        beside = set(faces_at[edge])
-        (edge,) = (other for other in edges_at[vertex] if beside.isdisjoint(faces_at[other]))
+        adjacent = set(faces_at[edge])
+        (edge,) = (other for other in edges_at[vertex] if adjacent.isdisjoint(faces_at[other]))

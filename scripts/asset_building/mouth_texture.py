@@ -36,9 +36,9 @@ def paint_teeth(height: int = 256) -> NDArray[np.uint8]:
     # Teeth are slightly warmer from the middle backwards.
     warm = np.array([0.0, 0.2, 0.5, 0.6, 0.7, 0.9, 1.0], np.float32)[kind]
     colour *= 1.0 - warm[..., None] * np.array([0.005, 0.015, 0.035], np.float32)
-    beside = np.abs(np.cos(2.0 * np.pi * turn)) ** 5
+    between = np.abs(np.cos(2.0 * np.pi * turn)) ** 5
     inside = smoothstep(0.0, 1.0, -np.sin(2.0 * np.pi * turn))
-    shade = 1.0 - 0.42 * beside * smoothstep(0.78, 0.35, v) - 0.16 * inside
+    shade = 1.0 - 0.42 * between * smoothstep(0.78, 0.35, v) - 0.16 * inside
     # The fissures of premolars and molars.
     shade *= 1.0 - 0.22 * smoothstep(0.86, 1.0, v) * (kind >= 3)
     shade *= 1.0 - 0.30 * smoothstep(0.22, 0.08, v)
