@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.names import is_hidden
 from faceposer.geometry.mesh_io import read_mesh
-from faceposer.geometry.obj_io import read_obj_positions
+from faceposer.geometry.obj_io import obj_content, read_obj_positions
 from faceposer.geometry.polygon_mesh import MorphMesh, PolygonMesh
 
 SHAPE_SUFFIXES = (".obj", ".ply", ".stl", ".off")
@@ -35,7 +36,7 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
         files = sorted(
             path
             for path in folder.iterdir()
-            if path.suffix.lower() in SHAPE_SUFFIXES and not path.name.startswith(".") and path.is_file()
+            if path.suffix.lower() in SHAPE_SUFFIXES and not is_hidden(path) and path.is_file()
         )
     except OSError as error:
         raise FacePoserError(f"The folder '{folder}' cannot be read: {error.strerror}.") from error
@@ -141,9 +142,9 @@ def _positions(path: Path, rest: PolygonMesh, neutral: Path, faces: bytes | None
 
 
 def _obj_text(path: Path) -> bytes:
-    """Return the content of an OBJ file, empty for other or too large files."""
+    """Return the content of an OBJ file with each statement on one line, empty for other or too large files."""
     try:
-        return path.read_bytes() if path.suffix.lower() == ".obj" and path.stat().st_size <= _MAX_FILE_BYTES else b""
+        return obj_content(path) if path.suffix.lower() == ".obj" and path.stat().st_size <= _MAX_FILE_BYTES else b""
     except OSError as error:
         raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
 

@@ -106,7 +106,12 @@ def character_from_sequence(
     if not motion.max() > (1e-5 * size) ** 2:
         raise FacePoserError(f"The meshes of '{source}' are all the same; add examples of different expressions.")
     if mesh is None:
-        upright, resembles_man = frame_from_motion(neutral, sequence.neutral.triangles(), motion)
+        found = frame_from_motion(neutral, sequence.neutral.triangles(), motion)
+        if found is None:
+            raise FacePoserError(
+                f"The meshes of '{source}' are too unlike a face to determine their orientation; give meshes of a face."
+            )
+        upright, resembles_man = found
         mesh = replace(assemble(sequence.neutral, upright, sample, {}), resembles_man=resembles_man)
 
     progress.at("Finding the regions")

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from faceposer.errors import FacePoserError
+from faceposer.files.names import is_hidden
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES
 from faceposer.geometry.mesh_sequence import ARRAY_SUFFIX
 from faceposer.model.shape_names import canonical_shape
@@ -30,7 +31,7 @@ def kind_of(source: Path) -> Kind:
     if source.is_dir():
         try:
             files = islice(source.iterdir(), _MOST_FILES)
-            shapes = islice((path for path in files if _arkit_shape(path.stem) is not None), _SHAPES_IN_RIG)
+            shapes = islice((path for path in files if not is_hidden(path) and _arkit_shape(path.stem) is not None), _SHAPES_IN_RIG)
             return "rig" if len(list(shapes)) == _SHAPES_IN_RIG else "examples"
         except OSError as error:
             raise FacePoserError(f"The folder '{source}' cannot be read: {error.strerror}.") from error
