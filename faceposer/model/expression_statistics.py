@@ -139,7 +139,9 @@ def _check_correlation(matrix: Array) -> None:
     symmetric = np.allclose(matrix, matrix.T, atol=_UNIT_WITHIN)
     unit = np.allclose(np.diag(matrix), 1.0, atol=_UNIT_WITHIN)
     if not (symmetric and unit and np.linalg.eigvalsh(matrix)[0] > -1e-3):
-        raise InconsistentError("coupling must be a correlation matrix: symmetric, positive semidefinite, unit diagonal")
+        raise InconsistentError(
+            "coupling must be a correlation matrix: symmetric, positive semidefinite, unit diagonal"
+        )
 
 
 def load_expression_statistics(path: Path | None = None) -> ExpressionStatistics:

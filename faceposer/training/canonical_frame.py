@@ -77,9 +77,7 @@ def opposite_name(name: str) -> str:
     return name
 
 
-def frame_from_motion(
-    vertices: Array, triangles: NDArray[np.integer], motion: Array
-) -> tuple[Similarity, bool] | None:
+def frame_from_motion(vertices: Array, triangles: NDArray[np.integer], motion: Array) -> tuple[Similarity, bool] | None:
     """Return the canonical frame of a face from its motion alone, and True if it resembles the built-in man.
 
     Returns None if the mesh does not determine a frame.
