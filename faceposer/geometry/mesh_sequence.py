@@ -57,12 +57,14 @@ class MeshSequence:
         neutral_name: Name of the neutral mesh in messages.
         sources: The files in order.
         face_digest: Digest of the faces in the neutral OBJ file; "" if there is none.
+        neutral_path: File of the neutral mesh; None if it is not an OBJ file.
     """
 
     neutral: PolygonMesh
     neutral_name: str
     sources: tuple[_Source, ...]
     face_digest: str = ""
+    neutral_path: Path | None = None
 
     def __len__(self) -> int:
         return self.sources[-1].first + self.sources[-1].count if self.sources else 0
@@ -199,8 +201,9 @@ def open_sequence(path: Path, neutral: Path | None = None) -> MeshSequence:
         raise FacePoserError(f"'{path}' has {total} frames, more than {_MAX_FRAMES}; leave some out.")
     meshes = [s.path for s in sources if s.path.suffix.lower() != ARRAY_SUFFIX]
     base = _neutral_mesh(chosen, meshes)
-    digest = _obj_positions(chosen)[1] if chosen.suffix.lower() == ".obj" else ""
-    return MeshSequence(base, f"the neutral '{chosen}'", tuple(sources), digest)
+    is_obj = chosen.suffix.lower() == ".obj"
+    digest = _obj_positions(chosen)[1] if is_obj else ""
+    return MeshSequence(base, f"the neutral '{chosen}'", tuple(sources), digest, chosen if is_obj else None)
 
 
 def write_frames(path: Path, frames: Iterable[NDArray[np.floating]], count: int, n_vertices: int) -> None:

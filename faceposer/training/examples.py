@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.geometry.mesh_sequence import MeshSequence, open_sequence
+from faceposer.geometry.mtl_io import read_obj_textures
 from faceposer.model.character import Character
 from faceposer.progress import Progress
 from faceposer.training.assemble import CanonicalMesh, assemble
@@ -105,6 +106,8 @@ def character_from_sequence(
     size = float(np.ptp(neutral, axis=0).max())
     if not motion.max() > (1e-5 * size) ** 2:
         raise FacePoserError(f"The meshes of '{source}' are all the same; add examples of different expressions.")
+    textures: dict[str, bytes] = {}
+    notes: tuple[str, ...] = ()
     if mesh is None:
         found = frame_from_motion(neutral, sequence.neutral.triangles(), motion)
         if found is None:
@@ -112,7 +115,9 @@ def character_from_sequence(
                 f"The meshes of '{source}' are too unlike a face to determine their orientation; give meshes of a face."
             )
         upright, resembles_man = found
-        mesh = replace(assemble(sequence.neutral, upright, sample, {}), resembles_man=resembles_man)
+        if sequence.neutral_path is not None:
+            textures, notes = read_obj_textures(sequence.neutral_path, sequence.neutral)
+        mesh = replace(assemble(sequence.neutral, upright, sample, textures), resembles_man=resembles_man)
 
     progress.at("Finding the regions")
     triangles = _triangles(mesh)
@@ -143,6 +148,7 @@ def character_from_sequence(
         "prior": {"from": "examples", **choice.as_json()},
         "curves": curves.as_json(),
         "warnings": [
+            *notes,
             *_warnings(len(sequence), curves, modes),
             *misplaced_eyes(mesh.vertices, mesh.parts),
             *choice.warnings,

@@ -93,6 +93,13 @@ def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, prog
         )
     upright, exchanged = found
     mesh = assemble(rig.mesh, upright, np.stack([*named.values()]), rig.textures)
+    drawn = {*mesh.textures.values()}
+    unused = [material for material, image in rig.textures.items() if image not in drawn]
+    if unused:
+        notes.append(
+            f"{len(unused)} texture{'s are' if len(unused) > 1 else ' is'} not used, such as that of the material "
+            f"'{unused[0][:60]}': its faces are in one part with those of another material."
+        )
     facts = _Facts(Path(source).name, match.missing, match.others, exchanged, (*rig.notes, *notes))
     return _character(facts, named, mesh, options, progress)
 

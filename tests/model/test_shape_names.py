@@ -10,7 +10,7 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.geometry.gltf_io import read_gltf
 from faceposer.model.character import ARKIT_SHAPES
-from faceposer.model.name_matching import match_arkit, match_with_ties
+from faceposer.model.name_matching import match_arkit
 from faceposer.model.shape_names import (
     SPLIT_SHAPES,
     canonical_shape,
