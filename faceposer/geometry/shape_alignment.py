@@ -96,10 +96,11 @@ def implausible(vertices: Array, neutral: Array) -> str:
         nearest, _ = cKDTree(neutral).query(vertices[sample], distance_upper_bound=_COINCIDENT * size)
         if float(np.isfinite(nearest).mean()) > _REORDERED:
             return "its vertices are in another order"
-    if float(np.median(distances)) > _MOST_MEDIAN * size or float(distances.max(initial=0.0)) > _MOST * size:
-        return (
-            f"its vertices are up to {float(distances.max()) / max(size, 1e-300):.2g} times the size of the face away"
-        )
+    most = float(distances.max(initial=0.0))
+    if float(np.median(distances)) > _MOST_MEDIAN * size or most > _MOST * size:
+        return f"its vertices move by up to {most / max(size, 1e-300):.2g} times the size of the face"
+    if len(distances) >= _FEW and float(np.quantile(distances, _LEAST_STILL)) > _MOVED * size:
+        return "no part of it keeps still"
     return ""
 
 

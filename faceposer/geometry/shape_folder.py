@@ -71,7 +71,7 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
         if reason:
             unusable[name] = (
                 f"The shape '{path}' is not an expression of the neutral face '{neutral}': {reason}; export all shapes "
-                "with the same vertices in the same order."
+                "in the unit of the neutral face, with the same vertices in the same order."
             )
         with np.errstate(over="ignore"):
             targets[name] = (aligned.vertices - rest.vertices).astype(np.float32)

@@ -17,6 +17,7 @@ from faceposer.model.shape_names import halves_of
 from faceposer.progress import Progress
 from faceposer.training.assemble import CanonicalMesh, assemble
 from faceposer.training.canonical_frame import frame_from_shapes, opposite_name
+from faceposer.training.displacements import check_displacements
 from faceposer.training.eyes import add_gaze, misplaced_eyes
 from faceposer.training.landmarks import find_landmarks
 from faceposer.training.measures import curves_of
@@ -92,6 +93,15 @@ def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, prog
             "brows, eyes and mouth, or train from it with --examples."
         )
     upright, exchanged = found
+    check = check_displacements(named, float(upright.scale))
+    if check.implausible:
+        raise FacePoserError(
+            f"The shape {check.implausible} of the rig '{source}' moves vertices by {check.size:.2g} cm, which no face "
+            "does; export it again in the unit of the neutral face."
+        )
+    if check.note:
+        notes.append(check.note)
+        named = {name: (check.factor * offsets).astype(np.float32) for name, offsets in named.items()}
     mesh = assemble(rig.mesh, upright, np.stack([*named.values()]), rig.textures)
     drawn = {*mesh.textures.values()}
     unused = [material for material, image in rig.textures.items() if image not in drawn]
