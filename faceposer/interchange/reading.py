@@ -29,6 +29,7 @@ _DEFAULT_RATE = 30.0
 _SAME = 0.01
 # Of the root mean square: a mesh that is nearer than this has not been moved as a whole.
 _WORTH_MOVING = 1.0
+_MIRROR = np.array([-1.0, 1.0, 1.0])
 _MOST_ROUNDS, _SETTLED = 200, 1e-5
 # Of the height of the head: a mesh that is off by more, in the root mean square, is another pose than this face has.
 _MOST_OFF = 0.05
@@ -108,6 +109,12 @@ def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
         moved = _root_mean_square(laid_off) < 0.5 * typical
         if moved:
             coefficients, off, typical = laid, laid_off, _root_mean_square(laid_off)
+    mirrored = False
+    if typical > _MOST_OFF * character.height and determines_rotation(vertices):
+        laid, laid_off = fit.laid_back(vertices * _MIRROR)
+        mirrored = _root_mean_square(laid_off) < min(0.5 * typical, _MOST_OFF * character.height)
+        if mirrored:
+            coefficients, off, typical, moved = laid, laid_off, _root_mean_square(laid_off), False
     most = float(off.max())
     if typical > _MOST_OFF * character.height:
         raise FacePoserError(
@@ -117,6 +124,8 @@ def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
     note = f"The pose is {_MILLIMETRES * typical:.2f} mm off the mesh, at most {_MILLIMETRES * most:.2f} mm."
     if _MILLIMETRES * most < _SAME:
         note = "The pose is that of the mesh."
+    if mirrored:
+        note += " The mesh is mirrored and was mirrored back."
     return ReadPose(coefficients, f"{note} The mesh was moved back onto the face." if moved else note)
 
 
