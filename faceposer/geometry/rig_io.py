@@ -67,7 +67,7 @@ def _plausible(rig: MorphMesh, path: Path) -> MorphMesh:
         vertices = neutral + offsets
         if not (np.isfinite(vertices).all() and offsets.any()):
             continue
-        if 2.0 * still_share(offsets, neutral) > 1.0 > 2.0 * still_share(vertices, neutral):
+        if 2.0 * still_share(offsets.astype(np.float64), neutral) > 1.0 > 2.0 * still_share(vertices, neutral):
             absolute.append(name)
             vertices = offsets.astype(np.float64)
         aligned = lay_on(vertices, neutral)

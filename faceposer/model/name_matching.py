@@ -7,7 +7,14 @@ from dataclasses import dataclass
 
 from faceposer.errors import FacePoserError
 from faceposer.model.character import ARKIT_SHAPES
-from faceposer.model.shape_names import begins_shape, canonical_shape, names_shape, scope_of, spelled_shape, whole_of
+from faceposer.model.shape_names import (
+    begins_shape,
+    canonical_shape,
+    names_shape,
+    scope_of,
+    spelled_shape,
+    whole_shape_of,
+)
 
 #: Boundaries between words: separators, and changes of case, to or from digits, or between scripts.
 _WORD_ENDS = re.compile(
@@ -162,7 +169,7 @@ def match_with_ties(names: Iterable[str]) -> NameMatch:
         alternates[name] = chosen.pop(name)
     tied = {name for names_of_shape in ties.values() for name in names_of_shape}
     note = _note(used, chosen, {name: shape for name, shape in alternates.items() if name not in tied})
-    have = {whole_of(shape) for shape in chosen.values()}
+    have = {whole_shape_of(shape) for shape in chosen.values()}
     return NameMatch(
         {name: chosen[name] for name in given if name in chosen},
         tuple(shape for shape in ARKIT_SHAPES if shape not in have),

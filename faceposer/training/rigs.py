@@ -13,7 +13,7 @@ from faceposer.geometry.rig_io import read_rig
 from faceposer.model.character import Character
 from faceposer.model.face_model import build_face_model
 from faceposer.model.name_matching import NameMatch, match_with_ties, tie_error
-from faceposer.model.shape_names import halves_of
+from faceposer.model.shape_names import half_shapes_of
 from faceposer.progress import Progress
 from faceposer.training.assemble import CanonicalMesh, assemble
 from faceposer.training.canonical_frame import frame_from_shapes, opposite_name
@@ -76,7 +76,7 @@ def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, prog
     """
     targets, match, notes = _named_targets(rig, f"The rig '{source}'")
     # A shape that exists both whole and as two halves is the sum of its halves, and redundant.
-    wholes = {name for name in targets if halves_of(name) and set(targets).issuperset(halves_of(name))}
+    wholes = {name for name in targets if half_shapes_of(name) and set(targets).issuperset(half_shapes_of(name))}
     named = {name: offsets for name, offsets in targets.items() if name not in wholes}
     moving = [name for name, offsets in named.items() if np.any(offsets)]
     if len(moving) < _FEWEST_SHAPES:
