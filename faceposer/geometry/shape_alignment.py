@@ -96,6 +96,16 @@ def implausible(vertices: Array, neutral: Array) -> str:
         nearest, _ = cKDTree(neutral).query(vertices[sample], distance_upper_bound=_COINCIDENT * size)
         if float(np.isfinite(nearest).mean()) > _REORDERED:
             return "its vertices are in another order"
+    return implausible_size(distances, size)
+
+
+def implausible_size(distances: Array, size: float) -> str:
+    """Return why displacements of a face cannot be an expression, as a clause; "" if they can.
+
+    Args:
+        distances: Lengths of the displacements of all vertices, shape (N,).
+        size: Size of the neutral face.
+    """
     most = float(distances.max(initial=0.0))
     if float(np.median(distances)) > _MOST_MEDIAN * size or most > _MOST * size:
         return f"its vertices move by up to {most / max(size, 1e-300):.2g} times the size of the face"

@@ -30,6 +30,11 @@ _EXCHANGED = (
     "Its left shapes move its right side: the mesh is mirrored, or its shapes are named from the viewer's side. "
     "Performances and gaze are mirrored."
 )
+_MIRRORED = (
+    "The mesh is mirrored: its left shapes move its right side, and its faces point inwards. Performances and gaze are "
+    "mirrored; export it again without the negative scale."
+)
+_INSIDE_OUT = "The faces of the mesh point inwards; reverse them where it looks wrong."
 # Reconstruction error above which a shape is listed in the summary.
 _LISTED_ERROR = 0.01
 
@@ -203,13 +208,27 @@ def _character(
         "empty": [name for name in names if not np.any(named[name])],
         "not_arkit": list(facts.others),
         "eyes_turned": turned,
-        "warnings": [*facts.notes, *([_EXCHANGED] if facts.exchanged else [])]
+        "warnings": [*facts.notes, *_sides(facts.exchanged, character)]
         + misplaced_eyes(mesh.vertices, mesh.parts)
         + (learned.choice.warnings if learned else []),
         "prior": learned.as_json() if learned else {"from": "the shipped statistics"},
         **_measures(character),
     }
     return replace(character, summary=summary)
+
+
+def _sides(exchanged: bool, character: Character) -> list[str]:
+    """Return a note about exchanged sides, or faces that point inwards."""
+    skin = [part for part in character.parts if part.material == "skin"] or list(character.parts)
+    largest = max(skin, key=lambda part: part.polygons[1] - part.polygons[0])
+    triangles = character.triangles[slice(*character.part_triangles(largest))]
+    corners = character.vertices[triangles].astype(np.float64)
+    middle = corners.mean(axis=(0, 1))
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inwards = float(np.einsum("td,td->", normals, corners.mean(axis=1) - middle)) < 0.0
+    if exchanged:
+        return [_MIRRORED if inwards else _EXCHANGED]
+    return [_INSIDE_OUT] if inwards else []
 
 
 def _measures(character: Character) -> dict[str, object]:
