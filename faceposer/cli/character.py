@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,9 @@ def _info(options: argparse.Namespace) -> int:
 
     character = load_character(options.file)
     if options.json:
-        print(json.dumps(description_of(character), indent=1, ensure_ascii=False))
+        # Other encodings than UTF-8 may lack characters, which JSON can escape.
+        is_utf8 = (sys.stdout.encoding or "").lower().replace("-", "") == "utf8"
+        print(json.dumps(description_of(character), indent=1, ensure_ascii=not is_utf8))
     else:
         print(text_of_summary(character))
     return 0

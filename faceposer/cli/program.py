@@ -4,6 +4,7 @@ Each command imports heavy modules only when it runs, so that help and errors ap
 """
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -97,6 +98,7 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line ``arguments`` (those of the process if None) and exit with its status."""
     words = sys.argv[1:] if arguments is None else list(arguments)
+    _replace_unprintable()
     # The matrices are small: threads inside NumPy would only take time from drawing and the solver.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
@@ -118,6 +120,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except BrokenPipeError:
         status = 141
     sys.exit(status)
+
+
+def _replace_unprintable() -> None:
+    """Let the terminal show a replacement for characters that its encoding lacks, which would raise an error."""
+    for stream, errors in ((sys.stdout, "replace"), (sys.stderr, "backslashreplace")):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors=errors)
 
 
 def _run(words: list[str]) -> int:

@@ -1,4 +1,4 @@
-"""Names of output files, with exactly one suffix."""
+"""Names of files: output files with exactly one suffix, and hidden files."""
 
 import re
 from collections.abc import Sequence
@@ -41,6 +41,11 @@ def save_path(path: Path, chosen: str, others: Sequence[str] = ()) -> Path:
     if not re.search(r"[^. ]", stem):
         raise FacePoserError(f"'{path.name}' is not a file name; enter a name before the suffix.")
     return path.with_name(stem + kept)
+
+
+def is_hidden(path: Path) -> bool:
+    """Return True for names that begin with a dot, such as the AppleDouble file that macOS keeps beside a file."""
+    return path.name.startswith(".")
 
 
 def suffix_replaced(path: Path, saved: Path) -> bool:

@@ -10,6 +10,9 @@ from dataclasses import dataclass
 from faceposer.errors import FacePoserError
 from faceposer.geometry.gltf_file import GltfFile, GltfObject, clean_name
 
+# Weights of exaggerated expressions from 0 to 1 remain below this.
+_MOST_WEIGHT = 10.0
+
 
 @dataclass(frozen=True)
 class Bind:
@@ -28,36 +31,60 @@ class Bind:
     weight: float
 
 
-def read_expressions(file: GltfFile) -> dict[str, list[Bind]]:
-    """Return the morph targets of each expression by name; empty for files without an avatar.
+def read_expressions(file: GltfFile) -> tuple[dict[str, list[Bind]], tuple[str, ...]]:
+    """Return the morph targets of each expression by name, and notes for the user; both empty without an avatar.
 
-    Expressions without morph targets, or with references to missing objects, are left out.
+    Weights range from 0 to 1 in VRM 1.0 and from 0 to 100 in VRM 0.x; files that use the range of the other version
+    are recognised by their largest weight. Expressions without morph targets, or with references to missing objects,
+    are left out.
     """
-    clips: list[tuple[str, GltfObject]] = []
     extensions = file.root.child("extensions")
     expressions = extensions.child("VRMC_vrm").child("expressions")
-    for group in (expressions.child("preset"), expressions.child("custom")):
-        clips += [(clean_name(name), group.child(name)) for name in group.data]
+    new = [
+        (clean_name(name), group.child(name))
+        for group in (expressions.child("preset"), expressions.child("custom"))
+        for name in group.data
+    ]
     try:
-        old = extensions.child("VRM").child("blendShapeMaster").children("blendShapeGroups")
+        groups = extensions.child("VRM").child("blendShapeMaster").children("blendShapeGroups")
     except FacePoserError:
-        old = []
-    clips += [(clip.name() or clip.name("presetName"), clip) for clip in old]
+        groups = []
+    old = [(clip.name() or clip.name("presetName"), clip) for clip in groups]
+    found, notes = _read_clips(file, new, ("morphTargetBinds", "nodes", "node"), 1.0)
+    more, more_notes = _read_clips(file, old, ("binds", "meshes", "mesh"), 100.0)
+    return found | {name: binds for name, binds in more.items() if name not in found}, (*notes, *more_notes)
+
+
+def _read_clips(
+    file: GltfFile, clips: list[tuple[str, GltfObject]], keys: tuple[str, str, str], whole: float
+) -> tuple[dict[str, list[Bind]], tuple[str, ...]]:
+    """Return the expressions of one version of VRM, in which the full weight is ``whole``, and notes."""
     found: dict[str, list[Bind]] = {}
     for name, clip in clips:
         try:
-            binds = [_bind(file, bind, "nodes", "node", 1.0) for bind in clip.children("morphTargetBinds")]
-            binds += [_bind(file, bind, "meshes", "mesh", 100.0) for bind in clip.children("binds")]
+            binds = [_bind(file, bind, keys[1], keys[2], whole) for bind in clip.children(keys[0])]
         except FacePoserError:
             continue
         if name and binds:
             found.setdefault(name, binds)
-    return found
+    largest = max((abs(bind.weight) for binds in found.values() for bind in binds), default=0.0)
+    other = 101.0 - whole
+    foreign = largest > _MOST_WEIGHT if whole == 1.0 else 0.0 < largest <= other
+    full = other if foreign else whole
+    scaled = {
+        name: [Bind(bind.holder, bind.index, bind.target, bind.weight / full) for bind in binds]
+        for name, binds in found.items()
+    }
+    note = (
+        f"The weights of the avatar's expressions are up to {largest:.3g}; they were read as 0 to {full:g}, not 0 to "
+        f"{whole:g}."
+    )
+    return scaled, (note,) if foreign else ()
 
 
 def _bind(file: GltfFile, bind: GltfObject, holder: str, key: str, whole: float) -> Bind:
     file.get(holder, bind, key)
-    return Bind(holder, bind.integer(key), bind.integer("index"), bind.number("weight", whole) / whole)
+    return Bind(holder, bind.integer(key), bind.integer("index"), bind.number("weight", whole))
 
 
 def spelling_key(name: str) -> str:

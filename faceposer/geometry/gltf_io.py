@@ -1,6 +1,6 @@
 """Reading of faces with morph targets from glTF 2.0: .glb, .gltf, and avatars in .vrm."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,18 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 @dataclass(eq=False)
 class _Part:
-    """Vertices shared by one or more primitives of a mesh in the scene."""
+    """Vertices shared by one or more primitives of a mesh in the scene.
+
+    Attributes:
+        node: Index of the node.
+        mesh: Index of the mesh.
+        primitive: The first primitive.
+        material: Its material.
+        vertices: Range of its vertices among those of all parts.
+        names: Unique names of its targets.
+        repeats: Name in the file of targets whose name an earlier one has, with an error message, by the unique name.
+        placement: Its transform.
+    """
 
     node: int
     mesh: int
@@ -38,8 +49,8 @@ class _Part:
     material: Material
     vertices: slice
     names: list[str]
+    repeats: dict[str, tuple[str, str]]
     placement: Placement | None = None
-    offsets: list[NDArray[np.float32]] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +76,7 @@ def read_gltf(path: Path) -> MorphMesh:
         path: Path of a .glb, .gltf or .vrm file of at most 1 GB.
 
     Raises:
-        FacePoserError: If it cannot be read, is invalid or compressed, has no faces, or has two targets of one name.
+        FacePoserError: If it cannot be read, is invalid or compressed, or has no faces.
     """
     try:
         file = GltfFile(path)
@@ -78,10 +89,11 @@ def read_gltf(path: Path) -> MorphMesh:
         raise FacePoserError(f"The scene of the rig '{path}' has no mesh with faces; add the face to its scene.")
     names = dict.fromkeys(name for part in parts for name in part.names)
     expressions = _new_expressions(file, parts, list(names))
-    size = (len(names) + len(expressions)) * count * 12
+    n_targets = len(names) + len(expressions.shares)
+    size = n_targets * count * 12
     if size > MAX_OFFSET_BYTES:
         raise FacePoserError(
-            f"The rig '{path}' has {len(names) + len(expressions)} targets of {count} vertices, which would take "
+            f"The rig '{path}' has {n_targets} targets of {count} vertices, which would take "
             f"{size >> 20} MB; choose a rig that takes less than {MAX_OFFSET_BYTES >> 20} MB."
         )
     vertices = np.empty((count, 3))
@@ -90,15 +102,16 @@ def read_gltf(path: Path) -> MorphMesh:
         part.placement = place(file, scene, part.node, part.primitive)
         vertices[part.vertices] = _positions(file, part)
         uvs.append(_uv(file, part))
-    targets = {name: np.zeros((count, 3), dtype=np.float32) for name in names}
+    targets: dict[str, NDArray[np.float32]] = {name: np.zeros((count, 3), dtype=np.float32) for name in names}
     for part in parts:
         for target, name in zip(part.primitive.children("targets"), part.names, strict=True):
             targets[name][part.vertices] = _offsets(file, part, target, name)
-    for name, shares in expressions.items():
+    for name, shares in expressions.shares.items():
         blend = np.zeros((count, 3), dtype=np.float32)
         for part, number, weight in shares:
             blend[part.vertices] += weight * targets[part.names[number]][part.vertices]
         targets[name] = blend
+    unusable = _resolve_repeats(parts, targets)
     polygons, groups = _faces(file, pieces)
     uv, polygon_uvs = np.zeros((0, 2)), no_polygons()
     if any(part_uv is not None for part_uv in uvs):
@@ -106,8 +119,19 @@ def read_gltf(path: Path) -> MorphMesh:
         uv = np.concatenate([np.zeros((n, 2)) if u is None else u for u, n in zip(uvs, lengths, strict=True)])
         polygon_uvs = polygons
     mesh = PolygonMesh(vertices, polygons, uv, polygon_uvs, groups=groups)
-    textures = read_textures(file, material_names(file), {group.material for group in groups})
-    return MorphMesh(mesh, targets, textures)
+    textures, notes = read_textures(file, material_names(file), {group.material for group in groups})
+    return MorphMesh(mesh, targets, textures, (*notes, *expressions.notes), unusable)
+
+
+def _resolve_repeats(parts: list[_Part], targets: dict[str, NDArray[np.float32]]) -> dict[str, str]:
+    """Remove ``targets`` that repeat another one of their name; return errors by name for those that differ from it."""
+    unusable = {}
+    for repeat, (name, message) in {k: v for part in parts for k, v in part.repeats.items()}.items():
+        if repeat in targets and np.array_equal(targets[repeat], targets[name]):
+            del targets[repeat]
+        else:
+            unusable[name] = message
+    return unusable
 
 
 def _plan(file: GltfFile, scene: Scene) -> tuple[list[_Piece], list[_Part]]:
@@ -135,8 +159,8 @@ def _plan(file: GltfFile, scene: Scene) -> tuple[list[_Piece], list[_Part]]:
             material = read_material(file, named, primitive)
             key = (index, *_sharing_key(primitive), material.channel, str(material.transform))
             if key not in parts:
-                names = _target_names(file, mesh, primitive)
-                parts[key] = _Part(index, number, primitive, material, slice(count, count + vertices), names)
+                names, repeats = _target_names(file, mesh, primitive)
+                parts[key] = _Part(index, number, primitive, material, slice(count, count + vertices), names, repeats)
                 count += vertices
             title = name if len(primitives) == 1 else f"{name} {i + 1}"
             pieces.append(_Piece(title, primitive, material.name, parts[key]))
@@ -177,8 +201,10 @@ def _refuse_draco(file: GltfFile, primitive: GltfObject) -> None:
         )
 
 
-def _target_names(file: GltfFile, mesh: GltfObject, primitive: GltfObject) -> list[str]:
-    """Return the unique names of the morph targets of ``primitive``.
+def _target_names(
+    file: GltfFile, mesh: GltfObject, primitive: GltfObject
+) -> tuple[list[str], dict[str, tuple[str, str]]]:
+    """Return the unique names of the morph targets of ``primitive``, and its repeated names (see ``_Part``).
 
     The standard has no names: most exporters write ``extras.targetNames`` to the mesh or to the primitive; others name
     the accessors.
@@ -193,21 +219,38 @@ def _target_names(file: GltfFile, mesh: GltfObject, primitive: GltfObject) -> li
     names = names[: len(targets)] + [""] * (len(targets) - len(names))
     names = [name or f"target {i + 1}" for i, name in enumerate(names)]
     first: dict[str, int] = {}
+    repeats: dict[str, tuple[str, str]] = {}
     for i, name in enumerate(names):
         if name in first:
-            raise FacePoserError(
-                f"The rig '{file.path}' has two targets named '{name}' in its mesh '{mesh.name()}', numbers "
-                f"{first[name] + 1} and {i + 1}; rename one of them."
+            names[i] = f"{name} (target {i + 1})"
+            message = (
+                f"The rig '{file.path}' has two targets named '{name[:60]}' in its mesh '{mesh.name()[:60]}', "
+                f"numbers {first[name] + 1} and {i + 1}; rename one of them."
             )
-        first[name] = i
-    return names
+            repeats[names[i]] = name, message
+        first.setdefault(names[i], i)
+    return names, repeats
 
 
-def _new_expressions(file: GltfFile, parts: list[_Part], names: list[str]) -> dict[str, list[tuple[_Part, int, float]]]:
-    """Return the parts, target indices and weights of expressions without a target of the same name."""
+@dataclass(frozen=True, eq=False)
+class _Expressions:
+    """Expressions of an avatar.
+
+    Attributes:
+        shares: Parts, target indices and weights, by name.
+        notes: Findings for the user.
+    """
+
+    shares: dict[str, list[tuple[_Part, int, float]]]
+    notes: tuple[str, ...]
+
+
+def _new_expressions(file: GltfFile, parts: list[_Part], names: list[str]) -> _Expressions:
+    """Return the expressions without a target of the same name."""
     taken = {spelling_key(name) for name in names}
     expressions: dict[str, list[tuple[_Part, int, float]]] = {}
-    for name, binds in read_expressions(file).items():
+    read, notes = read_expressions(file)
+    for name, binds in read.items():
         shares = [
             (part, bind.target, bind.weight)
             for bind in binds
@@ -217,7 +260,7 @@ def _new_expressions(file: GltfFile, parts: list[_Part], names: list[str]) -> di
         if shares and spelling_key(name) not in taken:
             expressions[name] = shares
             taken.add(spelling_key(name))
-    return expressions
+    return _Expressions(expressions, notes if expressions else ())
 
 
 def _holds(part: _Part, bind: Bind) -> bool:

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.gltf_file import GltfFile, GltfObject
-
-_IMAGE_SIGNATURES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff")
+from faceposer.geometry.texture_images import TextureReader
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,28 +83,35 @@ def texture_coordinates(
     return uv
 
 
-def read_textures(file: GltfFile, names: list[str], used: set[str]) -> dict[str, bytes]:
-    """Return the encoded colour images, PNG or JPEG, of the materials named in ``used``.
+def read_textures(file: GltfFile, names: list[str], used: set[str]) -> tuple[dict[str, bytes], tuple[str, ...]]:
+    """Return the encoded colour images, PNG or JPEG, of the materials named in ``used``, and notes for the user.
 
-    Images that are missing, damaged or in other formats (KTX2, WebP) are left out, as posing does not require them.
+    Images that are missing, damaged or in formats that cannot be read (KTX2) are left out, as posing does not require
+    them; other formats, such as WebP, are converted to PNG.
     """
-    textures = {}
+    reader = TextureReader()
     for name, material in zip(names, file.all("materials"), strict=True):
         texture = _colour_texture(material)
         if name not in used or texture.data.get("index") is None:
             continue
         try:
             source = file.get("textures", texture, "index")
-            if source.data.get("source") is None:
+            extensions = source.child("extensions")
+            # The extensions KHR_texture_basisu and EXT_texture_webp have a source of their own.
+            holders = [source, *(extensions.child(key) for key in extensions.data)]
+            holder = next((holder for holder in holders if holder.data.get("source") is not None), None)
+            if holder is None:
+                reader.problem(name, f"textures[{texture.integer('index')}]", "it has no image")
                 continue
-            image = file.get("images", source, "source")
+            image = file.get("images", holder, "source")
             uri = image.text("uri")
+            title = image.place if not uri or uri.startswith("data:") else uri
             encoded = file.resource(image, uri) if uri else bytes(file.view(image)[0])
         except FacePoserError:
+            reader.problem(name, f"{material.place}", "its image is missing or cannot be read")
             continue
-        if encoded.startswith(_IMAGE_SIGNATURES):
-            textures[name] = encoded
-    return textures
+        reader.read(name, title, encoded)
+    return reader.textures, reader.notes
 
 
 def _colour_texture(material: GltfObject) -> GltfObject:

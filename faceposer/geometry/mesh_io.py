@@ -12,6 +12,7 @@ from faceposer.geometry.ply_io import read_ply
 from faceposer.geometry.polygon_mesh import PolygonMesh
 
 _MAX_BYTES = 1 << 30
+_APPLE_DOUBLE = b"\x00\x05\x16\x07"
 MESH_SUFFIXES = (".obj", ".ply", ".stl", *GLTF_SUFFIXES, ".off")
 
 
@@ -24,6 +25,12 @@ def read_mesh(path: Path) -> PolygonMesh:
     try:
         if path.stat().st_size > _MAX_BYTES:
             raise FacePoserError(f"The mesh '{path}' is larger than {_MAX_BYTES >> 30} GB; choose a smaller one.")
+        with path.open("rb") as file:
+            is_apple_double = file.read(4) == _APPLE_DOUBLE
+        if is_apple_double:
+            raise FacePoserError(
+                f"'{path}' is not a mesh but a file of macOS about one; choose the file without '._' in its name."
+            )
         mesh = _read(path)
     except OSError as error:
         raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error

@@ -1,5 +1,6 @@
 """Sequences of meshes of the same topology, in folders or arrays, read in bounded memory."""
 
+import lzma
 import math
 import re
 import struct
@@ -10,12 +11,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tokenize import TokenError
 from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.names import is_hidden
 from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_mesh
 from faceposer.geometry.obj_io import read_obj_positions_and_digest
 from faceposer.geometry.polygon_mesh import PolygonMesh
@@ -29,6 +32,10 @@ _MAX_FRAMES = 1_000_000
 # Bound on coordinates, which keeps sums of squares over a mesh within single precision.
 _LARGEST = 1e12
 _MAX_FILE_BYTES = 1 << 30
+_FACES = "faces.npy"
+_WRONG_FACES = "The faces in '{}' must be vertex numbers from 0, shape (T, 3) or (T, 4)."
+# Errors of zipfile and NumPy for damaged archives, of compression methods that they do not support included.
+_DAMAGED = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, ValueError, RuntimeError)
 
 
 @dataclass(frozen=True)
@@ -50,12 +57,14 @@ class MeshSequence:
         neutral_name: Name of the neutral mesh in messages.
         sources: The files in order.
         face_digest: Digest of the faces in the neutral OBJ file; "" if there is none.
+        neutral_path: File of the neutral mesh; None if it is not an OBJ file.
     """
 
     neutral: PolygonMesh
     neutral_name: str
     sources: tuple[_Source, ...]
     face_digest: str = ""
+    neutral_path: Path | None = None
 
     def __len__(self) -> int:
         return self.sources[-1].first + self.sources[-1].count if self.sources else 0
@@ -153,7 +162,7 @@ class MeshSequence:
                     vertices = np.frombuffer(data, dtype=dtype).reshape(count, 3).astype(np.float64)
                     self._check_finite(f"frame {frame + 1} of '{source.path}'", vertices)
                     yield vertices
-        except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, OSError) as error:
+        except (KeyError, *_DAMAGED) as error:
             raise FacePoserError(f"'{source.path}' is damaged or truncated; write it again.") from error
 
 
@@ -171,7 +180,11 @@ def open_sequence(path: Path, neutral: Path | None = None) -> MeshSequence:
     """
     if path.is_dir():
         allowed = (*MESH_SUFFIXES, ARRAY_SUFFIX)
-        files = sorted((f for f in path.iterdir() if f.suffix.lower() in allowed and f.is_file()), key=_natural_key)
+        try:
+            found = [f for f in path.iterdir() if f.suffix.lower() in allowed and not is_hidden(f) and f.is_file()]
+        except OSError as error:
+            raise FacePoserError(f"The folder '{path}' cannot be read: {error.strerror}.") from error
+        files = sorted(found, key=_natural_key)
     elif path.suffix.lower() == ARRAY_SUFFIX and path.is_file():
         files = [path]
     else:
@@ -188,8 +201,9 @@ def open_sequence(path: Path, neutral: Path | None = None) -> MeshSequence:
         raise FacePoserError(f"'{path}' has {total} frames, more than {_MAX_FRAMES}; leave some out.")
     meshes = [s.path for s in sources if s.path.suffix.lower() != ARRAY_SUFFIX]
     base = _neutral_mesh(chosen, meshes)
-    digest = _obj_positions(chosen)[1] if chosen.suffix.lower() == ".obj" else ""
-    return MeshSequence(base, f"the neutral '{chosen}'", tuple(sources), digest)
+    is_obj = chosen.suffix.lower() == ".obj"
+    digest = _obj_positions(chosen)[1] if is_obj else ""
+    return MeshSequence(base, f"the neutral '{chosen}'", tuple(sources), digest, chosen if is_obj else None)
 
 
 def write_frames(path: Path, frames: Iterable[NDArray[np.floating]], count: int, n_vertices: int) -> None:
@@ -251,6 +265,7 @@ def _open_vertices(path: Path) -> Iterator[tuple[IO[bytes], zipfile.ZipInfo]]:
     """
     with zipfile.ZipFile(path) as archive:
         info = archive.getinfo(_VERTICES)
+        _refuse_encrypted(info, path)
         with archive.open(info) as stream:
             if info.compress_type != zipfile.ZIP_STORED:
                 yield stream, info
@@ -277,7 +292,7 @@ def _array_source(path: Path, first: int) -> _Source:
                 raise EOFError
     except KeyError:
         raise FacePoserError(f"'{path}' has no array 'vertices'; store it with shape (frames, vertices, 3).") from None
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
+    except _DAMAGED as error:
         raise FacePoserError(f"'{path}' is damaged or is not an .npz file; write it again.") from error
     return _Source(path, first, 1 if len(shape) == 2 else shape[0], info.compress_type != zipfile.ZIP_STORED)
 
@@ -287,30 +302,58 @@ def _first_frame(path: Path) -> tuple[Array, NDArray[np.int32] | None]:
         with zipfile.ZipFile(path) as archive:
             with archive.open(_VERTICES) as stream:
                 shape, dtype = _array_header(stream, path)
-                data = stream.read(shape[-2] * 3 * dtype.itemsize)
+                size = shape[-2] * 3 * dtype.itemsize
+                data = stream.read(size)
+                if len(data) < size:
+                    raise EOFError
                 vertices = np.frombuffer(data, dtype=dtype).reshape(-1, 3).astype(np.float64)
-            if "faces.npy" not in archive.namelist():
+            if _FACES not in archive.namelist():
                 return vertices, None
-            if archive.getinfo("faces.npy").file_size > _MAX_FILE_BYTES:
-                raise FacePoserError(f"'{path}' has too many faces; choose a smaller mesh.")
-            with archive.open("faces.npy") as stream:
-                faces = np.lib.format.read_array(stream, allow_pickle=False)
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError) as error:
+            _refuse_encrypted(archive.getinfo(_FACES), path)
+            with archive.open(_FACES) as stream:
+                faces = _read_faces(stream, path)
+    except _DAMAGED as error:
         raise FacePoserError(f"'{path}' is damaged or is not an .npz file; write it again.") from error
-    valid = faces.ndim == 2 and faces.shape[1] in (3, 4) and faces.dtype.kind in "iu" and len(faces)
-    if not valid or faces.max() >= len(vertices) or faces.min() < -1 or (faces[:, :3] < 0).any():
-        raise FacePoserError(f"The faces in '{path}' must be vertex numbers from 0, shape (T, 3) or (T, 4).")
+    if faces.max() >= len(vertices) or faces.min() < -1 or (faces[:, :3] < 0).any():
+        raise FacePoserError(_WRONG_FACES.format(path))
     return vertices, faces.astype(np.int32)
 
 
-def _array_header(stream: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Read the header of the array of vertices; return its shape and type."""
+def _read_faces(stream: IO[bytes], path: Path) -> NDArray[np.integer]:
+    """Read the array of faces, (T, 3) or (T, 4), in memory no larger than its data."""
+    shape, fortran, dtype = _header(stream, path, "faces")
+    if dtype.kind not in "iu" or len(shape) != 2 or shape[1] not in (3, 4) or not shape[0]:
+        raise FacePoserError(_WRONG_FACES.format(path))
+    size = math.prod(shape) * dtype.itemsize
+    if size > _MAX_FILE_BYTES:
+        raise FacePoserError(f"'{path}' has too many faces; choose a smaller mesh.")
+    data = stream.read(size)
+    if len(data) < size:
+        raise EOFError
+    return np.frombuffer(data, dtype=dtype).reshape(shape, order="F" if fortran else "C")
+
+
+def _refuse_encrypted(info: zipfile.ZipInfo, path: Path) -> None:
+    if info.flag_bits & 1:
+        raise FacePoserError(f"'{path}' is encrypted; write it again without a password.")
+
+
+def _header(stream: IO[bytes], path: Path, noun: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Read the header of an array; return its shape, True for Fortran order, and its type."""
     try:
         version = np.lib.format.read_magic(stream)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, fortran, dtype = read(stream)
-    except ValueError as error:
-        raise FacePoserError(f"'{path}' is damaged: its vertices have no readable header; write it again.") from error
+    except (ValueError, SyntaxError, TypeError, RecursionError, MemoryError, TokenError) as error:
+        raise FacePoserError(f"'{path}' is damaged: its {noun} have no readable header; write it again.") from error
+    if any(not isinstance(length, int) or isinstance(length, bool) or length < 0 for length in shape):
+        raise FacePoserError(f"'{path}' is damaged: its {noun} have the shape {shape}; write it again.")
+    return shape, fortran, dtype
+
+
+def _array_header(stream: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Read the header of the array of vertices; return its shape and type."""
+    shape, fortran, dtype = _header(stream, path, "vertices")
     if dtype.kind != "f" or len(shape) not in (2, 3) or shape[-1] != 3 or 0 in shape:
         raise FacePoserError(
             f"The vertices in '{path}' are {dtype} of shape {shape}; store them as floating-point numbers of shape "
@@ -336,4 +379,4 @@ def _obj_positions(path: Path) -> tuple[Array, str]:
 
 def _natural_key(path: Path) -> list[Any]:
     """Return the key of the natural order of names, in which frame 10 follows frame 9."""
-    return [(1, int(word), "") if word.isdigit() else (0, 0, word) for word in re.split(r"(\d+)", path.name.lower())]
+    return [(1, int(word), "") if word.isdecimal() else (0, 0, word) for word in re.split(r"(\d+)", path.name.lower())]

@@ -1,8 +1,9 @@
 """Reading and writing of Wavefront OBJ, preserving the order of vertices, faces and texture coordinates."""
 
+import codecs
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -16,6 +17,12 @@ from faceposer.geometry.polygon_mesh import Group, PolygonMesh, no_polygons, pad
 
 # Limit on the corners of a face, since the array of polygons is as wide as the largest.
 _MOST_CORNERS = 128
+# Limit on the length of a statement with its continuation lines, in characters.
+_LONGEST_STATEMENT = 1 << 16
+_UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_SPACE = " \t\r\n\f\v"
+# Statements whose argument is a name, in which a "#" is a character like any other.
+_NAMES = ("g", "o", "usemtl", "mtllib")
 
 
 def write_obj(
@@ -128,6 +135,9 @@ def _face(face: NDArray[np.integer], texture: NDArray[np.integer] | None, with_n
 def read_obj(path: Path) -> PolygonMesh:
     """Read the mesh in the OBJ file ``path``; ``g``, ``o`` and ``usemtl`` begin groups.
 
+    Names are kept to the letter. Text is UTF-8, with or without a byte order mark, or UTF-16 with one; a name that is
+    not valid UTF-8 is read as Windows-1252.
+
     Raises:
         OSError: If the file cannot be read.
         FacePoserError: If a line is invalid.
@@ -136,6 +146,7 @@ def read_obj(path: Path) -> PolygonMesh:
     polygons: list[tuple[int, ...]] = []
     polygon_uvs: list[tuple[int, ...]] = []
     groups: list[Group] = []
+    libraries: list[str] = []
     name = material = ""
     began = 0
 
@@ -143,35 +154,34 @@ def read_obj(path: Path) -> PolygonMesh:
         if len(polygons) > began and (name or material):
             groups.append(Group(name, (began, len(polygons)), material))
 
-    with path.open(encoding="utf-8", errors="replace") as file:
-        for number, line in enumerate(file, 1):
-            keyword, *words = line.partition("#")[0].split(None, 1) or [""]
-            rest = words[0] if words else ""
-            try:
-                if keyword in tables:
-                    width = 2 if keyword == "vt" else 3
-                    row = [float(word) for word in rest.split()[:width]]
-                    if len(row) != width:
-                        raise ValueError(f"'{keyword}' needs {width} numbers")
-                    tables[keyword].append(row)
-                elif keyword == "f":
-                    corners = [corner.split("/") for corner in rest.split()]
-                    if len(corners) < 3:
-                        raise ValueError("a face needs at least 3 corners")
-                    if len(corners) > _MOST_CORNERS:
-                        raise ValueError(f"a face of {len(corners)} corners is too large; split it into smaller ones")
-                    polygons.append(tuple(_index(c[0], len(tables["v"])) for c in corners))
-                    if all(len(c) > 1 and c[1] for c in corners):
-                        polygon_uvs.append(tuple(_index(c[1], len(tables["vt"])) for c in corners))
-                elif keyword in ("g", "o", "usemtl"):
-                    close_group()
-                    began = len(polygons)
-                    if keyword == "usemtl":
-                        material = rest.strip()
-                    else:
-                        name = rest.strip()
-            except ValueError as error:
-                raise FacePoserError(f"The mesh '{path}' is broken at line {number}: {error}.") from error
+    for number, keyword, rest in _statements(path):
+        try:
+            if keyword in tables:
+                width = 2 if keyword == "vt" else 3
+                row = [_number(word) for word in rest.split()[:width]]
+                if len(row) != width:
+                    raise ValueError(f"'{keyword}' needs {width} numbers")
+                tables[keyword].append(row)
+            elif keyword == "f":
+                corners = [corner.split("/") for corner in rest.split()]
+                if len(corners) < 3:
+                    raise ValueError("a face needs at least 3 corners")
+                if len(corners) > _MOST_CORNERS:
+                    raise ValueError(f"a face of {len(corners)} corners is too large; split it into smaller ones")
+                polygons.append(tuple(_index(c[0], len(tables["v"])) for c in corners))
+                if all(len(c) > 1 and c[1] for c in corners):
+                    polygon_uvs.append(tuple(_index(c[1], len(tables["vt"])) for c in corners))
+            elif keyword == "mtllib":
+                libraries.append(rest)
+            elif keyword in _NAMES:
+                close_group()
+                began = len(polygons)
+                if keyword == "usemtl":
+                    material = rest
+                else:
+                    name = rest
+        except ValueError as error:
+            raise FacePoserError(f"The mesh '{path}' is broken at line {number}: {error}.") from error
     close_group()
     whole = len(polygon_uvs) == len(polygons)
     return PolygonMesh(
@@ -181,7 +191,86 @@ def read_obj(path: Path) -> PolygonMesh:
         pad_polygons(polygon_uvs) if whole else no_polygons(),
         np.array(tables["vn"], dtype=np.float64).reshape(-1, 3),
         tuple(groups),
+        tuple(libraries),
     )
+
+
+def _statements(path: Path) -> Iterator[tuple[int, str, str]]:
+    """Yield the line number, the keyword and the argument of each statement, without comments.
+
+    A backslash at the end of a line continues the statement on the next one, except in comments, which may end in a
+    Windows path.
+    """
+    with path.open("rb") as file:
+        start = file.read(3)
+    is_utf16 = start.startswith(_UTF16)
+    # Latin-1 preserves all bytes, so that only names have to be decoded.
+    with path.open(encoding="utf-16" if is_utf16 else "latin-1") as file:
+        if start == codecs.BOM_UTF8:
+            file.read(3)
+        begun = ""
+        number = 0
+        try:
+            for number, line in enumerate(file, 1):
+                text = begun + line
+                begun = ""
+                if "#" in text and text.lstrip(_SPACE).startswith("#"):
+                    continue
+                if "\\" in text and (plain := text.rstrip(_SPACE)).endswith("\\"):
+                    begun = plain[:-1] + " "
+                    if len(begun) > _LONGEST_STATEMENT:
+                        raise FacePoserError(
+                            f"The mesh '{path}' is broken at line {number}: a continued statement is longer than "
+                            f"{_LONGEST_STATEMENT} characters; export it again."
+                        )
+                    continue
+                if (found := _statement(text, is_utf16)) is not None:
+                    yield number, *found
+            if (found := _statement(begun, is_utf16)) is not None:
+                yield number, *found
+        except UnicodeError as error:
+            raise FacePoserError(
+                f"The mesh '{path}' is broken after line {number}: it is not valid UTF-16; export it again."
+            ) from error
+
+
+def _statement(text: str, decoded: bool) -> tuple[str, str] | None:
+    """Return the keyword and the argument in ``text``; None if it is empty."""
+    keyword, *words = text.split(None, 1) or [""]
+    if not keyword:
+        return None
+    rest = words[0] if words else ""
+    if keyword not in _NAMES:
+        return keyword, rest.partition("#")[0] if "#" in rest else rest
+    return keyword, (rest if decoded else decoded_name(rest.encode("latin-1"))).strip(_SPACE)
+
+
+def decoded_name(name: bytes) -> str:
+    """Return a ``name`` from a file as text: UTF-8, or else Windows-1252 as older exporters write it."""
+    try:
+        return name.decode("utf-8")
+    except UnicodeDecodeError:
+        return name.decode("cp1252", errors="replace")
+
+
+def obj_content(path: Path) -> bytes:
+    """Return the content of the OBJ file ``path`` as UTF-8 with each statement on a single line.
+
+    Raises:
+        OSError: If the file cannot be read.
+        FacePoserError: If it is not valid UTF-16.
+    """
+    data = path.read_bytes()
+    if data.startswith(_UTF16):
+        try:
+            data = data.decode("utf-16").encode("utf-8")
+        except UnicodeError as error:
+            raise FacePoserError(f"The mesh '{path}' is not valid UTF-16; export it again.") from error
+    data = data.removeprefix(codecs.BOM_UTF8)
+    if b"\\" in data:
+        data = re.sub(rb"(?m)^[ \t]*#[^\r\n]*", b"", data)
+        data = re.sub(rb"\\[ \t]*(?:\r\n?|\n)", b" ", data)
+    return data
 
 
 def read_obj_positions(path: Path) -> NDArray[np.float64]:
@@ -191,7 +280,7 @@ def read_obj_positions(path: Path) -> NDArray[np.float64]:
         OSError: If the file cannot be read.
         FacePoserError: If the line of a vertex is invalid.
     """
-    return _positions(path, path.read_bytes().splitlines())
+    return _positions(path, obj_content(path).splitlines())
 
 
 def read_obj_positions_and_digest(path: Path) -> tuple[NDArray[np.float64], str]:
@@ -204,7 +293,7 @@ def read_obj_positions_and_digest(path: Path) -> tuple[NDArray[np.float64], str]
         OSError: If the file cannot be read.
         FacePoserError: If the line of a vertex is invalid.
     """
-    data = path.read_bytes()
+    data = obj_content(path)
     vertices, faces = _run_of(data, b"v "), _run_of(data, b"f ")
     if vertices is not None and faces is not None:
         numbers = _numbers(vertices.replace(b"\nv ", b"\n")[2:])
@@ -256,9 +345,19 @@ def _numbers(text: bytes) -> NDArray[np.float64] | None:
         return None
 
 
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        raise ValueError(f"'{word[:20]}' is not a number") from None
+
+
 def _index(word: str, count: int) -> int:
     """Return the zero-based index of OBJ's index ``word``, which counts from 1, or from the end if negative."""
-    value = int(word)
+    try:
+        value = int(word)
+    except ValueError:
+        raise ValueError(f"'{word[:20]}' is not the index of a vertex") from None
     index = value - 1 if value > 0 else count + value
     if value == 0 or not 0 <= index < count:
         raise ValueError(f"index {value} is out of range for the {count} entries listed before")

@@ -38,6 +38,7 @@ class PolygonMesh:
         polygon_uvs: Indices into ``uv``, of the same shape as ``polygons``; shape (0, 3) if there are none.
         normals: Normals as listed in the file, shape (M, 3); empty if there are none.
         groups: Groups in the order of their faces; faces between them belong to no group.
+        libraries: Names of the material libraries of an OBJ file.
     """
 
     vertices: NDArray[np.float64]
@@ -46,6 +47,7 @@ class PolygonMesh:
     polygon_uvs: NDArray[np.int32] = field(default_factory=no_polygons)
     normals: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     groups: tuple[Group, ...] = ()
+    libraries: tuple[str, ...] = ()
 
     def triangles(self) -> NDArray[np.int32]:
         """Return the faces split into triangle fans, shape (T, 3)."""
@@ -60,11 +62,15 @@ class MorphMesh:
         mesh: The neutral face.
         targets: Offsets of all vertices from the neutral face, single precision, shape (N, 3), by name in the file.
         textures: Encoded colour images (PNG or JPEG) by material name.
+        notes: Findings for the user, one sentence each.
+        unusable: Reason, one sentence, why a target cannot be used, by its name.
     """
 
     mesh: PolygonMesh
     targets: Mapping[str, NDArray[np.float32]]
     textures: Mapping[str, bytes] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    unusable: Mapping[str, str] = field(default_factory=dict)
 
 
 def pad_polygons(faces: list[tuple[int, ...]]) -> NDArray[np.int32]:

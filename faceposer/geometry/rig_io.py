@@ -1,5 +1,6 @@
 """Reading of rigs, faces with shapes, from files and folders of any supported kind."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from faceposer.errors import FacePoserError
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
 from faceposer.geometry.polygon_mesh import MorphMesh
+from faceposer.geometry.shape_alignment import AlignmentReport, implausible, lay_on, still_share
 from faceposer.geometry.shape_folder import SHAPE_SUFFIXES, read_shape_folder
 
 
@@ -29,7 +31,7 @@ def read_rig(path: Path, neutral: Path | None = None) -> MorphMesh:
     elif path.suffix.lower() in GLTF_SUFFIXES:
         if neutral is not None:
             raise FacePoserError(f"The rig '{path}' contains its neutral face; omit '{neutral}'.")
-        rig = read_gltf(path)
+        rig = _plausible(read_gltf(path), path)
         kind = "rig"
         remedy = "export it with its shape keys (blend shapes)"
     else:
@@ -49,6 +51,43 @@ def read_rig(path: Path, neutral: Path | None = None) -> MorphMesh:
                 "export it again."
             )
     return rig
+
+
+def _plausible(rig: MorphMesh, path: Path) -> MorphMesh:
+    """Return the ``rig`` of a glTF file with its displacements corrected where they are none.
+
+    Some exporters store the positions of a target instead of its displacements, or displacements from another mesh.
+    """
+    report = AlignmentReport()
+    neutral = rig.mesh.vertices
+    targets = dict(rig.targets)
+    unusable = dict(rig.unusable)
+    absolute = []
+    for name, offsets in rig.targets.items():
+        vertices = neutral + offsets
+        if not (np.isfinite(vertices).all() and offsets.any()):
+            continue
+        if 2.0 * still_share(offsets.astype(np.float64), neutral) > 1.0 > 2.0 * still_share(vertices, neutral):
+            absolute.append(name)
+            vertices = offsets.astype(np.float64)
+        aligned = lay_on(vertices, neutral)
+        report.add(name, aligned.change)
+        reason = implausible(aligned.vertices, neutral)
+        if reason:
+            unusable[name] = (
+                f"The target '{name[:60]}' of the rig '{path}' is not an expression of its face: {reason}; export it "
+                "again."
+            )
+        if aligned.change or name in absolute:
+            targets[name] = (aligned.vertices - neutral).astype(np.float32)
+    notes = report.notes()
+    if absolute:
+        count = len(absolute)
+        notes += (
+            f"{count} target{'s have' if count > 1 else ' has'} positions instead of displacements (such as "
+            f"'{absolute[0][:60]}'); the neutral face was subtracted.",
+        )
+    return replace(rig, targets=targets, notes=(*rig.notes, *notes), unusable=unusable)
 
 
 def empty_targets(rig: MorphMesh) -> tuple[str, ...]:

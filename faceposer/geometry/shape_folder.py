@@ -7,9 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.names import is_hidden
 from faceposer.geometry.mesh_io import read_mesh
-from faceposer.geometry.obj_io import read_obj_positions
+from faceposer.geometry.mtl_io import read_obj_textures
+from faceposer.geometry.obj_io import obj_content, read_obj_positions
 from faceposer.geometry.polygon_mesh import MorphMesh, PolygonMesh
+from faceposer.geometry.shape_alignment import AlignmentReport, implausible, lay_on
 
 SHAPE_SUFFIXES = (".obj", ".ply", ".stl", ".off")
 NEUTRAL_NAMES = ("neutral", "base", "rest", "generic_neutral_mesh")
@@ -35,7 +38,7 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
         files = sorted(
             path
             for path in folder.iterdir()
-            if path.suffix.lower() in SHAPE_SUFFIXES and not path.name.startswith(".") and path.is_file()
+            if path.suffix.lower() in SHAPE_SUFFIXES and not is_hidden(path) and path.is_file()
         )
     except OSError as error:
         raise FacePoserError(f"The folder '{folder}' cannot be read: {error.strerror}.") from error
@@ -57,13 +60,23 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
     text = _obj_text(neutral)
     faces = _face_key(text, len(rest.polygons))
     tail = _face_tail(text, len(rest.polygons))
-    names = _shape_names(shapes, neutral)
+    names, unusable = _shape_names(shapes, neutral)
     targets = {}
+    report = AlignmentReport()
     for name, path in names.items():
         positions = _positions(path, rest, neutral, faces, tail)
+        aligned = lay_on(positions, rest.vertices)
+        report.add(name, aligned.change)
+        reason = implausible(aligned.vertices, rest.vertices)
+        if reason:
+            unusable[name] = (
+                f"The shape '{path}' is not an expression of the neutral face '{neutral}': {reason}; export all shapes "
+                "in the unit of the neutral face, with the same vertices in the same order."
+            )
         with np.errstate(over="ignore"):
-            targets[name] = (positions - rest.vertices).astype(np.float32)
-    return MorphMesh(rest, targets)
+            targets[name] = (aligned.vertices - rest.vertices).astype(np.float32)
+    textures, notes = read_obj_textures(neutral, rest)
+    return MorphMesh(rest, targets, textures, (*report.notes(), *notes), unusable)
 
 
 def _find_neutral(folder: Path, files: list[Path]) -> Path:
@@ -91,22 +104,26 @@ def _last_word(stem: str) -> str:
     return re.split(r"[\W_]+|(?<=[a-z])(?=[A-Z])", stem)[-1].lower()
 
 
-def _shape_names(shapes: list[Path], neutral: Path) -> dict[str, Path]:
-    """Return the files by shape name: the file stem without the prefix, up to a separator, that all files share."""
+def _shape_names(shapes: list[Path], neutral: Path) -> tuple[dict[str, Path], dict[str, str]]:
+    """Return the files by shape name: the file stem without the prefix, up to a separator, that all files share.
+
+    Of several files with one name, the first is returned, with an error message by the name, for the case that the
+    shape is used.
+    """
     stems = [path.stem for path in (*shapes, neutral)]
     ends = [end.end() for end in re.finditer(r"[\W_]+", stems[0])]
     cut = max((end for end in ends if all(stem.startswith(stems[0][:end]) for stem in stems)), default=0)
     names: dict[str, Path] = {}
-    folded: dict[str, Path] = {}
+    unusable: dict[str, str] = {}
     for path in shapes:
         name = path.stem[cut:] or path.stem
-        if name.lower() in folded:
-            raise FacePoserError(
-                f"'{folded[name.lower()]}' and '{path}' have the same shape name, {name}; remove or rename one of them."
+        if name in names:
+            unusable[name] = (
+                f"'{names[name]}' and '{path}' have the same shape name, {name}; remove or rename one of them."
             )
-        folded[name.lower()] = path
-        names[name] = path
-    return names
+        else:
+            names[name] = path
+    return names, unusable
 
 
 def _positions(path: Path, rest: PolygonMesh, neutral: Path, faces: bytes | None, tail: bytes) -> NDArray[np.float64]:
@@ -141,9 +158,9 @@ def _positions(path: Path, rest: PolygonMesh, neutral: Path, faces: bytes | None
 
 
 def _obj_text(path: Path) -> bytes:
-    """Return the content of an OBJ file, empty for other or too large files."""
+    """Return the content of an OBJ file with each statement on one line, empty for other or too large files."""
     try:
-        return path.read_bytes() if path.suffix.lower() == ".obj" and path.stat().st_size <= _MAX_FILE_BYTES else b""
+        return obj_content(path) if path.suffix.lower() == ".obj" and path.stat().st_size <= _MAX_FILE_BYTES else b""
     except OSError as error:
         raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
 

@@ -3,7 +3,9 @@
 Section numbers refer to the Khronos glTF 2.0 specification, revision 2.0.1.
 """
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,15 +18,72 @@ from faceposer.interchange.named_weights import NamedWeights
 Array = NDArray[np.float64]
 
 _MAX_FRAMES = 1_000_000
+_MAX_WEIGHTS = 50_000_000
 _LOWEST_RATE, _HIGHEST_RATE = 1.0, 240.0
 _MAX_NAMES = 10_000
+# Share of the shorter of two clips that lies in the time span of the other if they belong together.
+_COMMON_SPAN = 0.5
+# Difference between weights that is a conflict.
+_CONFLICT = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class _Curve:
+    """The weights of one morph target of one mesh over time.
+
+    Attributes:
+        name: Name of the target.
+        node: Index of the node with the mesh.
+        mesh: Name of the node or mesh.
+        times: Times of the K keys in seconds, shape (K,).
+        weights: Weights, shape (K,).
+        is_step: True if the weights are constant between keys (3.11).
+    """
+
+    name: str
+    node: int
+    mesh: str
+    times: Array
+    weights: Array
+    is_step: bool = False
+
+    @property
+    def extent(self) -> float:
+        """Range of the weights."""
+        return float(np.ptp(self.weights))
+
+
+@dataclass
+class _Clip:
+    """An animation of a file.
+
+    Attributes:
+        name: Name or number.
+        curves: Curves of morph targets.
+        unread: Number of channels by what they animate, such as "rotation", which are not read.
+    """
+
+    name: str
+    curves: list[_Curve] = field(default_factory=list)
+    unread: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Times of the first and last key."""
+        return min(curve.times[0] for curve in self.curves), max(curve.times[-1] for curve in self.curves)
+
+    @property
+    def nodes(self) -> set[int]:
+        """Nodes whose meshes it animates."""
+        return {curve.node for curve in self.curves}
 
 
 def read_gltf_weights(path: Path) -> NamedWeights:
-    """Read the first animation of morph targets in ``path``, resampled at a constant rate, or their default weights.
+    """Read the animation of morph targets in ``path``, resampled at a constant rate, or their default weights.
 
-    Targets with the same name in several meshes are merged; the first of these meshes defines the weights. CUBICSPLINE
-    curves are treated as linear between their keys.
+    The first animation with morph targets is read, together with those of other meshes in the same time span, as
+    exporters that write one animation for each mesh need it. Of targets with the same name in several meshes, the one
+    that varies most defines the weights. CUBICSPLINE curves are treated as linear between their keys.
 
     Raises:
         FacePoserError: If the file cannot be read, is invalid, or has no morph targets with names.
@@ -33,23 +92,36 @@ def read_gltf_weights(path: Path) -> NamedWeights:
         file = GltfFile(path)
     except OSError as error:
         raise FacePoserError(f"The model '{path}' cannot be read: {error.strerror}.") from error
-    for animation in file.all("animations"):
-        curves = list(_curves(file, animation))
-        if curves:
-            return _resampled(curves, path)
-    names: dict[str, float] = {}
-    for node in file.all("nodes"):
-        if node.data.get("mesh") is not None:
-            targets = _target_names(file, node)
-            if not targets:
-                continue
-            mesh = file.get("meshes", node, "mesh")
-            owner = node if node.data.get("weights") is not None else mesh
-            for name, weight in zip(targets, owner.numbers("weights", [0.0] * len(targets)).tolist(), strict=True):
-                names.setdefault(name, weight)
-    if not names:
+    clips = [_read_clip(file, animation, i) for i, animation in enumerate(file.all("animations"))]
+    unread: Counter[str] = sum((clip.unread for clip in clips), Counter())
+    omissions = (_channels_note(unread),) if unread else ()
+    animated = [clip for clip in clips if clip.curves]
+    if animated:
+        curves, notes = _merged(animated)
+        return _resampled(curves, path, (*notes, *omissions))
+    curves = [curve for i, node in enumerate(file.all("nodes")) for curve in _default_weights(file, node, i)]
+    if not curves:
         raise FacePoserError(f"The model '{path}' has no morph targets with names ('extras.targetNames').")
-    return NamedWeights(tuple(names), np.array([[*names.values()]]), None)
+    chosen, notes = _chosen(curves, np.zeros(1))
+    return NamedWeights(tuple(chosen), np.array([[curve[0] for curve in chosen.values()]]), None, (*notes, *omissions))
+
+
+def _default_weights(file: GltfFile, node: GltfObject, number: int) -> Iterator[_Curve]:
+    """Yield the default weights of the mesh of ``node`` as curves of one key."""
+    if node.data.get("mesh") is None:
+        return
+    names = _target_names(file, node)
+    if not names:
+        return
+    mesh = file.get("meshes", node, "mesh")
+    owner = node if node.data.get("weights") is not None else mesh
+    weights = owner.numbers("weights", [0.0] * len(names))
+    for name, weight in zip(names, weights, strict=True):
+        yield _Curve(name, number, _title(file, node), np.zeros(1), np.array([weight]))
+
+
+def _title(file: GltfFile, node: GltfObject) -> str:
+    return node.name() or file.get("meshes", node, "mesh").name() or node.place
 
 
 def _target_names(file: GltfFile, node: GltfObject) -> list[str]:
@@ -67,52 +139,127 @@ def _target_names(file: GltfFile, node: GltfObject) -> list[str]:
     return (names + [f"target {i + 1}" for i in range(len(names), count)])[:count]
 
 
-def _curves(file: GltfFile, animation: GltfObject) -> Iterator[tuple[str, Array, Array, bool]]:
-    """Yield the name, times and weights of each animated morph target, and True if it is a step function (3.11)."""
+def _read_clip(file: GltfFile, animation: GltfObject, number: int) -> _Clip:
+    """Read the curves of morph targets of ``animation``, the file's animation ``number``."""
+    clip = _Clip(animation.name() or f"animation {number + 1}")
     samplers = animation.children("samplers")
     for channel in animation.children("channels"):
         target = channel.child("target")
-        if target.text("path") != "weights" or target.data.get("node") is None:
+        kind = target.text("path")
+        if kind != "weights" or target.data.get("node") is None:
+            clip.unread[kind if kind in ("translation", "rotation", "scale") else "other"] += 1
             continue
         node = file.get("nodes", target, "node")
-        if node.data.get("mesh") is None:
+        names = [] if node.data.get("mesh") is None else _target_names(file, node)
+        index = channel.integer("sampler")
+        if not names or index >= len(samplers):
+            clip.unread["weights"] += 1
             continue
-        names = _target_names(file, node)
-        number = channel.integer("sampler")
-        if not names or number >= len(samplers):
-            continue
-        sampler = samplers[number]
-        times = file.floats(sampler, "input", "SCALAR")[:, 0].astype(np.float64)
-        values = file.floats(sampler, "output", "SCALAR")[:, 0].astype(np.float64)
-        kind = sampler.text("interpolation")
-        # A cubic spline stores a tangent before and after each value.
-        shape = (len(times), 3, len(names)) if kind == "CUBICSPLINE" else (len(times), 1, len(names))
-        if not len(times) or len(values) != int(np.prod(shape)):
-            raise sampler.error(f"{len(values)} weights for {len(times)} key frames of {len(names)} morph targets")
-        if not (np.isfinite(times).all() and np.isfinite(values).all() and (np.diff(times) > 0).all()):
-            raise sampler.error("its times are not increasing, or a number is not finite")
-        weights = values.reshape(shape)[:, shape[1] // 2]
-        for column, name in enumerate(names):
-            yield name, times, weights[:, column], kind == "STEP"
+        times, weights, is_step = _keys(file, samplers[index], len(names))
+        title = _title(file, node)
+        clip.curves += [
+            _Curve(name, target.integer("node"), title, times, weights[:, column], is_step)
+            for column, name in enumerate(names)
+        ]
+    return clip
 
 
-def _resampled(curves: list[tuple[str, Array, Array, bool]], path: Path) -> NamedWeights:
+def _keys(file: GltfFile, sampler: GltfObject, count: int) -> tuple[Array, Array, bool]:
+    """Return the times, (K,), and the weights, (K, ``count``), of a sampler, and True for a step function (3.11)."""
+    times = file.floats(sampler, "input", "SCALAR")[:, 0].astype(np.float64)
+    values = file.floats(sampler, "output", "SCALAR")[:, 0].astype(np.float64)
+    kind = sampler.text("interpolation")
+    # A cubic spline stores a tangent before and after each value.
+    shape = (len(times), 3, count) if kind == "CUBICSPLINE" else (len(times), 1, count)
+    if not len(times) or len(values) != int(np.prod(shape)):
+        raise sampler.error(f"{len(values)} weights for {len(times)} key frames of {count} morph targets")
+    if not (np.isfinite(times).all() and np.isfinite(values).all() and (np.diff(times) > 0).all()):
+        raise sampler.error("its times are not increasing, or a number is not finite")
+    return times, values.reshape(shape)[:, shape[1] // 2], kind == "STEP"
+
+
+def _merged(clips: Sequence[_Clip]) -> tuple[list[_Curve], tuple[str, ...]]:
+    """Return the curves of the first of ``clips`` and of those that belong to it, and notes."""
+    first, *others = clips
+    curves, nodes = list(first.curves), first.nodes
+    merged, omitted = [first.name], []
+    for clip in others:
+        (begin, end), (clip_begin, clip_end) = first.span, clip.span
+        common = min(end, clip_end) - max(begin, clip_begin)
+        if common >= _COMMON_SPAN * min(end - begin, clip_end - clip_begin) and not nodes & clip.nodes:
+            curves += clip.curves
+            nodes |= clip.nodes
+            merged.append(clip.name)
+        else:
+            omitted.append(clip.name)
+    notes = []
+    if len(merged) > 1:
+        notes.append(f"The animations {_listed(merged)} of different meshes were merged.")
+    if omitted:
+        verb = "animation was" if len(omitted) == 1 else "animations were"
+        notes.append(f"{len(omitted)} further {verb} not read: {_listed(omitted)}.")
+    return curves, tuple(notes)
+
+
+def _channels_note(unread: Counter[str]) -> str:
+    count = sum(unread.values())
+    kinds = ", ".join(f"{number} {kind}" for kind, number in sorted(unread.items()))
+    return f"{count} channel{'s' if count > 1 else ''} that move no named morph target ({kinds}) were not read."
+
+
+def _listed(names: Sequence[str]) -> str:
+    rest = len(names) - 3
+    return ", ".join(f"'{name[:40]}'" for name in names[:3]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def _resampled(curves: list[_Curve], path: Path, notes: tuple[str, ...]) -> NamedWeights:
     """Return ``curves`` sampled at the rate of the curve with the most keys, from their first key to their last."""
-    densest = max((times for _, times, _, _ in curves), key=len)
+    densest = max((curve.times for curve in curves), key=len)
     interval = float(np.median(np.diff(densest))) if len(densest) > 1 else 1.0
     rate = round(float(np.clip(1.0 / interval, _LOWEST_RATE, _HIGHEST_RATE)), 2)
-    begin = min(times[0] for _, times, _, _ in curves)
-    end = max(times[-1] for _, times, _, _ in curves)
+    begin = min(curve.times[0] for curve in curves)
+    end = max(curve.times[-1] for curve in curves)
     count = (end - begin) * rate + 1
     if not count <= _MAX_FRAMES:
         raise FacePoserError(f"The animation in '{path}' has {count:.0f} frames, more than {_MAX_FRAMES}.")
-    sample_times = begin + np.arange(int(count + 1e-3)) / rate
+    if count * len(curves) > _MAX_WEIGHTS:
+        raise FacePoserError(
+            f"The animation in '{path}' has {count:.0f} frames of {len(curves)} morph targets, more than can be read; "
+            "export a shorter part of it."
+        )
+    sampled, conflicts = _chosen(curves, begin + np.arange(int(count + 1e-3)) / rate)
+    return NamedWeights(tuple(sampled), np.stack([*sampled.values()], axis=1), rate, (*notes, *conflicts))
+
+
+def _chosen(curves: Sequence[_Curve], sample_times: Array) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Return the weights at ``sample_times``, (F,), by name, and a note if meshes disagree.
+
+    Of several meshes with a target, the one whose weights vary most defines it, or with the largest weight if none do.
+    """
+    by_name: dict[str, list[_Curve]] = {}
+    for curve in curves:
+        by_name.setdefault(curve.name, []).append(curve)
     sampled: dict[str, Array] = {}
-    for name, times, weights, is_step in curves:
-        if name in sampled:
-            continue
-        if is_step:
-            sampled[name] = weights[np.clip(np.searchsorted(times, sample_times + 1e-6, "right") - 1, 0, None)]
-        else:
-            sampled[name] = np.interp(sample_times, times, weights)
-    return NamedWeights(tuple(sampled), np.stack([*sampled.values()], axis=1), rate)
+    conflicts: list[tuple[_Curve, _Curve]] = []
+    for name, group in by_name.items():
+        best = max(group, key=lambda curve: (curve.extent, float(np.abs(curve.weights).max())))
+        sampled[name] = _sample(best, sample_times)
+        other = next((c for c in group if np.abs(_sample(c, sample_times) - sampled[name]).max() > _CONFLICT), None)
+        if other is not None:
+            conflicts.append((best, other))
+    if not conflicts:
+        return sampled, ()
+    best, other = conflicts[0]
+    count = "1 shape has" if len(conflicts) == 1 else f"{len(conflicts)} shapes have"
+    return sampled, (
+        f"{count} different weights in several meshes (such as '{best.name[:60]}' in '{best.mesh[:40]}' and "
+        f"'{other.mesh[:40]}'); those that vary most were read.",
+    )
+
+
+def _sample(curve: _Curve, sample_times: Array) -> Array:
+    """Return the weights of ``curve`` at ``sample_times``, shape (F,)."""
+    if curve.is_step:
+        weights: Array = curve.weights[np.clip(np.searchsorted(curve.times, sample_times + 1e-6, "right") - 1, 0, None)]
+        return weights
+    return np.interp(sample_times, curve.times, curve.weights)

@@ -14,8 +14,10 @@ class NamedWeights:
         names: Names of the S shapes.
         frames: Weights, shape (F, S).
         rate: Frames per second; None if the file does not state it, as for a single pose.
+        notes: Assumptions, losses and omissions, one sentence each.
     """
 
     names: tuple[str, ...]
     frames: NDArray[np.float64]
     rate: float | None
+    notes: tuple[str, ...] = ()

@@ -1,5 +1,6 @@
 """Importers: poses and performances of a face from posed meshes and weights of other programs."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,8 +16,9 @@ from faceposer.interchange.live_link import rate_of_capture
 from faceposer.interchange.named_weights import NamedWeights
 from faceposer.interchange.weights_json import read_weights
 from faceposer.model.face_model import FaceModel
+from faceposer.model.name_matching import match_with_ties
 from faceposer.model.performance import Performance
-from faceposer.model.shape_names import canonical_shape, half_shapes_of, whole_shape_of
+from faceposer.model.shape_names import half_shapes_of, whole_shape_of
 from faceposer.training.capture import read_capture
 
 Array = NDArray[np.float64]
@@ -33,6 +35,7 @@ _ALIGNMENT_ERROR = 1.0
 _MAX_ITERATIONS, _TOLERANCE = 200, 1e-5
 # Largest root mean square error of a mesh that is a pose of the face, as a share of the head's height.
 _MAX_ERROR = 0.05
+_MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +122,13 @@ def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
         is_aligned = _root_mean_square(aligned_errors) < 0.5 * mean_error
         if is_aligned:
             coefficients, errors, mean_error = aligned, aligned_errors, _root_mean_square(aligned_errors)
+    is_mirrored = False
+    if mean_error > _MAX_ERROR * character.height and determines_rotation(vertices):
+        aligned, aligned_errors = fit.aligned(vertices * _MIRROR)
+        is_mirrored = _root_mean_square(aligned_errors) < min(0.5 * mean_error, _MAX_ERROR * character.height)
+        if is_mirrored:
+            coefficients, errors, mean_error = aligned, aligned_errors, _root_mean_square(aligned_errors)
+            is_aligned = False
     max_error = float(errors.max())
     if mean_error > _MAX_ERROR * character.height:
         raise FacePoserError(
@@ -128,6 +138,8 @@ def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
     note = f"Mean error to the mesh {_MILLIMETRES * mean_error:.2f} mm, maximum {_MILLIMETRES * max_error:.2f} mm."
     if _MILLIMETRES * max_error < _INVISIBLE_ERROR:
         note = "The pose matches the mesh exactly."
+    if is_mirrored:
+        note += " The mesh is mirrored; it was mirrored back."
     return ReadPose(coefficients, f"{note} The mesh was aligned with the face." if is_aligned else note)
 
 
@@ -176,7 +188,7 @@ def read_performance(path: Path, model: FaceModel) -> ReadPerformance:
     named = _read_named(path)
     title, shapes = model.character.title, model.character.shape_names
     # Other programs spell ARKit's names differently.
-    names = [name if name in shapes else canonical_shape(name) or name for name in named.names]
+    names, spelling = _known_names(named.names, shapes)
     _check_spellings(path, named, names)
     weights = np.zeros((len(named.frames), len(shapes)))
     used: set[str] = set()
@@ -193,8 +205,17 @@ def read_performance(path: Path, model: FaceModel) -> ReadPerformance:
             f"'{shapes[0]}' etc.); give weights of this face."
         )
     ignored = len(set(names) - used)
-    note = f"{ignored} of its {len(names)} shapes were ignored, because {title} does not have them." if ignored else ""
-    return ReadPerformance(Performance.from_weights(model, weights, named.rate or _DEFAULT_RATE), note)
+    notes = [*named.notes, *([spelling] if spelling else [])]
+    if ignored:
+        notes.append(f"{ignored} of its {len(names)} shapes were ignored, because {title} does not have them.")
+    return ReadPerformance(Performance.from_weights(model, weights, named.rate or _DEFAULT_RATE), " ".join(notes))
+
+
+def _known_names(names: Sequence[str], shapes: Sequence[str]) -> tuple[list[str], str]:
+    """Return ``names`` with ARKit's names for those that are none of ``shapes``, and a note on how they were read."""
+    match = match_with_ties(name for name in names if name not in shapes)
+    tied = {name: shape for shape, group in match.ties.items() for name in group}
+    return [match.shapes.get(name) or tied.get(name) or name for name in names], match.note
 
 
 def _check_spellings(path: Path, named: NamedWeights, names: list[str]) -> None:

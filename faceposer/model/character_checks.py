@@ -12,11 +12,15 @@ MATERIALS = ("skin", "eye", "teeth", "gums", "tongue", "lashes", "film")
 SEE_THROUGH = ("lashes", "film")
 
 
+class InconsistentError(ValueError):
+    """Raised for data that no character can have; the message names the first inconsistency and is fit for users."""
+
+
 def check_character(character: "Character") -> None:
     """Check that the arrays, parts and names of ``character`` are consistent.
 
     Raises:
-        ValueError: If they are not; the message names the first inconsistency.
+        InconsistentError: If they are not.
     """
     _check_arrays(character)
     _check_parts(character)
@@ -25,7 +29,7 @@ def check_character(character: "Character") -> None:
 
 def _require(condition: Any, message: str) -> None:
     if not condition:
-        raise ValueError(message)
+        raise InconsistentError(message)
 
 
 def _check_arrays(character: "Character") -> None:

@@ -6,11 +6,13 @@ plain arrays. Nothing is pickled.
 
 import dataclasses
 import json
+import lzma
 import os
 import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
+from tokenize import TokenError
 from typing import IO, Any, NoReturn
 
 import numpy as np
@@ -19,6 +21,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file
 from faceposer.model.character import Character, Floats, Ints, Part
+from faceposer.model.character_checks import InconsistentError
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.origin import Origin
 from faceposer.resources import asset_path
@@ -29,8 +32,11 @@ VERSION = 2
 
 _MAX_BYTES = 1 << 30
 _MAX_MEMBERS = 500
+# Errors of ``_build`` for members that are missing, or of other types or values than in a character file.
+_INVALID = (LookupError, TypeError, ValueError, AttributeError, OverflowError)
 #: Quantisation step of stored offsets in centimetres, unless a large offset requires a larger step.
 _SHAPE_STEP = 2e-4
+_MAX_STEP = 1.0
 
 
 def available_characters() -> list[tuple[str, str]]:
@@ -63,9 +69,8 @@ def load_character(name_or_path: str | os.PathLike[str]) -> Character:
     meta = _parse_meta(path, members)
     try:
         return _build(meta, members)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        reason = f"'{error.args[0]}' is missing" if isinstance(error, KeyError) else str(error)
-        _refuse(path, reason)
+    except _INVALID as error:
+        _refuse(path, _reason(error))
 
 
 def save_character(path: str | os.PathLike[str], character: Character) -> None:
@@ -74,11 +79,11 @@ def save_character(path: str | os.PathLike[str], character: Character) -> None:
     Offsets are rounded to steps of about 2 micrometres; vertices and texture coordinates are stored exactly.
 
     Raises:
-        FacePoserError: If the file cannot be written.
+        FacePoserError: If the file cannot be written, or could not be read again.
     """
     largest = float(np.abs(character.shapes).max(initial=0.0))
     step = max(_SHAPE_STEP, largest / 32767)
-    meta = {
+    meta: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
         "name": character.name,
@@ -98,9 +103,10 @@ def save_character(path: str | os.PathLike[str], character: Character) -> None:
     if character.origin is not None:
         meta["origin"], members = character.origin.as_members()
         optional |= {f"origin.{name}": array for name, array in members.items()}
-    text = json.dumps(meta, ensure_ascii=False, indent=1)
+    # Names of files may contain bytes that are not text, which no character set can encode.
+    text = json.dumps(meta, ensure_ascii=False, indent=1).encode("utf-8", "replace")
     arrays: dict[str, NDArray[Any]] = {
-        "meta": np.frombuffer(text.encode("utf-8"), dtype=np.uint8),
+        "meta": np.frombuffer(text, dtype=np.uint8),
         "vertices": character.vertices,
         "polygons": character.polygons,
         "uv": character.uv,
@@ -111,8 +117,32 @@ def save_character(path: str | os.PathLike[str], character: Character) -> None:
     }
     arrays |= {f"region.{name}": ids for name, ids in character.regions.items()}
     arrays |= {f"texture.{name}": np.frombuffer(data, np.uint8) for name, data in character.textures.items()}
+    _check_readable(Path(path), text, arrays)
     with atomic_file(Path(path), "character file") as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)
+
+
+class _DamagedError(Exception):
+    """Raised for an array that cannot be read; the message is the reason."""
+
+
+def _reason(error: Exception) -> str:
+    """Return the reason for an error of ``_build`` without wording of Python or NumPy."""
+    if isinstance(error, KeyError):
+        return f"'{str(error.args[0])[:60]}' is missing"
+    if isinstance(error, InconsistentError):
+        return str(error)
+    return "its metadata or its arrays are inconsistent; copy it again"
+
+
+def _check_readable(path: Path, text: bytes, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Raise a FacePoserError for the content of a file that ``load_character`` would refuse."""
+    try:
+        if len(arrays) > _MAX_MEMBERS or sum(array.nbytes + 128 for array in arrays.values()) > _MAX_BYTES:
+            raise InconsistentError("it is too large for a character")
+        _build(json.loads(text), arrays)
+    except _INVALID as error:
+        raise FacePoserError(f"The character is not written to '{path}': {_reason(error).rstrip('.')}.") from error
 
 
 def _refuse(path: Path, reason: str) -> NoReturn:
@@ -137,30 +167,35 @@ def _read_members(path: Path, named: set[str] | None) -> dict[str, NDArray[Any]]
                     with archive.open(entry) as stream:
                         members[name] = _read_array(stream, entry.file_size)
             return members
+    except _DamagedError as error:
+        _refuse(path, str(error))
     except FileNotFoundError:
         raise FacePoserError(f"There is no character file '{path}'; check the path.") from None
     except OSError as error:
         _refuse(path, f"it cannot be read ({error.strerror or error})")
-    except (zipfile.BadZipFile, EOFError, zlib.error, NotImplementedError, RuntimeError):
+    except (zipfile.BadZipFile, EOFError, zlib.error, lzma.LZMAError, NotImplementedError, RuntimeError, ValueError):
         _refuse(path, "it is damaged or is not a character file; copy it again")
-    except ValueError as error:
-        _refuse(path, str(error))
 
 
 def _read_array(stream: IO[bytes], size: int) -> NDArray[Any]:
-    version = np.lib.format.read_magic(stream)
-    read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-    if version not in read_header:
-        raise ValueError(f"an array has the unknown format version {version}")
-    shape, fortran_order, dtype = read_header[version](stream)
+    try:
+        version = np.lib.format.read_magic(stream)
+        read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        if version not in read_header:
+            raise _DamagedError(f"an array has the unknown format version {version}")
+        shape, fortran_order, dtype = read_header[version](stream)
+    except (ValueError, SyntaxError, TypeError, RecursionError, MemoryError, TokenError) as error:
+        raise _DamagedError("an array has no readable header") from error
+    if any(not isinstance(length, int) or isinstance(length, bool) or length < 0 for length in shape):
+        raise _DamagedError(f"an array has the shape {shape}")
     if dtype.hasobject:
-        raise ValueError("it contains pickled objects, which are never loaded")
+        raise _DamagedError("it contains pickled objects, which are never loaded")
     count = int(np.prod(shape, dtype=object)) if shape else 1
     if count * dtype.itemsize > size:
-        raise ValueError("the declared size of an array exceeds its data")
+        raise _DamagedError("the declared size of an array exceeds its data")
     data = stream.read(count * dtype.itemsize)
     if len(data) != count * dtype.itemsize:
-        raise ValueError("an array is truncated")
+        raise _DamagedError("an array is truncated")
     return np.frombuffer(data, dtype=dtype).reshape(shape, order="F" if fortran_order else "C")
 
 
@@ -180,10 +215,12 @@ def _parse_meta(path: Path, members: Mapping[str, NDArray[Any]]) -> dict[str, An
 
 def _build(meta: dict[str, Any], members: Mapping[str, NDArray[Any]]) -> Character:
     step = float(meta["shape_step"])
-    if not 0.0 < step < 1.0:
-        raise ValueError(f"the quantisation step of its shapes is {step}")
+    if not 0.0 < step < np.inf:
+        raise InconsistentError("the quantisation step of its shapes is not a positive number")
+    if step >= _MAX_STEP:
+        raise InconsistentError(f"its shapes move vertices by up to {32767 * step:.3g} cm, which no face does")
     if members["shapes"].dtype != np.int16:
-        raise ValueError("its shapes are not 16-bit integers")
+        raise InconsistentError("its shapes are not 16-bit integers")
     return Character(
         name=meta["name"],
         title=meta["title"],
@@ -226,11 +263,11 @@ def _members_of(members: Mapping[str, NDArray[Any]], name: str) -> dict[str, NDA
 
 def _as_floats(members: Mapping[str, NDArray[Any]], name: str) -> Floats:
     if members[name].dtype.kind != "f":
-        raise ValueError(f"its {name} are not real numbers")
+        raise InconsistentError(f"its {name} are not real numbers")
     return np.ascontiguousarray(members[name], dtype=np.float32)
 
 
 def _as_ints(members: Mapping[str, NDArray[Any]], name: str) -> Ints:
     if members[name].dtype != np.int32:
-        raise ValueError(f"its {name} are not 32-bit integers")
+        raise InconsistentError(f"its {name} are not 32-bit integers")
     return np.ascontiguousarray(members[name])

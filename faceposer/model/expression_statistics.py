@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file
+from faceposer.model.character_checks import InconsistentError
 from faceposer.model.coupling import independent
 from faceposer.resources import asset_path
 
@@ -58,7 +59,7 @@ class ExpressionStatistics:
         if not self.regions:
             object.__setattr__(self, "regions", ("face",) * len(self.shape_names))
         if len(self.regions) != len(self.shape_names):
-            raise ValueError(f"regions must name {len(self.shape_names)} regions, not {len(self.regions)}")
+            raise InconsistentError(f"regions must name {len(self.shape_names)} regions, not {len(self.regions)}")
         if self.coupling is None:
             object.__setattr__(self, "coupling", independent(self.regions))
         n_components, n_shapes = len(self.weights), len(self.shape_names)
@@ -73,15 +74,15 @@ class ExpressionStatistics:
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value.shape != shape or not np.isfinite(value).all():
-                raise ValueError(f"{name} must be finite and of shape {shape}, not {value.shape}")
+                raise InconsistentError(f"{name} must be finite and of shape {shape}, not {value.shape}")
         _check_correlation(self.factors)
         kept = self.examples
         if kept is not None and (kept.ndim != 2 or kept.shape[1] != n_shapes or not np.isfinite(kept).all()):
-            raise ValueError(f"examples must be finite and of {n_shapes} columns, not of shape {kept.shape}")
+            raise InconsistentError(f"examples must be finite and of {n_shapes} columns, not of shape {kept.shape}")
         if kept is not None and len(kept) < _FEWEST_EXAMPLES:
-            raise ValueError(f"examples must be at least {_FEWEST_EXAMPLES}, not {len(kept)}")
+            raise InconsistentError(f"examples must be at least {_FEWEST_EXAMPLES}, not {len(kept)}")
         if n_components == 0 or (self.weights <= 0).any():
-            raise ValueError("weights must be positive, and at least one")
+            raise InconsistentError("weights must be positive, and at least one")
 
     @property
     def factors(self) -> Array:
@@ -138,7 +139,9 @@ def _check_correlation(matrix: Array) -> None:
     symmetric = np.allclose(matrix, matrix.T, atol=_UNIT_WITHIN)
     unit = np.allclose(np.diag(matrix), 1.0, atol=_UNIT_WITHIN)
     if not (symmetric and unit and np.linalg.eigvalsh(matrix)[0] > -1e-3):
-        raise ValueError("coupling must be a correlation matrix: symmetric, positive semidefinite, unit diagonal")
+        raise InconsistentError(
+            "coupling must be a correlation matrix: symmetric, positive semidefinite, unit diagonal"
+        )
 
 
 def load_expression_statistics(path: Path | None = None) -> ExpressionStatistics:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.geometry.polygon_mesh import Group
+from faceposer.model.character_checks import InconsistentError
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,7 @@ class Origin:
             and np.isfinite(self.neutral).all()
         )
         if not fits:
-            raise ValueError("the record of its source file is inconsistent")
+            raise InconsistentError("the record of its source file is inconsistent")
 
     def vertices_of(self, moved: NDArray[np.floating]) -> NDArray[np.float64]:
         """Return the file's vertices, (M, 3), for displacements ``moved`` of the character's vertices, (N, 3)."""

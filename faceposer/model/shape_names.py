@@ -1,14 +1,11 @@
 """Names of shapes: recognition of ARKit's 52 names in their many spellings."""
 
 import re
-from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
 from faceposer.model.character import ARKIT_SHAPES
 
 #: Halves of two of ARKit's shapes, which rigs of 53 or 54 shapes have in place of the whole.
@@ -19,8 +16,9 @@ SPLIT_SHAPES: tuple[str, ...] = (
 #: Shapes that move the face to a side; for all other names, a side at the end is the side of the face.
 _SIDEWAYS = ("jawLeft", "jawRight", "mouthLeft", "mouthRight")
 _SEPARATORS = re.compile(r"[\W_]+")
-#: Boundaries between a prefix and a name: separators, or changes from lower to upper case or from digit to letter.
-_PREFIX_ENDS = re.compile(r"[\W_]+(?=[^\W_])|(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Za-z])")
+_SCOPES = re.compile(r"[.:|/]")
+#: Longest name of a shape in characters, with its separators but without the name of a mesh before it.
+LONGEST_NAME = 64
 
 
 def _spellings(shape: str) -> list[str]:
@@ -35,21 +33,9 @@ def _spellings(shape: str) -> list[str]:
 
 
 _SHAPES = {spelling: shape for shape in (*ARKIT_SHAPES, *SPLIT_SHAPES) for spelling in _spellings(shape)}
-
-
-@dataclass(frozen=True)
-class NameMatch:
-    """The result of matching the names of a file with ARKit's.
-
-    Attributes:
-        shapes: Canonical name, from ``ARKIT_SHAPES`` or ``SPLIT_SHAPES``, by name in the file.
-        missing: ARKit's shapes that the file has neither whole nor in halves.
-        others: Names in the file that are not ARKit's.
-    """
-
-    shapes: dict[str, str]
-    missing: tuple[str, ...]
-    others: tuple[str, ...]
+_BEGINNINGS = frozenset(spelling[:end] for spelling in _SHAPES for end in range(len(spelling) + 1))
+# Names of shapes without their sides.
+_STEMS = re.compile("|".join(sorted({re.sub("(Left|Right)$", "", shape).lower() for shape in ARKIT_SHAPES})))
 
 
 def whole_shape_of(name: str) -> str:
@@ -93,63 +79,38 @@ def canonical_shape(name: str) -> str | None:
     """Return the shape of ``ARKIT_SHAPES`` or ``SPLIT_SHAPES`` that ``name`` denotes, or None.
 
     Case and separators are ignored, the side may be ``L``, ``R``, ``Left`` or ``Right`` at either end, and text before
-    a dot, colon, bar or slash, such as the mesh's name, is skipped.
+    a dot, colon, bar or slash, such as the mesh's name, is skipped. Names, without that text, have at most
+    ``LONGEST_NAME`` characters.
     """
-    parts = [name, *(name[cut.end() :] for cut in re.finditer(r"[.:|/]", name))]
-    for part in parts:
-        shape = _SHAPES.get(_SEPARATORS.sub("", part).lower())
+    start = max(0, len(name) - LONGEST_NAME)
+    cuts = [] if start else [0]
+    cuts += [cut.end() for cut in _SCOPES.finditer(name, max(0, start - 1))]
+    for cut in cuts:
+        shape = _SHAPES.get(_SEPARATORS.sub("", name[cut:]).lower())
         if shape is not None:
             return shape
     return None
 
 
-def match_arkit(names: Iterable[str], where: str) -> NameMatch:
-    """Match ``names`` with ARKit's shapes, ignoring a prefix that all or most of them share.
-
-    Args:
-        names: Names of shapes or columns in the file.
-        where: Source of the names as the beginning of a sentence, such as "The rig 'a.glb'".
-
-    Raises:
-        FacePoserError: If two names denote the same shape.
-    """
-    given = list(dict.fromkeys(names))
-    found = {name: canonical_shape(name) for name in given}
-    for prefix in _prefixes(given):
-        for name, shape in found.items():
-            if shape is None and name.startswith(prefix):
-                found[name] = canonical_shape(name[len(prefix) :])
-    owners: dict[str, str] = {}
-    for name, shape in found.items():
-        if shape is None:
-            continue
-        if shape in owners:
-            raise FacePoserError(
-                f"{where} has both '{owners[shape]}' and '{name}', which denote the same shape, {shape}; rename or "
-                "remove one of them."
-            )
-        owners[shape] = name
-    have = {whole_shape_of(shape) for shape in owners}
-    return NameMatch(
-        {name: shape for name, shape in found.items() if shape is not None},
-        tuple(shape for shape in ARKIT_SHAPES if shape not in have),
-        tuple(name for name, shape in found.items() if shape is None),
-    )
+def spelled_shape(letters: str) -> str | None:
+    """Return the shape spelled by ``letters``, in lower case without separators and scope, or None."""
+    return _SHAPES.get(letters)
 
 
-def _prefixes(names: list[str]) -> list[str]:
-    """Return the common prefix of all ``names``, and the prefix of shape names in at least half of them."""
-    if len(names) < 2:
-        return []
-    starts = (names[0][: end.end()] for end in _PREFIX_ENDS.finditer(names[0]))
-    prefixes = [start for start in starts if all(name.startswith(start) for name in names)][-1:]
-    before: Counter[str] = Counter()
-    for name in names:
-        if canonical_shape(name) is None:
-            cuts = (end.end() for end in _PREFIX_ENDS.finditer(name))
-            cut = next((cut for cut in cuts if canonical_shape(name[cut:]) is not None), None)
-            if cut is not None:
-                before[name[:cut]] += 1
-    prefixes += [prefix for prefix, count in before.most_common(1) if 2 * count >= len(names) and count > 1]
-    # In names of corrective shapes, such as jawOpen_mouthClose, the first shape is not a prefix.
-    return [prefix for prefix in prefixes if canonical_shape(prefix) is None]
+def begins_shape(letters: str) -> bool:
+    """Return True if a spelling of a shape, in lower case without separators, begins with ``letters``."""
+    return letters in _BEGINNINGS
+
+
+def names_shape(text: str) -> bool:
+    """Return True if ``text`` contains the stem of a shape's name, a fast test."""
+    return _STEMS.search(_SEPARATORS.sub("", text).lower()) is not None
+
+
+def scope_of(name: str) -> tuple[str, str]:
+    """Return the text before the name of the shape that ``canonical_shape`` skips, and the name."""
+    shape = canonical_shape(name)
+    for cut in reversed([0, *(found.end() for found in _SCOPES.finditer(name, max(0, len(name) - LONGEST_NAME - 1)))]):
+        if canonical_shape(name[cut:]) == shape:
+            return name[:cut], name[cut:]
+    return "", name

@@ -1,6 +1,7 @@
 """Reading of photos in bounded memory, with the orientation and the focal length from their EXIF data."""
 
 import math
+import struct
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,8 +19,18 @@ if TYPE_CHECKING:
 
 #: Suffixes of images that Pillow reads, for dialogs and for files dropped onto the window.
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".avif")
+_RAW = "a raw image of a camera"
+_FOREIGN = {
+    ".heic": "a HEIC image, as iPhones take them",
+    ".heif": "a HEIF image",
+    ".psd": "a Photoshop document",
+    **dict.fromkeys((".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2"), _RAW),
+}
 #: Suffixes of common image formats that Pillow does not read, which get a message of their own.
-FOREIGN_SUFFIXES = (".heic", ".heif", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".psd")
+FOREIGN_SUFFIXES = tuple(_FOREIGN)
+_READABLE_STARTS = (b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n")
+_HEIC_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs")
+_JPEG = ("JPEG", "MPO")
 MAX_PIXELS = 120_000_000
 _MAX_BYTES = 512 * 2**20
 _ORIENTATION, _EXIF, _FOCAL_35MM = 0x0112, 0x8769, 0xA405
@@ -32,7 +43,7 @@ FOCAL_SPREAD = 0.3
 
 @dataclass(frozen=True)
 class PhotoFile:
-    """Properties of an image file, read without its pixels.
+    """Properties of an image file.
 
     Attributes:
         size: Width and height in pixels, with the orientation of the EXIF data applied.
@@ -54,17 +65,14 @@ def focal_in_mm(focal: float, size: tuple[int, int]) -> float:
 
 
 def inspect_photo(path: Path) -> PhotoFile:
-    """Return the properties of the image ``path``, without reading its pixels.
+    """Return the properties of the image ``path``.
 
     Raises:
         FacePoserError: If it cannot be read, is not an image, or is too large.
     """
     with _opened(path) as image:
-        exif = image.getexif()
-        width, height = image.size
-        if exif.get(_ORIENTATION) in (5, 6, 7, 8):
-            width, height = height, width
-        value = exif.get_ifd(_EXIF).get(_FOCAL_35MM)
+        value = image.getexif().get_ifd(_EXIF).get(_FOCAL_35MM)
+        width, height = _upright_size(image)
         try:
             focal = float(value)
         except (TypeError, ValueError, ZeroDivisionError):
@@ -100,6 +108,18 @@ def read_photo(path: Path, largest: int | None = None) -> NDArray[np.uint8]:
         return np.ascontiguousarray(np.asarray(reduced, dtype=np.uint8))
 
 
+def _upright_size(image: Any) -> tuple[int, int]:
+    """Return the width and height of the pixels that ``read_photo`` returns."""
+    from PIL import ImageOps
+
+    if image.format in _JPEG:
+        width, height = image.size
+        return (height, width) if image.getexif().get(_ORIENTATION) in (5, 6, 7, 8) else (width, height)
+    # Some of Pillow's plug-ins turn the image themselves, when it is opened or when its pixels are read.
+    width, height = ImageOps.exif_transpose(image).size
+    return width, height
+
+
 def _eight_bits(image: "Image") -> "Image":
     """Return a single-channel image of more than 8 bits scaled to 8 bits, which Pillow would clip instead."""
     from PIL import Image
@@ -114,14 +134,34 @@ def _eight_bits(image: "Image") -> "Image":
     return Image.fromarray(np.nan_to_num(255.0 * values / white).clip(0.0, 255.0).round().astype(np.uint8))
 
 
+def _foreign_format(path: Path) -> str:
+    """Return the format of an image that Pillow does not read, by its content or its suffix; "" for other images."""
+    with path.open("rb") as file:
+        start = file.read(64)
+    if start.startswith(_READABLE_STARTS):
+        return ""
+    if start[4:8] == b"ftyp" and b"avif" not in start and b"avis" not in start:
+        brand = start[8:12]
+        if brand in _HEIC_BRANDS:
+            return _FOREIGN[".heic"]
+        if brand in (b"mif1", b"msf1"):
+            return _FOREIGN[".heic" if any(kind in start for kind in _HEIC_BRANDS) else ".heif"]
+        if brand == b"crx ":
+            return _RAW
+    if start.startswith(b"8BPS"):
+        return _FOREIGN[".psd"]
+    return _FOREIGN.get(path.suffix.lower(), "")
+
+
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """Open the image ``path``; errors during its use are reported as ``FacePoserError``."""
     from PIL import Image, UnidentifiedImageError
 
-    if path.suffix.lower() in FOREIGN_SUFFIXES:
-        raise FacePoserError(f"The photo '{path}' has an unsupported format; save it as JPEG or PNG.")
     try:
+        foreign = _foreign_format(path)
+        if foreign:
+            raise FacePoserError(f"The photo '{path}' is {foreign}, which cannot be read; save it as JPEG or PNG.")
         if path.stat().st_size > _MAX_BYTES:
             raise FacePoserError(f"The photo '{path}' is larger than {_MAX_BYTES // 2**20} MB; reduce its size.")
         with warnings.catch_warnings():
@@ -142,8 +182,10 @@ def _opened(path: Path) -> Iterator[Any]:
     except Image.DecompressionBombError as error:
         raise FacePoserError(f"The photo '{path}' has too many pixels; reduce its size.") from error
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise FacePoserError(f"The photo '{path}' cannot be read: {reason.rstrip('.')}.") from error
-    except (SyntaxError, ValueError, EOFError, IndexError, KeyError, TypeError, MemoryError) as error:
+        # Pillow raises it as well, for truncated files, with wording of its own and without an error number.
+        if error.strerror is None:
+            raise FacePoserError(f"The photo '{path}' is damaged and cannot be read; copy it again.") from error
+        raise FacePoserError(f"The photo '{path}' cannot be read: {error.strerror}.") from error
+    except (SyntaxError, ValueError, EOFError, LookupError, TypeError, MemoryError, struct.error) as error:
         # Raised by Pillow's decoders for damaged files.
         raise FacePoserError(f"The photo '{path}' is damaged and cannot be read.") from error

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from faceposer.errors import FacePoserError
+from faceposer.files.names import is_hidden
 from faceposer.files.user_folders import data_folder
 from faceposer.model.character_file import FORMAT, available_characters, load_character, save_character
 
@@ -57,7 +58,8 @@ class CharacterLibrary:
         """Return the installed characters, those of the library by title, and those of the paths ``elsewhere``."""
         if self._installed is None:
             self._installed = [LibraryEntry(name, title, "installed") for name, title in available_characters()]
-        files = sorted(self.folder.glob(f"*{SUFFIX}")) if self.folder.is_dir() else []
+        found = self.folder.glob(f"*{SUFFIX}") if self.folder.is_dir() else ()
+        files = sorted(path for path in found if not is_hidden(path))
         own = [LibraryEntry(str(path), title, "library") for path in files if (title := self.title(path)) is not None]
         others = [
             LibraryEntry(path, title, "elsewhere")

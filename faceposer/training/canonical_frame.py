@@ -77,8 +77,10 @@ def opposite_name(name: str) -> str:
     return name
 
 
-def frame_from_motion(vertices: Array, triangles: NDArray[np.integer], motion: Array) -> tuple[Similarity, bool]:
+def frame_from_motion(vertices: Array, triangles: NDArray[np.integer], motion: Array) -> tuple[Similarity, bool] | None:
     """Return the canonical frame of a face from its motion alone, and True if it resembles the built-in man.
+
+    Returns None if the mesh does not determine a frame.
 
     The moving part faces forward, and the plane of symmetry gives the sides. The upward direction and the pitch of the
     head are those of the best alignment with the built-in man by iterated closest points.
@@ -115,7 +117,9 @@ def frame_from_motion(vertices: Array, triangles: NDArray[np.integer], motion: A
     starts = [_pitch(start, np.deg2rad(angle)) for start in upright for angle in _PITCHES]
     fits = [_align_to_man(few, everything, tree, start, 12) for start in starts]
     # Non-human faces align nearly as well upside down; most files have y or z up.
-    best, _ = min(fits, key=lambda fit: fit[1] * (1.0 + _UNUSUAL * (1.0 - float(fit[0].rotation[1, 1:].max()))))
+    best, miss = min(fits, key=lambda fit: fit[1] * (1.0 + _UNUSUAL * (1.0 - float(fit[0].rotation[1, 1:].max()))))
+    if not np.isfinite(miss):
+        return None
     found, distance = _align_to_man(moving, everything, tree, best, _ROUNDS)
     if distance < _RESEMBLES_MAN:
         return found, True
@@ -169,7 +173,7 @@ def _align_to_man(
         target = np.vstack([surface[man_ids[near]], surface[close]])
         weights = np.repeat([1.0 / near.sum(), 1.0 / close.sum()], [near.sum(), close.sum()])
         distance = 0.5 * float(weights @ np.linalg.norm(source - target, axis=1))
-        if not determines_rotation(target):
+        if not (determines_rotation(source) and determines_rotation(target)):
             return similarity, np.inf
         both = np.vstack([source, source * _MIRROR]), np.vstack([target, target * _MIRROR])
         step = rigid_alignment(*both, np.tile(weights, 2), scale=True)

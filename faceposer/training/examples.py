@@ -10,14 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.geometry.alignment import rigid_alignment
+from faceposer.geometry.alignment import determines_rotation, rigid_alignment
 from faceposer.geometry.mesh_sequence import MeshSequence, open_sequence
+from faceposer.geometry.mtl_io import read_obj_textures
+from faceposer.geometry.shape_alignment import implausible, lay_on
 from faceposer.model.character import Character
 from faceposer.progress import Progress
 from faceposer.training.assemble import CanonicalMesh, assemble
 from faceposer.training.canonical_frame import frame_from_motion
 from faceposer.training.eyes import misplaced_eyes
-from faceposer.training.frames import AlignedReader, FrameStore, sample_of, spool_frames, steady_vertices
+from faceposer.training.frames import (
+    AlignedReader,
+    FrameStore,
+    implausible_frame,
+    sample_of,
+    spool_frames,
+    steady_vertices,
+)
 from faceposer.training.measures import Curves, curves_of
 from faceposer.training.mode_statistics import statistics_of_modes
 from faceposer.training.modes import Modes, learn_modes, local_metric
@@ -33,6 +42,8 @@ _MARGIN = 0.1
 _MOST_CURVE = 40
 # With fewer examples, the generalization to others cannot be judged.
 _FEW = 12
+# Ratio to the size of the neutral from which a mesh is in another unit.
+_OTHER_SIZE = 1.25
 # Largest acceptable distance of held-out examples, as a share of their distance from neutral.
 _POOR = 0.5
 
@@ -94,20 +105,24 @@ def character_from_sequence(
     if len(sequence) < 2:
         raise FacePoserError(f"'{source}' has a single mesh; give at least two, one of them neutral.")
     neutral = sequence.neutral.vertices
-    _, sample = sample_of(sequence, progress)
-    try:
-        steady = steady_vertices(sample, neutral)
-        for frame in sample:
-            frame[:] = rigid_alignment(frame[steady], neutral[steady]).apply(frame) - neutral
-    except ValueError as error:
-        raise FacePoserError(f"The meshes of '{source}' cannot be aligned: {error}.") from error
+    sample, steady, sizes = _aligned_sample(sequence, source, progress)
     motion = np.einsum("fmd,fmd->m", sample, sample, dtype=np.float64) / len(sample)
     size = float(np.ptp(neutral, axis=0).max())
     if not motion.max() > (1e-5 * size) ** 2:
         raise FacePoserError(f"The meshes of '{source}' are all the same; add examples of different expressions.")
+    textures: dict[str, bytes] = {}
+    notes = _size_notes(sizes)
     if mesh is None:
-        upright, resembles_man = frame_from_motion(neutral, sequence.neutral.triangles(), motion)
-        mesh = replace(assemble(sequence.neutral, upright, sample, {}), resembles_man=resembles_man)
+        found = frame_from_motion(neutral, sequence.neutral.triangles(), motion)
+        if found is None:
+            raise FacePoserError(
+                f"The meshes of '{source}' are too unlike a face to determine their orientation; give meshes of a face."
+            )
+        upright, resembles_man = found
+        if sequence.neutral_path is not None:
+            textures, problems = read_obj_textures(sequence.neutral_path, sequence.neutral)
+            notes += problems
+        mesh = replace(assemble(sequence.neutral, upright, sample, textures), resembles_man=resembles_man)
 
     progress.at("Finding the regions")
     triangles = _triangles(mesh)
@@ -115,7 +130,7 @@ def character_from_sequence(
     own_sample = mesh.displacements(sample)
     segments = _segments(options.segments, mesh, triangles, own_sample)
     metric = local_metric(vertices, triangles, motion[mesh.file_ids])
-    with _store(AlignedReader(sequence, steady), options.scheduler, progress) as store:
+    with _store(AlignedReader(sequence, steady, bool(len(sizes))), options.scheduler, progress) as store:
         modes = learn_modes(store, sample, segments, metric, mesh.file_ids, options.n_dimensions)
     progress.at("Choosing the size of the prior")
     statistics, choice = statistics_of_modes(modes, options.n_components, options.n_factors, progress)
@@ -138,6 +153,7 @@ def character_from_sequence(
         "prior": {"from": "examples", **choice.as_json()},
         "curves": curves.as_json(),
         "warnings": [
+            *notes,
             *_warnings(len(sequence), curves, modes),
             *misplaced_eyes(mesh.vertices, mesh.parts),
             *choice.warnings,
@@ -164,6 +180,62 @@ def character_from_sequence(
         origin=mesh.origin,
         summary=summary,
     )
+
+
+def _aligned_sample(sequence: MeshSequence, source: str, progress: Progress) -> tuple[Floats, NDArray[np.intp], Array]:
+    """Return displacements of sample frames, the ids of the steady vertices, and the sizes of frames in other units.
+
+    Raises:
+        FacePoserError: If a frame cannot be aligned with the neutral, or cannot be an expression of it.
+    """
+    neutral = sequence.neutral.vertices
+    numbers, sample = sample_of(sequence, progress)
+    flat = next((i for i, frame in enumerate(sample) if not determines_rotation(frame)), None)
+    if flat is not None:
+        raise FacePoserError(f"The vertices of {sequence.name_of(numbers[flat])} are all on one line; export it again.")
+    sizes = _relative_sizes(sample, neutral)
+    other_size = np.abs(np.log(sizes)) > np.log(_OTHER_SIZE)
+    scaled = bool(other_size.any())
+    if scaled:
+        # The steady vertices are found among frames of one size.
+        sample /= sizes[:, None, None].astype(np.float32)
+    try:
+        steady = steady_vertices(sample, neutral)
+        for number, frame in zip(numbers, sample, strict=True):
+            laid = rigid_alignment(frame[steady], neutral[steady], scale=scaled).apply(frame)
+            _refuse_implausible(sequence, number, laid, neutral)
+            frame[:] = laid - neutral
+    except ValueError as error:
+        raise FacePoserError(f"The meshes of '{source}' cannot be aligned: {error}.") from error
+    return sample, steady, sizes[other_size]
+
+
+def _relative_sizes(sample: Floats, neutral: Array) -> Array:
+    """Return the size of each centred frame relative to the neutral, shape (n,); 1 for a collapsed frame."""
+    extent = np.linalg.norm(neutral - neutral.mean(axis=0))
+    sizes = np.array([np.linalg.norm(frame.astype(np.float64)) for frame in sample]) / max(float(extent), 1e-300)
+    return np.where(sizes > 0.0, sizes, 1.0)
+
+
+def _size_notes(sizes: Array) -> tuple[str, ...]:
+    """Return a note about frames of other ``sizes`` than the neutral."""
+    if not len(sizes):
+        return ()
+    usual = float(np.median(sizes))
+    plural = len(sizes) > 1
+    return (
+        f"{len(sizes)} mesh{'es have' if plural else ' has'} {usual:.3g} times the size of the neutral mesh and "
+        f"{'were' if plural else 'was'} scaled to it.",
+    )
+
+
+def _refuse_implausible(sequence: MeshSequence, number: int, vertices: Array, neutral: Array) -> None:
+    """Raise a FacePoserError if the aligned ``vertices`` of a frame cannot be an expression."""
+    reason = implausible(vertices, neutral)
+    if not reason:
+        return
+    flipped = lay_on(vertices * (-1.0, 1.0, 1.0), neutral).vertices
+    raise implausible_frame(sequence, number, reason if implausible(flipped, neutral) else "it is mirrored")
 
 
 @contextmanager

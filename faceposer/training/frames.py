@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.geometry.mesh_sequence import MeshSequence
+from faceposer.geometry.shape_alignment import implausible_size
 from faceposer.progress import Progress
 
 Array = NDArray[np.float64]
@@ -48,10 +49,12 @@ class AlignedReader:
     Attributes:
         sequence: The sequence of frames.
         steady: Ids of the vertices by which frames are aligned with the neutral.
+        scaled: True if frames may have another size than the neutral.
     """
 
     sequence: MeshSequence
     steady: NDArray[np.intp]
+    scaled: bool = False
 
     def read(self, first: int, stop: int) -> Frames:
         """Return the displacements of all vertices in the frames from ``first`` to before ``stop``, (n, N, 3).
@@ -73,13 +76,27 @@ class AlignedReader:
             FacePoserError: If a frame cannot be read or aligned.
         """
         neutral = self.sequence.neutral.vertices
+        size = float(np.ptp(neutral, axis=0).max())
         for number, vertices in zip(numbers, self.sequence.pick(numbers), strict=True):
             try:
-                alignment = rigid_alignment(vertices[self.steady], neutral[self.steady])
+                alignment = rigid_alignment(vertices[self.steady], neutral[self.steady], scale=self.scaled)
             except ValueError as error:
                 name = self.sequence.name_of(number)
                 raise FacePoserError(f"The neutral face and {name} cannot be aligned: {error}.") from error
-            yield (alignment.apply(vertices) - neutral).astype(np.float32)
+            moved = alignment.apply(vertices) - neutral
+            reason = implausible_size(np.linalg.norm(moved, axis=1), size)
+            if reason:
+                raise implausible_frame(self.sequence, number, reason)
+            yield moved.astype(np.float32)
+
+
+def implausible_frame(sequence: MeshSequence, number: int, reason: str) -> FacePoserError:
+    """Return the error for a frame that cannot be an expression of the neutral face."""
+    name = sequence.name_of(number)
+    return FacePoserError(
+        f"{name[:1].upper()}{name[1:]} is not an expression of {sequence.neutral_name}: {reason}; export all meshes "
+        "with the same vertices in the same order."
+    )
 
 
 class FrameStore(Protocol):

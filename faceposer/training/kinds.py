@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Literal
 
 from faceposer.errors import FacePoserError
+from faceposer.files.names import is_hidden
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES
 from faceposer.geometry.mesh_sequence import ARRAY_SUFFIX
-from faceposer.model.shape_names import canonical_shape
+from faceposer.model.name_matching import match_with_ties
 
 Kind = Literal["rig", "examples", "markers"]
 
@@ -29,9 +30,8 @@ def kind_of(source: Path) -> Kind:
     suffix = source.suffix.lower()
     if source.is_dir():
         try:
-            files = islice(source.iterdir(), _MOST_FILES)
-            shapes = islice((path for path in files if _arkit_shape(path.stem) is not None), _SHAPES_IN_RIG)
-            return "rig" if len(list(shapes)) == _SHAPES_IN_RIG else "examples"
+            stems = [path.stem for path in islice(source.iterdir(), _MOST_FILES) if not is_hidden(path)]
+            return "rig" if len(set(match_with_ties(stems).shapes.values())) >= _SHAPES_IN_RIG else "examples"
         except OSError as error:
             raise FacePoserError(f"The folder '{source}' cannot be read: {error.strerror}.") from error
     if suffix in GLTF_SUFFIXES:
@@ -50,9 +50,3 @@ def plain_name(path: Path) -> str:
     """Derive the short name of a character from the name of its source."""
     name = re.sub(r"[^a-z0-9]+", "-", (path.name if path.is_dir() else path.stem).lower()).strip("-")
     return name or "character"
-
-
-def _arkit_shape(stem: str) -> str | None:
-    """Return the ARKit shape that a file is named after, ignoring any prefix."""
-    words = re.split(r"[-.\s]+", stem)
-    return canonical_shape(stem) or canonical_shape(words[-1])

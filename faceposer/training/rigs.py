@@ -12,10 +12,12 @@ from faceposer.geometry.polygon_mesh import MorphMesh
 from faceposer.geometry.rig_io import read_rig
 from faceposer.model.character import Character
 from faceposer.model.face_model import build_face_model
-from faceposer.model.shape_names import half_shapes_of, match_arkit
+from faceposer.model.name_matching import NameMatch, match_with_ties, tie_error
+from faceposer.model.shape_names import half_shapes_of
 from faceposer.progress import Progress
 from faceposer.training.assemble import CanonicalMesh, assemble
 from faceposer.training.canonical_frame import frame_from_shapes, opposite_name
+from faceposer.training.displacements import check_displacements
 from faceposer.training.eyes import add_gaze, misplaced_eyes
 from faceposer.training.landmarks import find_landmarks
 from faceposer.training.measures import curves_of
@@ -28,6 +30,11 @@ _EXCHANGED = (
     "Its left shapes move its right side: the mesh is mirrored, or its shapes are named from the viewer's side. "
     "Performances and gaze are mirrored."
 )
+_MIRRORED = (
+    "The mesh is mirrored: its left shapes move its right side, and its faces point inwards. Performances and gaze are "
+    "mirrored; export it again without the negative scale."
+)
+_INSIDE_OUT = "The faces of the mesh point inwards; reverse them where it looks wrong."
 # Reconstruction error above which a shape is listed in the summary.
 _LISTED_ERROR = 0.01
 
@@ -72,11 +79,10 @@ def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, prog
     Raises:
         FacePoserError: If the rig has too few of ARKit's shapes, or they move too little.
     """
-    match = match_arkit(rig.targets, f"The rig '{source}'")
+    targets, match, notes = _named_targets(rig, f"The rig '{source}'")
     # A shape that exists both whole and as two halves is the sum of its halves, and redundant.
-    found_names = {*match.shapes.values()}
-    wholes = {name for name in found_names if half_shapes_of(name) and found_names.issuperset(half_shapes_of(name))}
-    named = {ours: rig.targets[theirs] for theirs, ours in match.shapes.items() if ours not in wholes}
+    wholes = {name for name in targets if half_shapes_of(name) and set(targets).issuperset(half_shapes_of(name))}
+    named = {name: offsets for name, offsets in targets.items() if name not in wholes}
     moving = [name for name, offsets in named.items() if np.any(offsets)]
     if len(moving) < _FEWEST_SHAPES:
         examples = ", ".join(f"'{name}'" for name in list(rig.targets)[:3])
@@ -92,16 +98,74 @@ def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, prog
             "brows, eyes and mouth, or train from it with --examples."
         )
     upright, exchanged = found
+    check = check_displacements(named, float(upright.scale))
+    if check.implausible:
+        raise FacePoserError(
+            f"The shape {check.implausible} of the rig '{source}' moves vertices by {check.size:.2g} cm, which no face "
+            "does; export it again in the unit of the neutral face."
+        )
+    if check.note:
+        notes.append(check.note)
+        named = {name: (check.factor * offsets).astype(np.float32) for name, offsets in named.items()}
     mesh = assemble(rig.mesh, upright, np.stack([*named.values()]), rig.textures)
-    return _character(Path(source).name, named, match.missing, match.others, exchanged, mesh, options, progress)
+    drawn = {*mesh.textures.values()}
+    unused = [material for material, image in rig.textures.items() if image not in drawn]
+    if unused:
+        notes.append(
+            f"{len(unused)} texture{'s are' if len(unused) > 1 else ' is'} not used, such as that of the material "
+            f"'{unused[0][:60]}': its faces are in one part with those of another material."
+        )
+    facts = _Facts(Path(source).name, match.missing, match.others, exchanged, (*rig.notes, *notes))
+    return _character(facts, named, mesh, options, progress)
+
+
+@dataclass(frozen=True)
+class _Facts:
+    """Facts about a rig for the summary: names that it lacks or that are not ARKit's, and notes for the user."""
+
+    source: str
+    missing: Sequence[str]
+    others: Sequence[str]
+    exchanged: bool
+    notes: tuple[str, ...]
+
+
+def _named_targets(rig: MorphMesh, where: str) -> tuple[dict[str, NDArray[np.float32]], NameMatch, list[str]]:
+    """Return the offsets by ARKit's names, in the file's order, how the names were matched, and notes on it.
+
+    Targets of one shape that move different vertices, as of a head and its lashes, are added.
+
+    Raises:
+        FacePoserError: If two different targets denote the same shape, or a target that is used is not usable.
+    """
+    match = match_with_ties(rig.targets)
+    notes = [match.note] if match.note else []
+    targets = {shape: rig.targets[name] for name, shape in match.shapes.items()}
+    joined: list[str] = []
+    for name, shape in match.alternates.items():
+        offsets = rig.targets[name]
+        moves = np.any(offsets, axis=1)
+        if not moves.any() or np.array_equal(offsets, targets[shape]):
+            continue
+        if not np.any(targets[shape][moves]):
+            targets[shape] = targets[shape] + offsets
+            joined.append(name)
+        elif name in match.ties.get(shape, ()):
+            raise tie_error(where, shape, match.ties[shape])
+    for name in (*match.shapes, *joined):
+        if name in rig.unusable:
+            raise FacePoserError(rig.unusable[name])
+    if joined:
+        notes.append(
+            f"{len(joined)} target{'s' if len(joined) > 1 else ''} that move{'' if len(joined) > 1 else 's'} other "
+            f"vertices under another name, such as '{joined[0][:60]}', were added to the shape of that name."
+        )
+    return targets, match, notes
 
 
 def _character(
-    source: str,
+    facts: _Facts,
     named: dict[str, NDArray[np.float32]],
-    missing: Sequence[str],
-    others: Sequence[str],
-    exchanged: bool,
     mesh: CanonicalMesh,
     options: RigOptions,
     progress: Progress,
@@ -110,7 +174,7 @@ def _character(
     shapes = mesh.displacements(np.stack([named[name] for name in names]))
     turned = add_gaze(mesh.vertices.astype(np.float64), mesh.parts, names, shapes)
     progress.at("Finding eyes, brows and mouth", 0.4)
-    by_side = [opposite_name(name) if exchanged else name for name in names]
+    by_side = [opposite_name(name) if facts.exchanged else name for name in names]
     landmarks = find_landmarks(mesh.vertices, mesh.parts, dict(zip(by_side, shapes, strict=True)))
     learned: LearnedStatistics | None = None
     if options.captures:
@@ -136,21 +200,35 @@ def _character(
     )
     summary: dict[str, object] = {
         "kind": "rig",
-        "source": source,
+        "source": facts.source,
         "vertices": len(mesh.origin.neutral),
         "parts": [part.name for part in mesh.parts],
         "shapes": len(names),
-        "missing": list(missing),
+        "missing": list(facts.missing),
         "empty": [name for name in names if not np.any(named[name])],
-        "not_arkit": list(others),
+        "not_arkit": list(facts.others),
         "eyes_turned": turned,
-        "warnings": ([_EXCHANGED] if exchanged else [])
+        "warnings": [*facts.notes, *_sides(facts.exchanged, character)]
         + misplaced_eyes(mesh.vertices, mesh.parts)
         + (learned.choice.warnings if learned else []),
         "prior": learned.as_json() if learned else {"from": "the shipped statistics"},
         **_measures(character),
     }
     return replace(character, summary=summary)
+
+
+def _sides(exchanged: bool, character: Character) -> list[str]:
+    """Return a note about exchanged sides, or faces that point inwards."""
+    skin = [part for part in character.parts if part.material == "skin"] or list(character.parts)
+    largest = max(skin, key=lambda part: part.polygons[1] - part.polygons[0])
+    triangles = character.triangles[slice(*character.part_triangles(largest))]
+    corners = character.vertices[triangles].astype(np.float64)
+    middle = corners.mean(axis=(0, 1))
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inwards = float(np.einsum("td,td->", normals, corners.mean(axis=1) - middle)) < 0.0
+    if exchanged:
+        return [_MIRRORED if inwards else _EXCHANGED]
+    return [_INSIDE_OUT] if inwards else []
 
 
 def _measures(character: Character) -> dict[str, object]:

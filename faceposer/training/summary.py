@@ -9,7 +9,8 @@ from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file, write_text
 from faceposer.model.character import ARKIT_SHAPES, Character
 from faceposer.model.face_model import FaceModel
-from faceposer.model.shape_names import match_arkit, whole_shape_of
+from faceposer.model.name_matching import match_arkit
+from faceposer.model.shape_names import whole_shape_of
 
 _MANY = 6
 # Reconstruction error above which a shape is reported.

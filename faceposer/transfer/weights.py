@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
-from faceposer.model.shape_names import makers, match_arkit
+from faceposer.model.name_matching import match_arkit
+from faceposer.model.shape_names import makers
 
 Array = NDArray[np.float64]
 

@@ -77,7 +77,7 @@ def test_photo_refuses_in_one_sentence_and_writes_nothing(
         (("man", photo, "--pins", pins, "-o", pins), "is also an input"),
         (("man", photo, "--pins", pins, "-o", out, "--render", photo), "is also an input"),
         (("man", photo, "--pins", outside, "-o", out), "pins[1] is at (401, 20), outside the photo of 400 x 300"),
-        (("man", cut, "--pins", pins, "-o", out), "cut.jpg' cannot be read"),
+        (("man", cut, "--pins", pins, "-o", out), "cut.jpg' is damaged and cannot be read"),
     ):
         assert run("photo", *arguments) == 2
         told = capsys.readouterr()

@@ -1,5 +1,6 @@
 """Shapes of a folder become offsets from its neutral, and files that do not fit together are named."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -128,11 +129,14 @@ def test_other_topologies_are_refused_with_the_place(tmp_path: Path) -> None:
         read_rig(tmp_path)
 
 
-def test_two_files_of_one_name_are_refused(tmp_path: Path) -> None:
+def test_two_files_of_one_name_matter_where_the_shape_is_used(tmp_path: Path) -> None:
     folder(tmp_path, smile=1)
     ply(tmp_path / "Smile.ply", VERTICES, [[0, 1, 2], [0, 2, 3], [1, 4, 2]])
-    with pytest.raises(FacePoserError, match=r"Smile\.ply' and '.*smile\.obj' have the same shape name"):
-        read_rig(tmp_path)
+    assert not read_rig(tmp_path).unusable
+    ply(tmp_path / "smile.ply", VERTICES, [[0, 1, 2], [0, 2, 3], [1, 4, 2]])
+    rig = read_rig(tmp_path)
+    assert sorted(rig.targets) == ["Smile", "smile"]
+    assert re.search(r"smile\.obj' and '.*smile\.ply' have the same shape name, smile;", rig.unusable["smile"])
 
 
 def test_triangulated_shapes_fit_a_neutral_of_quads(tmp_path: Path) -> None:

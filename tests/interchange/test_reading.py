@@ -101,7 +101,7 @@ def test_a_mesh_that_was_only_sculpted_stays_where_it_is(low: FaceModel, tmp_pat
     assert distance(low, read.coefficients, pose) < 0.5
 
 
-@pytest.mark.parametrize("spoil", [lambda v: v[::-1], lambda v: 0 * v, lambda v: v * [-1.0, 1.0, 1.0]])
+@pytest.mark.parametrize("spoil", [lambda v: v[::-1], lambda v: 0 * v])
 def test_a_mesh_that_is_no_pose_is_refused(
     spoil: Callable[[np.ndarray], np.ndarray], low: FaceModel, tmp_path: Path
 ) -> None:

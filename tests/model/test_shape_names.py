@@ -10,12 +10,12 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.geometry.gltf_io import read_gltf
 from faceposer.model.character import ARKIT_SHAPES
+from faceposer.model.name_matching import match_arkit
 from faceposer.model.shape_names import (
     SPLIT_SHAPES,
     canonical_shape,
     half_shapes_of,
     makers,
-    match_arkit,
     weight_map,
     whole_shape_of,
 )
