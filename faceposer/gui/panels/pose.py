@@ -7,8 +7,9 @@ from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.details.fixed import LARGEST_HOLD
-from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, tooltip
+from faceposer.gui.widgets.basic import action_button, button_width, caption, choice
 from faceposer.gui.widgets.theme import FIELD, RAISED, Icon, em
+from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.solve.constraints.fixed import FixedConstraint
 from faceposer.solve.priors import PRIORS, Prior
 from faceposer.solve.problem import SPREAD

@@ -5,8 +5,9 @@ from imgui_bundle import imgui
 from numpy.typing import NDArray
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.basic import caption, tooltip
+from faceposer.gui.widgets.basic import caption
 from faceposer.gui.widgets.theme import em
+from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.solve.constraints.gaze import GazeConstraint
 
 

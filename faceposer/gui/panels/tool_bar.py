@@ -5,9 +5,10 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from faceposer.geometry.strokes import STROKE_SHAPES
 from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.details.stroke import ENERGY_TIPS
-from faceposer.gui.widgets.basic import button_width, caption, choice, fitted_button, heading, tooltip
+from faceposer.gui.widgets.basic import button_width, caption, choice, fitted_button, heading
 from faceposer.gui.widgets.text import text_width
 from faceposer.gui.widgets.theme import ACCENT_DARK, HELD, Icon, em
+from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.model.character import Character
 from faceposer.session.place_names import MEASURES
 from faceposer.solve.constraints.stroke import STROKE_ENERGIES

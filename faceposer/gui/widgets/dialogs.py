@@ -7,9 +7,10 @@ from imgui_bundle import imgui
 
 from faceposer.errors import FacePoserError
 from faceposer.gui.actions import Actions, display_key
-from faceposer.gui.widgets.basic import WidgetRects, caption
+from faceposer.gui.widgets.basic import caption
 from faceposer.gui.widgets.modal import modal, modal_buttons, modal_title
 from faceposer.gui.widgets.theme import FAINT, Fonts, em, u32
+from faceposer.gui.widgets.widget_rects import WidgetRects
 
 _MOUSE = (
     ("Drag on the face", "pull that point and pin it"),

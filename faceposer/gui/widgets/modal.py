@@ -5,8 +5,9 @@ from contextlib import contextmanager
 
 from imgui_bundle import imgui
 
-from faceposer.gui.widgets.basic import WidgetRects, caption
+from faceposer.gui.widgets.basic import caption
 from faceposer.gui.widgets.theme import ACCENT_DARK, BAD, Fonts, Icon, em
+from faceposer.gui.widgets.widget_rects import WidgetRects
 from faceposer.session.jobs import Job
 
 _FLAGS = (

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.basic import WidgetRects, caption, tooltip
+from faceposer.gui.widgets.basic import caption
 from faceposer.gui.widgets.modal import draw_job, modal, modal_buttons, modal_title
 from faceposer.gui.widgets.theme import em
+from faceposer.gui.widgets.tooltips import tooltip
+from faceposer.gui.widgets.widget_rects import WidgetRects
 from faceposer.interchange.formats import FORMATS
 from faceposer.session.jobs import Job
 

@@ -10,10 +10,12 @@ from faceposer.geometry.mesh_io import MESH_SUFFIXES
 from faceposer.gui.features.import_character.form import ImportForm
 from faceposer.gui.features.import_character.summary import draw_summary
 from faceposer.gui.settings import last_folder
-from faceposer.gui.widgets.basic import WidgetRects, caption, choice, tooltip
+from faceposer.gui.widgets.basic import caption, choice
 from faceposer.gui.widgets.file_request import FileRequest, Purpose
 from faceposer.gui.widgets.modal import draw_job, modal, modal_buttons, modal_title
 from faceposer.gui.widgets.theme import BAD, Icon, em
+from faceposer.gui.widgets.tooltips import tooltip
+from faceposer.gui.widgets.widget_rects import WidgetRects
 
 if TYPE_CHECKING:
     from faceposer.gui.features.import_character.feature import ImportCharacterFeature

@@ -9,9 +9,10 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from faceposer.geometry.picture_view import PictureView
 from faceposer.gui.context import EditorContext
 from faceposer.gui.features.photo.overlay import place_title
-from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, heading, tooltip
+from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, heading
 from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import FAINT, INK, WARNING, Icon, em, u32
+from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.photo.aligning import residuals_px
 from faceposer.photo.photo import Photo, Place
 from faceposer.photo.places import ALIGNING, guided

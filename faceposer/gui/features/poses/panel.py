@@ -6,17 +6,11 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 
 from imgui_bundle import ImVec2, imgui
 
-from faceposer.gui.widgets.basic import (
-    WidgetRects,
-    action_button,
-    button_width,
-    caption,
-    choice,
-    toggle_button,
-    tooltip,
-)
+from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, toggle_button
 from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import ACCENT, ACCENT_DARK, FAINT, FIELD, INK, RAISED_MORE, WARNING, Icon, em, u32
+from faceposer.gui.widgets.tooltips import tooltip
+from faceposer.gui.widgets.widget_rects import WidgetRects
 from faceposer.poses.applying import GREATEST_STRENGTH, LEAST_STRENGTH, REGIONS, Array, Blend, Region, Side, misfit
 from faceposer.poses.library import Entry
 

@@ -8,10 +8,11 @@ from imgui_bundle import ImVec2, imgui
 
 from faceposer.gui.actions import Action, display_key
 from faceposer.gui.settings import LIMITS
-from faceposer.gui.widgets.basic import caption, choice, heading, tooltip
+from faceposer.gui.widgets.basic import caption, choice, heading
 from faceposer.gui.widgets.modal import modal, modal_buttons, modal_title
 from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import ACCENT, BAD, FAINT, Icon, em
+from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.render.options import Backdrop, Look
 from faceposer.tools.tool import Navigation
 

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 from imgui_bundle import imgui
 
 from faceposer.animation.keyframes import TOLERANCE
-from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, tooltip
+from faceposer.gui.widgets.basic import action_button, button_width, caption, choice
 from faceposer.gui.widgets.theme import em
+from faceposer.gui.widgets.tooltips import tooltip
 
 if TYPE_CHECKING:
     from faceposer.gui.features.trajectories.feature import TrajectoriesFeature

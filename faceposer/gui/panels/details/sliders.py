@@ -6,8 +6,8 @@ from typing import Any
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.basic import tooltip
 from faceposer.gui.widgets.theme import em
+from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.solve.constraints.registry import Constraint
 
 LARGEST_WEIGHT = 100.0
