@@ -10,6 +10,7 @@ from faceposer.gui.actions import Action, display_key
 from faceposer.gui.settings import LIMITS
 from faceposer.gui.widgets.basic import caption, choice, heading
 from faceposer.gui.widgets.modal import modal, modal_buttons, modal_title
+from faceposer.gui.widgets.sliders import slider
 from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import ACCENT, BAD, FAINT, Icon, em
 from faceposer.gui.widgets.tooltips import tooltip
@@ -128,7 +129,7 @@ class PreferencesDialog:
         imgui.set_next_item_width(-1.0)
         limits = LIMITS[f"{name}_light"]
         flags = imgui.SliderFlags_.clamp_on_input.value
-        changed, value = imgui.slider_float(f"##{name}", getattr(look, name), *limits, "%.2f", flags)
+        changed, value = slider(f"##{name}", getattr(look, name), *limits, "%.2f", flags)
         preferences.context.widget_rects.record(f"preferences:{name}")
         tooltip(tip)
         if changed:

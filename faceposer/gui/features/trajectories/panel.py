@@ -6,6 +6,7 @@ from imgui_bundle import imgui
 
 from faceposer.animation.keyframes import TOLERANCE
 from faceposer.gui.widgets.basic import action_button, button_width, caption, choice
+from faceposer.gui.widgets.sliders import slider
 from faceposer.gui.widgets.theme import em
 from faceposer.gui.widgets.tooltips import tooltip
 
@@ -39,9 +40,7 @@ def draw_trajectory_options(feature: "TrajectoriesFeature") -> None:
         tooltip(f"Duration of the motion in frames, {(options.frames - 1) / rate:.2f} s")
     _label("Smoothness")
     flags = imgui.SliderFlags_.logarithmic.value | imgui.SliderFlags_.clamp_on_input.value
-    _, options.smoothness = imgui.slider_float(
-        "##smoothness", options.smoothness, 0.0, _LARGEST_SMOOTHNESS, "%.2f", flags
-    )
+    _, options.smoothness = slider("##smoothness", options.smoothness, 0.0, _LARGEST_SMOOTHNESS, "%.2f", flags)
     context.widget_rects.record("smoothness")
     tooltip("Smoothness of the motion. 0 follows every jitter of the hand.")
     tips = (
