@@ -214,7 +214,7 @@ class Editor:
 
     def point_name(self, index: int) -> str:
         """Return the name of the location of constraint ``index``."""
-        return self.drawn_constraints.names.of(self.session.document.constraints[index])
+        return self.drawn_constraints.titles[index]
 
     # Access of features to the other parts (context.py)
 
