@@ -13,6 +13,8 @@ from faceposer.gui.widgets.widget_rects import WidgetRects
 _CLEAR = ImVec4(0.0, 0.0, 0.0, 0.0)
 #: Width of the column of labels, and of a button that resets a slider, in units of the font size.
 LABEL_WIDTH, RESET_WIDTH = 6.6, 1.8
+# Largest share of a row for its label.
+_SHARE = 0.45
 # Gap between a number and the end of its slider.
 _MARGIN = 0.4
 # Space that Dear ImGui leaves at both ends of a slider, in pixels.
@@ -20,12 +22,15 @@ _PADDING = 2.0
 
 
 def row_label(text: str, tip: str = "", width: float = LABEL_WIDTH) -> None:
-    """Draw the label of a row, with the tooltip ``tip``; the next widget begins ``width`` font sizes further right."""
-    left = imgui.get_cursor_pos_x()
+    """Draw the label of a row, with the tooltip ``tip``; the next widget begins ``width`` font sizes further right.
+
+    In a narrow window the label has less than half of the row.
+    """
+    left, whole = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(text)
     tooltip(tip)
-    imgui.same_line(left + em(width))
+    imgui.same_line(left + min(em(width), _SHARE * whole))
 
 
 def slider(label: str, value: float, low: float, high: float, form: str, flags: int = 0) -> tuple[bool, float]:
