@@ -11,12 +11,12 @@ from faceposer.gui.events import Modifiers
 from faceposer.gui.overlays.drawn_constraints import DrawnConstraints
 from faceposer.gui.settings import Settings
 from faceposer.gui.viewport import Viewport
-from faceposer.gui.widgets.basic import WidgetRects
 from faceposer.gui.widgets.dialogs import Dialogs
 from faceposer.gui.widgets.file_dialogs import FileDialogs
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.gui.widgets.slider_edit import SliderEdit
 from faceposer.gui.widgets.theme import Fonts
+from faceposer.gui.widgets.widget_rects import WidgetRects
 from faceposer.render.options import Shading
 from faceposer.render.scene import Scene
 from faceposer.session.character_library import CharacterLibrary

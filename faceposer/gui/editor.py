@@ -24,12 +24,12 @@ from faceposer.gui.panels.shapes import ShapesPanel
 from faceposer.gui.session_files import SessionFiles
 from faceposer.gui.settings import Settings, load_settings
 from faceposer.gui.viewport import Viewport
-from faceposer.gui.widgets.basic import WidgetRects
 from faceposer.gui.widgets.dialogs import Dialogs, Question
 from faceposer.gui.widgets.file_dialogs import FileDialogs
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.gui.widgets.slider_edit import SliderEdit
 from faceposer.gui.widgets.theme import Fonts
+from faceposer.gui.widgets.widget_rects import WidgetRects
 from faceposer.gui.window import Window
 from faceposer.render.options import Look, Shading
 from faceposer.render.scene import Scene
@@ -214,7 +214,7 @@ class Editor:
 
     def point_name(self, index: int) -> str:
         """Return the name of the location of constraint ``index``."""
-        return self.drawn_constraints.names.of(self.session.document.constraints[index])
+        return self.drawn_constraints.titles[index]
 
     # Access of features to the other parts (context.py)
 

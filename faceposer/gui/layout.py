@@ -16,8 +16,8 @@ from faceposer.gui.panels.status_bar import draw_status_bar, status_height
 from faceposer.gui.panels.tool_bar import STRIP_WIDTH, draw_tool_options, draw_tool_strip
 from faceposer.gui.panels.view import draw_save_buttons, draw_view_panel
 from faceposer.gui.shell import Shell
-from faceposer.gui.widgets.basic import tooltip
 from faceposer.gui.widgets.theme import BAR, GROUND, em
+from faceposer.gui.widgets.tooltips import draw_tooltip, tooltip
 
 _PANEL_WIDTH = 20.0
 _FIXED = (
@@ -69,6 +69,7 @@ def draw_window(context: Shell) -> None:
     context.palette.draw(context)
     if not context.features.draw_around_dialogs(lambda: _draw_dialogs(context)):
         _draw_dialogs(context)
+    draw_tooltip(context.widget_rects)
 
 
 def _draw_dialogs(context: Shell) -> None:

@@ -1,5 +1,7 @@
 """Readable names of places on the face for lists of constraints: "left mouth corner", not "triangle 10085"."""
 
+from collections import Counter
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -16,6 +18,8 @@ Array = NDArray[np.float64]
 # or lid, a line between feature points, the name of that; closer than _AROUND to a feature point of another part of the
 # face, again its name; farther than _STRAY from all vertices with a region, none.
 _NEAR, _ON_LINE, _AROUND, _STRAY = 0.03, 0.035, 0.05, 0.08
+# Where the lips meet: their inner edge names only places closer than this share, and otherwise the outer edge does.
+_LIP_LINE = 0.008
 # A place closer than this share is identified with the feature point.
 _AT = 0.004
 #: Distances with a name, by the feature points of their ends.
@@ -29,8 +33,12 @@ MEASURES: dict[str, tuple[str, str]] = {
 }
 # Vertices farther from all lips than this share are not part of the mouth.
 _MOUTH = 0.15
+# Vertices farther from all lips than this share are not a lip, even if the region says so.
+_LIP = 0.045
 # Number of nearest vertices that vote on the region of a place.
 _VOTERS = 7
+# Feature points of the inner edge of the lips.
+_INNER_LIPS = frozenset(("2.2", "2.3", "2.4", "2.5", "2.6", "2.7", "2.8", "2.9"))
 # Brows and lids, by the feature points along them.
 _LINES: dict[str, tuple[str, ...]] = {
     "left brow": ("4.5", "4.3", "4.1"),
@@ -42,6 +50,17 @@ _LINES: dict[str, tuple[str, ...]] = {
 }
 # Outer corner of the eye and outer end of the brow; the temple is outside of both, in front of the ear.
 _TEMPLES: dict[str, tuple[str, str]] = {"left temple": ("3.7", "4.5"), "right temple": ("3.12", "4.6")}
+# Inner end, top and outer end of the brow, and the upper lid below it.
+_BROWS = (
+    ("left", ("4.1", "4.3", "4.5"), ("3.11", "3.13", "3.7")),
+    ("right", ("4.2", "4.4", "4.6"), ("3.8", "3.14", "3.12")),
+)
+# Regions whose borders between brow and lid differ from character to character.
+_AROUND_BROW = ("forehead", "brow", "lids", "face")
+# Samples of a stroke, share from which its most frequent part names it, and share of one side from which it is sided.
+_SAMPLES, _MAJORITY, _ONE_SIDED = 25, 0.5, 0.8
+# Regions with less than this share of an area are not named.
+_NOTABLE = 0.2
 # Regions that extend into the temple, where their own names would mislead.
 _AROUND_TEMPLE = ("cheek", "forehead", "scalp", "brow", "lids", "face")
 
@@ -87,19 +106,47 @@ class PointNames:
                 return title
         return f"{self.name(anchors[0])} to {self.name(anchors[1])}"
 
+    def all_of(self, constraints: Sequence[Constraint]) -> list[str]:
+        """Return the names of the places of ``constraints``; those of one kind at the same place are numbered."""
+        names = [self.of(constraint) for constraint in constraints]
+        keys = [(constraint.noun, name) for constraint, name in zip(constraints, names, strict=True)]
+        totals, seen = Counter(keys), Counter[tuple[str, str]]()
+        for i, key in enumerate(keys):
+            seen[key] += 1
+            if totals[key] > 1:
+                names[i] = f"{names[i]} {seen[key]}"
+        return names
+
+    def span(self, points: SurfacePoints) -> str:
+        """Return the name of the part along ``points``: "upper lip" for a stroke from one corner to the other."""
+        if not len(points):
+            return "nothing"
+        chosen = np.unique(np.linspace(0, len(points) - 1, min(len(points), _SAMPLES)).round().astype(np.int64))
+        names = [self.name(points[int(i)]) for i in chosen]
+        if len(set(names)) == 1:
+            return names[0]
+        parts = [_part(name) for name in names]
+        counts = Counter(part for part, _ in parts)
+        frequent = [part for part, _ in counts.most_common(2)]
+        if counts[frequent[0]] >= _MAJORITY * len(parts):
+            frequent = frequent[:1]
+        return " and ".join(_sided(part, [side for other, side in parts if other == part]) for part in frequent)
+
     def area(self, points: SurfacePoints) -> str:
         """Return the name of the area covered by ``points``: the regions with most of them."""
-        counts: dict[str, int] = {}
+        counts = Counter[str]()
         for corner in points.corners(self._character.triangles)[:, 0].tolist():
             region = self._region_of.get(corner)
             if region is None:
                 region = self._region_of[corner] = self._region(self._character.vertices[corner])
-            counts[region] = counts.get(region, 0) + 1
-        names = sorted(counts, key=lambda name: -counts[name])
-        plain = list(dict.fromkeys(_without_side(name) for name in names if counts[name] * 5 >= len(points)))
-        if len(names) == 1:
-            plain = [_readable(names[0])]
-        return ", ".join(plain[:3]) or "nothing"
+            counts[region] += 1
+        if len(counts) == 1:
+            return _readable(next(iter(counts)))
+        notable = [(region, count) for region, count in counts.most_common() if count >= _NOTABLE * len(points)]
+        sides: dict[str, list[str]] = {}
+        for region, count in notable:
+            sides.setdefault(_without_side(region), []).extend([_side_of(region)] * count)
+        return ", ".join([_sided(part, found) for part, found in sides.items()][:3]) or "nothing"
 
     def _nearest(self, point: SurfacePoint | int) -> str | None:
         """Return the feature point at ``point``, or None."""
@@ -126,11 +173,7 @@ class PointNames:
         if own.startswith("eye"):
             return _readable(own)
         height = self._character.height
-        nearest, distance = -1, np.inf
-        if len(self._positions):
-            distances = np.linalg.norm(self._positions - position, axis=1)
-            nearest = int(np.argmin(distances))
-            distance = float(distances[nearest])
+        nearest, distance = self._feature_at(position)
         if distance < _NEAR * height:
             return self._titles[nearest]
         line = self._line(position)
@@ -144,7 +187,39 @@ class PointNames:
         if word == "cheek" and self._between_eyes(position):
             return "root of the nose"
         temple = self._temple(position) if word in _AROUND_TEMPLE else None
+        if temple is None and word in _AROUND_BROW:
+            temple = self._around_brow(position)
+        if word == "lip" and distance > _LIP * height:
+            return "mouth"
         return temple or _readable(region)
+
+    def _feature_at(self, position: Array) -> tuple[int, float]:
+        """Return index and distance of the feature point that names ``position``, or -1 and infinity."""
+        if not len(self._positions):
+            return -1, np.inf
+        distances = np.linalg.norm(self._positions - position, axis=1)
+        inner = np.array([name in _INNER_LIPS for name in self._ids])
+        distances[inner & (distances > _LIP_LINE * self._character.height)] = np.inf
+        # The outer edge of a lip comes first where a character has one vertex for both.
+        distances[inner] += 1e-6 * self._character.height
+        nearest = int(np.argmin(distances))
+        return nearest, float(distances[nearest])
+
+    def _around_brow(self, position: Array) -> str | None:
+        """Return brow, upper lid or forehead for a place above an eye, by the lines of brow and lid; None elsewhere."""
+        x, y = float(position[0]), float(position[1])
+        for side, *lines in _BROWS:
+            brow, lid = ([place for name in line if (place := self._place(name)) is not None] for line in lines)
+            if len(brow) < 2 or len(lid) < 2:
+                continue
+            ends = sorted((float(brow[0][0]), float(brow[-1][0])))
+            above, below = (_height_at(line, x) for line in (brow, lid))
+            if not ends[0] <= x <= ends[1] or y < below:
+                continue
+            if y > above:
+                return f"{side} brow" if y - above < _ON_LINE * self._character.height else "forehead"
+            return f"{side} brow" if above - y < y - below else f"{side} upper lid"
+        return None
 
     def _region(self, position: Array) -> str:
         """Return the region of ``position`` by a vote of the nearest vertices, since single ones may be mislabelled."""
@@ -208,6 +283,29 @@ def _without_side(region: str) -> str:
     """Return "lids" for "lids_left", and "mouth" for a lip."""
     word = region.replace("_", " ").split(maxsplit=1)[0]
     return "mouth" if word == "lip" else word
+
+
+def _side_of(region: str) -> str:
+    """Return "left", "right" or ""."""
+    return next((word for word in region.replace("_", " ").split() if word in ("left", "right")), "")
+
+
+def _part(name: str) -> tuple[str, str]:
+    """Return part and side of a place: "upper lip" and "left" for "left half of the outer upper lip"."""
+    words = name.rpartition(" of the ")[2].split()
+    return " ".join(word for word in words if word not in ("left", "right", "inner", "outer")), _side_of(name)
+
+
+def _sided(part: str, sides: Sequence[str]) -> str:
+    """Return the name of ``part``, with a side if nearly all of it is on that side."""
+    side, count = Counter(sides).most_common(1)[0]
+    return f"{side} {part}" if side and count >= _ONE_SIDED * len(sides) else part
+
+
+def _height_at(line: Sequence[Array], x: float) -> float:
+    """Return the height of a line of points at ``x``, that of its ends beyond them."""
+    ordered = sorted(line, key=lambda point: float(point[0]))
+    return float(np.interp(x, [point[0] for point in ordered], [point[1] for point in ordered]))
 
 
 def _readable(region: str) -> str:

@@ -1,14 +1,18 @@
 """Names of places, on every character of the program and on imported rigs where there are any."""
 
 import os
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from faceposer.geometry.camera import OrbitView
+from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.character import Character
 from faceposer.model.character_file import available_characters, load_character
 from faceposer.session.place_names import PointNames
+from faceposer.solve.constraints.point import PointConstraint
 
 RIGS = Path(os.environ.get("FACEPOSER_RIGS", ""))
 NAMES = [name for name, _ in available_characters()]
@@ -134,3 +138,84 @@ def test_both_sides_have_the_same_words(character: Character) -> None:
         assert other in character.feature_titles.values()
         vertex = character.feature_points[feature]
         assert "right" not in names.name(vertex)
+
+
+EYES = (("left", "4.1", "4.3", "4.5", "3.13"), ("right", "4.2", "4.4", "4.6", "3.14"))
+
+
+@pytest.mark.parametrize(("side", "inner", "top", "outer", "lid"), EYES)
+def test_between_brow_and_lid_is_neither_forehead_nor_nameless_lids(
+    character: Character, side: str, inner: str, top: str, outer: str, lid: str
+) -> None:
+    names = PointNames(character)
+    ends = [place(character, name) for name in (inner, top, outer)]
+    for share in (0.3, 0.5, 0.8, 1.2, 1.5):
+        along = ends[0] + share * (ends[1] - ends[0]) if share <= 1.0 else ends[1] + (share - 1) * (ends[2] - ends[1])
+        for down in (0.3, 0.5, 0.7):
+            position = along + down * (place(character, lid) - along) * (0.0, 1.0, 1.0)
+            found = names.name(nearest(character, position))
+            assert found != "forehead"
+            assert found != f"{side} lids"
+
+
+@pytest.mark.parametrize(("side", "inner", "top", "outer", "lid"), EYES)
+def test_above_a_brow_is_no_lid(character: Character, side: str, inner: str, top: str, outer: str, lid: str) -> None:
+    names = PointNames(character)
+    for share in (0.0, 0.5, 1.0):
+        position = (1.0 - share) * place(character, inner) + share * place(character, top)
+        for up in (0.01, 0.03, 0.05):
+            found = names.name(nearest(character, position + (0.0, up * character.height, 0.0)))
+            assert "lid" not in found
+
+
+def test_the_inner_edge_of_a_lip_is_named_only_where_the_lips_meet(character: Character) -> None:
+    names = PointNames(character)
+    inner = [f"2.{number}" for number in range(2, 10) if f"2.{number}" in character.feature_points]
+    first, last = skin(character)
+    vertices = np.arange(first, last)
+    places = np.array([place(character, name) for name in inner])
+    away = np.linalg.norm(character.vertices[vertices][:, None] - places[None], axis=2).min(axis=1)
+    near = (away > 0.01 * character.height) & (away < 0.06 * character.height)
+    assert not any("inner" in names.name(int(vertex)) for vertex in vertices[near])
+
+
+def along(character: Character, *features: str) -> SurfacePoints:
+    """Points of the skin along the straight lines between feature points."""
+    places = [place(character, name) for name in features]
+    shares = np.linspace(0.0, 1.0, 15)
+    vertices = [
+        nearest(character, begin + share * (end - begin)) for begin, end in pairwise(places) for share in shares
+    ]
+    return SurfacePoints.at_vertices(vertices)
+
+
+def test_a_stroke_is_called_after_all_of_it(character: Character) -> None:
+    names = PointNames(character)
+    assert names.span(along(character, "8.4", "8.6", "8.1", "8.5", "8.3")) == "upper lip"
+    # The straight lines leave the lower lip of the creature.
+    assert names.span(along(character, "8.4", "8.8", "8.2", "8.7", "8.3")).endswith("lower lip")
+    assert names.span(along(character, "4.1", "4.3", "4.5")) == "left brow"
+    assert names.span(along(character, "4.2", "4.4", "4.6")) == "right brow"
+    assert names.span(along(character, "9.3", "9.3")) == "nose tip"
+
+
+def test_an_area_on_one_side_has_that_side(character: Character) -> None:
+    names = PointNames(character)
+
+    def points(*regions: str) -> SurfacePoints:
+        found = np.concatenate([character.regions[region] for region in regions])
+        return SurfacePoints.at_vertices(found)
+
+    assert names.area(points("brow_left")) == "left brow"
+    assert names.area(points("brow_left", "brow_right")) == "brow"
+    sided = names.area(points("brow_left", "cheek_left"))
+    assert sided == "left cheek" or "left brow" in sided
+
+
+def test_constraints_at_one_place_are_numbered() -> None:
+    character = load_character("low")
+    camera = OrbitView.preset(character.vertices.min(axis=0), character.vertices.max(axis=0)).camera((100, 100))
+    corner, other = character.feature_points["8.3"], character.feature_points["8.4"]
+    pins = [PointConstraint(vertex, (0.0, 0.0), camera) for vertex in (corner, other, corner)]
+    names = PointNames(character).all_of(pins)
+    assert names == ["left mouth corner 1", "right mouth corner", "left mouth corner 2"]

@@ -35,9 +35,18 @@ class DrawnConstraints:
         self._pins: tuple[object, list[PinMark]] = (None, [])
         self._marks: tuple[object, dict[int | None, Mark]] = (None, {})
         self._conflicts: tuple[object, dict[int, str]] = (None, {})
+        self._titles: tuple[object, list[str]] = (None, [])
 
     def _key(self) -> tuple[object, ...]:
         return (self._session.revision, self._viewport.view, self._viewport.size, self._toolbox.active)
+
+    @property
+    def titles(self) -> list[str]:
+        """Names of the locations of all constraints, which tell them apart."""
+        constraints = self._session.document.constraints
+        if constraints is not self._titles[0]:
+            self._titles = (constraints, self.names.all_of(constraints))
+        return self._titles[1]
 
     @property
     def pins(self) -> list[PinMark]:
@@ -91,6 +100,6 @@ class DrawnConstraints:
                     texts[conflict.index] = "Not reached: beyond this face's natural range."
                 else:
                     opponent = document.constraints[conflict.opponent]
-                    texts[conflict.index] = f"Conflicts with {self.names.of(opponent)} ({opponent.noun})."
+                    texts[conflict.index] = f"Conflicts with {self.titles[conflict.opponent]} ({opponent.noun})."
             self._conflicts = (session.revision, texts)
         return self._conflicts[1]

@@ -5,10 +5,10 @@ from pathlib import Path
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.basic import tooltip
 from faceposer.gui.widgets.dialogs import Choice, Question, TextQuestion
 from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import FAINT, Icon, em
+from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.session.character_library import LibraryEntry
 
 _HEADINGS = {"library": "Imported", "elsewhere": "Opened from files"}

@@ -8,9 +8,10 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.details import draw_details
 from faceposer.gui.panels.tool_bar import TOOL_ICONS
-from faceposer.gui.widgets.basic import action_button, button_width, caption, heading, tooltip
+from faceposer.gui.widgets.basic import action_button, button_width, caption, heading
 from faceposer.gui.widgets.text import text_width, wrapped
 from faceposer.gui.widgets.theme import FAINT, INK, WARNING, Icon, em, u32
+from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.solve.conflicts import NOTABLE_PX
 from faceposer.solve.constraints.registry import Constraint
 

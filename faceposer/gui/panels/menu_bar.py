@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from imgui_bundle import imgui
 
 from faceposer.gui.actions import Action, Actions, Submenu
-from faceposer.gui.widgets.basic import WidgetRects
 from faceposer.gui.widgets.theme import em
+from faceposer.gui.widgets.widget_rects import WidgetRects
 
 
 def draw_menu_bar(actions: Actions, rects: WidgetRects) -> float:

@@ -5,8 +5,8 @@ from imgui_bundle import ImVec2, imgui
 from faceposer.gui.actions import Action, Actions, display_key
 from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.action_search import Match, ranked
-from faceposer.gui.widgets.basic import WidgetRects
 from faceposer.gui.widgets.theme import ACCENT, FAINT, INK, Colour, em, u32
+from faceposer.gui.widgets.widget_rects import WidgetRects
 
 _NAME = "##palette"
 _WIDTH, _ROW, _MAX_ROWS, _ABOVE = 38.0, 1.85, 14, 1.5

@@ -7,8 +7,10 @@ from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.details.fixed import LARGEST_HOLD
-from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, tooltip
-from faceposer.gui.widgets.theme import FIELD, RAISED, Icon, em
+from faceposer.gui.widgets.basic import action_button, button_width, caption, choice
+from faceposer.gui.widgets.sliders import reset_button, row_label, slider, slider_room
+from faceposer.gui.widgets.theme import FIELD, RAISED
+from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.solve.constraints.fixed import FixedConstraint
 from faceposer.solve.priors import PRIORS, Prior
 from faceposer.solve.problem import SPREAD
@@ -125,22 +127,15 @@ class PosePanel:
         default, largest, form = measures
         # An end with a name shows that in place of the value.
         form = {0.0: ends[0], largest: ends[1]}.get(value) or form
-        imgui.align_text_to_frame_padding()
-        imgui.text(title)
-        imgui.same_line(em(6.6))
-        reset = value != default and not context.slider_edit.active
-        imgui.set_next_item_width(-em(2.3) if reset else -1.0)
-        flags = imgui.SliderFlags_.clamp_on_input | (imgui.SliderFlags_.logarithmic if logarithmic else 0)
-        changed, new = imgui.slider_float(f"##pose:{name}", value, 0.0, largest, form, flags)
+        row_label(title, tip)
+        imgui.set_next_item_width(slider_room())
+        flags = imgui.SliderFlags_.clamp_on_input.value | (imgui.SliderFlags_.logarithmic.value if logarithmic else 0)
+        changed, new = slider(f"##pose:{name}", value, 0.0, largest, form, flags)
         context.widget_rects.record(name)
         context.slider_edit.update(session, name, step, changed, lambda: change(new))
         tooltip(tip)
-        if reset:
-            imgui.same_line()
-            if imgui.button(f"{Icon.UNDO}##pose:{name}", (em(1.8), 0.0)) and not session.editing:
-                change(default)
-            context.widget_rects.record(f"{name}:reset")
-            tooltip(f"Reset to {default:g}")
+        if reset_button(context.widget_rects, name, value == default, f"Reset to {default:g}") and not session.editing:
+            change(default)
 
     def _draw_advanced(self, context: EditorContext) -> None:
         """Draw the choice of the prior under a header that is collapsed at first."""
@@ -171,21 +166,28 @@ class PosePanel:
         if not fixed:
             return
         weight = session.document.constraints[fixed[0]].weight
-        imgui.align_text_to_frame_padding()
-        imgui.text("Hold weight")
-        imgui.same_line(em(6.6))
-        imgui.set_next_item_width(-1.0)
-        flags = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.clamp_on_input
-        changed, value = imgui.slider_float("##hold", weight, 0.0, LARGEST_HOLD, "%.2f", flags)
-        context.widget_rects.record("hold-weight")
+        tip = "How strongly all fixed areas are held in place, from 0 (free) upwards."
 
-        def apply() -> None:
+        def change(value: float) -> None:
             document = session.document
             for i in fixed:
                 constraint = document.constraints[i]
                 if isinstance(constraint, FixedConstraint) and not constraint.locked:
                     document = document.with_constraint(i, replace(constraint, weight=value))
-            session.replace(document)
+            if session.editing:
+                session.replace(document)
+                return
+            with session.edit("Change the hold weight"):
+                session.replace(document)
 
-        context.slider_edit.update(session, "hold", "Change the hold weight", changed, apply)
-        tooltip("How strongly fixed vertices are held in place, from 0 (free) upwards.")
+        self._draw_slider(
+            context,
+            "hold-weight",
+            "Hold weight",
+            weight,
+            (FixedConstraint.weight, LARGEST_HOLD, "%.2f"),
+            change,
+            "Change the hold weight",
+            tip,
+            logarithmic=True,
+        )

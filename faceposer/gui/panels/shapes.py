@@ -5,8 +5,10 @@ from imgui_bundle import imgui
 from numpy.typing import NDArray
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.basic import caption, tooltip
+from faceposer.gui.widgets.basic import caption
+from faceposer.gui.widgets.sliders import slider
 from faceposer.gui.widgets.theme import em
+from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.solve.constraints.gaze import GazeConstraint
 
 
@@ -44,9 +46,7 @@ class ShapesPanel:
         shown = self._value if context.slider_edit.dragging(key) else min(max(weight, lower), upper)
         imgui.begin_disabled(held or context.toolbox.active)
         imgui.set_next_item_width(em(7.2))
-        changed, value = imgui.slider_float(
-            f"{name}##{key}", shown, lower, upper, "%.2f", imgui.SliderFlags_.clamp_on_input
-        )
+        changed, value = slider(f"{name}##{key}", shown, lower, upper, "%.2f", imgui.SliderFlags_.clamp_on_input.value)
         context.widget_rects.record(key)
         imgui.end_disabled()
         tooltip(

@@ -3,9 +3,9 @@
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.basic import tooltip
 from faceposer.gui.widgets.text import truncated
 from faceposer.gui.widgets.theme import FAINT, em
+from faceposer.gui.widgets.tooltips import tooltip
 
 
 def status_height() -> float:

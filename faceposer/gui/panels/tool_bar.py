@@ -5,9 +5,11 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from faceposer.geometry.strokes import STROKE_SHAPES
 from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.details.stroke import ENERGY_TIPS
-from faceposer.gui.widgets.basic import button_width, caption, choice, fitted_button, heading, tooltip
+from faceposer.gui.widgets.basic import button_width, caption, choice, fitted_button, heading
+from faceposer.gui.widgets.sliders import row_label, slider
 from faceposer.gui.widgets.text import text_width
 from faceposer.gui.widgets.theme import ACCENT_DARK, HELD, Icon, em
+from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.model.character import Character
 from faceposer.session.place_names import MEASURES
 from faceposer.solve.constraints.stroke import STROKE_ENERGIES
@@ -157,12 +159,11 @@ def regions_to_hold(character: Character) -> list[tuple[str, tuple[str, ...]]]:
 
 
 def _brush(context: EditorContext, name: str, value: float, most: float) -> float:
-    imgui.align_text_to_frame_padding()
-    imgui.text("Brush")
-    imgui.same_line(em(6.6))
-    imgui.set_next_item_width(-1.0)
-    _, value = imgui.slider_float(f"##{name}", value, 1.0, most, "%.0f px", imgui.SliderFlags_.clamp_on_input)
-    context.widget_rects.record(name)
     keys = [context.actions[action].shortcut for action in ("brush-thinner", "brush-wider")]
-    tooltip(f"Width of the brush{f'  ({keys[0]} and {keys[1]})' if all(keys) else ''}")
+    tip = f"Width of the brush{f'  ({keys[0]} and {keys[1]})' if all(keys) else ''}"
+    row_label("Brush", tip)
+    imgui.set_next_item_width(-1.0)
+    _, value = slider(f"##{name}", value, 1.0, most, "%.0f px", imgui.SliderFlags_.clamp_on_input.value)
+    context.widget_rects.record(name)
+    tooltip(tip)
     return value

@@ -3,7 +3,8 @@
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.basic import action_button, button_width, choice, heading, tooltip
+from faceposer.gui.widgets.basic import action_button, button_width, choice, heading
+from faceposer.gui.widgets.tooltips import tooltip
 
 # Actions with a check box, and its label.
 _SWITCHES = (

@@ -1,51 +1,14 @@
 """Basic widgets of panels."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.gui.actions import Action
 from faceposer.gui.widgets.text import shortened, text_width
 from faceposer.gui.widgets.theme import ACCENT_DARK, ACCENT_MID, FAINT, Fonts, em
-
-Rectangle = tuple[float, float, float, float]
-
-
-class WidgetRects:
-    """Rectangles of the named widgets of the last frame, in window units: left, top, right, bottom.
-
-    Tests and the demo use them to click on widgets.
-    """
-
-    def __init__(self) -> None:
-        self._rectangles: dict[str, Rectangle] = {}
-
-    def clear(self) -> None:
-        """Remove all names, at the start of a frame."""
-        self._rectangles.clear()
-
-    def record(self, name: str) -> None:
-        """Record the rectangle of the last drawn widget as ``name``."""
-        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-        self._rectangles[name] = (low.x, low.y, high.x, high.y)
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._rectangles
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._rectangles)
-
-    def __getitem__(self, name: str) -> Rectangle:
-        return self._rectangles[name]
-
-    def center(self, name: str) -> tuple[float, float]:
-        """Return the centre of the widget ``name``.
-
-        Raises:
-            KeyError: If the last frame had no such widget.
-        """
-        left, top, right, bottom = self._rectangles[name]
-        return ((left + right) / 2.0, (top + bottom) / 2.0)
+from faceposer.gui.widgets.tooltips import tooltip
+from faceposer.gui.widgets.widget_rects import WidgetRects
 
 
 def heading(fonts: Fonts, text: str, first: bool = False) -> None:
@@ -64,61 +27,6 @@ def caption(text: str) -> None:
     imgui.push_style_color(imgui.Col_.text, ImVec4(*FAINT))
     imgui.text_wrapped(text)
     imgui.pop_style_color()
-
-
-_TOOLTIP_GAP, _WRAP = 0.4, 24.0
-
-
-def tooltip(text: str) -> None:
-    """Show a tooltip for the last drawn widget, enabled or not, after the pointer has rested on it for a moment.
-
-    The tooltip is placed next to the window that holds the widget, so that it covers no other widgets, or below the
-    widget if no side has room.
-    """
-    flags = (
-        imgui.HoveredFlags_.stationary.value
-        | imgui.HoveredFlags_.delay_normal.value
-        | imgui.HoveredFlags_.no_shared_delay.value
-        | imgui.HoveredFlags_.allow_when_disabled.value
-    )
-    if not imgui.is_item_hovered(flags):
-        return
-    padding = imgui.get_style().window_padding
-    extent = imgui.calc_text_size(text, wrap_width=em(_WRAP))
-    size = (extent.x + 2.0 * padding.x, extent.y + 2.0 * padding.y)
-    imgui.set_next_window_pos(ImVec2(*_tooltip_position(size)))
-    if imgui.begin_tooltip():
-        imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + em(_WRAP))
-        imgui.text_unformatted(text)
-        imgui.pop_text_wrap_pos()
-        imgui.end_tooltip()
-
-
-def _tooltip_position(size: tuple[float, float]) -> tuple[float, float]:
-    """Return the top left corner for a tooltip of ``size`` that explains the last drawn widget."""
-    view = imgui.get_main_viewport()
-    window = imgui.internal.get_current_window().root_window
-    low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-    gap = em(_TOOLTIP_GAP)
-    left, right = window.pos.x, window.pos.x + window.size.x
-    top, bottom = window.pos.y, window.pos.y + window.size.y
-    level = min(max(low.y, gap), max(view.size.y - size[1] - gap, 0.0))
-    along = min(max(low.x, gap), max(view.size.x - size[0] - gap, 0.0))
-    if right + gap + size[0] <= view.size.x:
-        return (right + gap, level)
-    if left - gap - size[0] >= 0.0:
-        return (left - gap - size[0], level)
-    if bottom + gap + size[1] <= view.size.y and not _is_tall(window):
-        return (along, bottom + gap)
-    if top - gap - size[1] >= 0.0 and not _is_tall(window):
-        return (along, top - gap - size[1])
-    below = high.y + gap
-    return (along, below if below + size[1] <= view.size.y else max(low.y - gap - size[1], 0.0))
-
-
-def _is_tall(window: imgui.internal.Window) -> bool:
-    """Return True if a tooltip above or below ``window`` would be far from most of its widgets."""
-    return bool(window.size.y > em(12.0))
 
 
 def fitted_button(rects: WidgetRects, label: str, name: str, width: float, tip: str) -> bool:

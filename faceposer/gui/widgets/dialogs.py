@@ -7,10 +7,21 @@ from imgui_bundle import imgui
 
 from faceposer.errors import FacePoserError
 from faceposer.gui.actions import Actions, display_key
-from faceposer.gui.widgets.basic import WidgetRects, caption
-from faceposer.gui.widgets.modal import modal, modal_buttons, modal_title
+from faceposer.gui.widgets.basic import caption
+from faceposer.gui.widgets.modal import (
+    buttons_width,
+    modal,
+    modal_body,
+    modal_buttons,
+    modal_entered,
+    modal_escaped,
+    modal_title,
+)
 from faceposer.gui.widgets.theme import FAINT, Fonts, em, u32
+from faceposer.gui.widgets.widget_rects import WidgetRects
 
+# Widths of a question, of one with details, and of its buttons, in units of the font size.
+_QUESTION, _DETAILS, _BUTTON = 30.0, 37.0, 5.5
 _MOUSE = (
     ("Drag on the face", "pull that point and pin it"),
     ("Drag a point", "move it and all selected points"),
@@ -124,7 +135,8 @@ class Dialogs:
 
     def _draw_question(self, question: Question) -> None:
         taken: Choice | None = None
-        with modal("##question", 27.0, widens=True) as shown:
+        width = max(_QUESTION, _DETAILS if question.details else 0.0, buttons_width(_labels(question), _BUTTON))
+        with modal("##question", width) as shown:
             if shown:
                 taken = self._draw_content(question)
                 if taken is not None:
@@ -135,25 +147,23 @@ class Dialogs:
 
     def _draw_content(self, question: Question) -> Choice | None:
         """Draw ``question`` and return the choice of the user, if any."""
-        appearing = imgui.is_window_appearing()
         modal_title(self.fonts, question.title, question.bad)
-        imgui.push_text_wrap_pos(em(28))
-        imgui.text_unformatted(question.text)
-        imgui.pop_text_wrap_pos()
-        if question.details:
-            imgui.dummy((0.0, em(0.3)))
-            imgui.input_text_multiline(
-                "##details", question.details, (em(34), em(10)), imgui.InputTextFlags_.read_only.value
-            )
-        imgui.dummy((0.0, em(0.4)))
-        labels = [(str(i), choice.label) for i, choice in enumerate(question.choices)]
-        pressed = modal_buttons(self.rects, "choice", labels, default=question.default, least=5.5)
+        labels = _labels(question)
+        with modal_body(labels, _BUTTON):
+            imgui.push_text_wrap_pos(0.0)
+            imgui.text_unformatted(question.text)
+            imgui.pop_text_wrap_pos()
+            if question.details:
+                imgui.dummy((0.0, em(0.3)))
+                imgui.input_text_multiline(
+                    "##details", question.details, (-1.0, em(10)), imgui.InputTextFlags_.read_only.value
+                )
+        pressed = modal_buttons(self.rects, "choice", labels, default=question.default, least=_BUTTON)
         taken = question.choices[int(pressed)] if pressed else None
-        if not appearing:
-            if _pressed(imgui.Key.enter, imgui.Key.keypad_enter):
-                taken = question.choices[question.default]
-            if _pressed(imgui.Key.escape):
-                taken = question.choices[-1]
+        if modal_entered():
+            taken = question.choices[question.default]
+        if modal_escaped():
+            taken = question.choices[-1]
         return taken
 
     def _draw_text_question(self, question: TextQuestion) -> None:
@@ -175,55 +185,62 @@ class Dialogs:
 
     def _draw_field(self, question: TextQuestion) -> str:
         """Draw the field and the buttons, and return the name of the pressed button, or ""."""
-        appearing = imgui.is_window_appearing()
         modal_title(self.fonts, question.title)
-        if appearing:
-            imgui.set_keyboard_focus_here()
-        imgui.set_next_item_width(-1.0)
-        flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
-        entered, text = imgui.input_text("##text", question.text, flags)
-        self.rects.record("text:field")
-        if text != question.text:
-            question.text, question.problem = text, ""
-        # The line is always reserved, so that the dialog does not change its size.
-        caption(question.problem or " ")
-        pressed = modal_buttons(self.rects, "text", (("accept", question.verb), ("cancel", "Cancel")))
-        if not appearing and entered:
+        buttons = (("accept", question.verb), ("cancel", "Cancel"))
+        with modal_body(buttons):
+            if imgui.is_window_appearing():
+                imgui.set_keyboard_focus_here()
+            imgui.set_next_item_width(-1.0)
+            flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+            entered, text = imgui.input_text("##text", question.text, flags)
+            self.rects.record("text:field")
+            if text != question.text:
+                question.text, question.problem = text, ""
+            # The line is always reserved, so that the dialog does not change its size.
+            caption(question.problem or " ")
+        pressed = modal_buttons(self.rects, "text", buttons)
+        if entered and not imgui.is_window_appearing():
             pressed = "accept"
-        if not appearing and _pressed(imgui.Key.escape):
+        if modal_escaped():
             pressed = "cancel"
         return pressed
 
     def _draw_keys(self, actions: Actions, navigation: str) -> None:
         room = imgui.get_main_viewport().size.x - em(4)
-        with modal("##keys", 40.0, widens=True) as shown:
+        with modal("##keys", min(66.0, room / em()) + 2.8) as shown:
             if not shown:
                 return
-            appearing = imgui.is_window_appearing()
             modal_title(self.fonts, "Keys and mouse")
-            width = min(em(66), room)
-            # As many columns as have room for a key and its description.
-            count = min(max(int(width // em(18)), 1), 3)
-            if imgui.begin_table("##columns", count, imgui.TableFlags_.sizing_stretch_same.value, (width, 0.0)):
-                menus = actions.menus
-                imgui.table_next_column()
-                _section(self.fonts, "Mouse", (*_MOUSE, *_NAVIGATION[navigation]))
-                for menu in (menus[0], menus[-1]):
-                    _section(self.fonts, menu, _rows(actions, menu))
-                for column in (menus[1:3], menus[3:-1]):
-                    imgui.table_next_column()
-                    for menu in column:
-                        _section(self.fonts, menu, _rows(actions, menu))
-                imgui.end_table()
+            with modal_body((), below=imgui.get_text_line_height()):
+                self._draw_columns(actions, navigation)
             caption("Press Esc or click outside to close.")
-            outside = imgui.is_mouse_clicked(imgui.MouseButton_.left.value) and not imgui.is_window_hovered()
-            if not appearing and (_pressed(imgui.Key.escape, imgui.Key.f1) or outside):
+            outside = imgui.is_mouse_clicked(imgui.MouseButton_.left.value) and not imgui.is_window_hovered(
+                imgui.HoveredFlags_.child_windows.value
+            )
+            appearing = imgui.is_window_appearing()
+            if modal_escaped() or (not appearing and (imgui.is_key_pressed(imgui.Key.f1, False) or outside)):
                 self.keys_shown = False
                 imgui.close_current_popup()
 
+    def _draw_columns(self, actions: Actions, navigation: str) -> None:
+        """Draw the list in as many columns as have room for a key and its description."""
+        width, menus = imgui.get_content_region_avail().x, actions.menus
+        count = min(max(int(width // em(18)), 1), 3)
+        if imgui.begin_table("##columns", count, imgui.TableFlags_.sizing_stretch_same.value, (width, 0.0)):
+            imgui.table_next_column()
+            _section(self.fonts, "Mouse", (*_MOUSE, *_NAVIGATION[navigation]))
+            for menu in (menus[0], menus[-1]):
+                _section(self.fonts, menu, _rows(actions, menu))
+            for column in (menus[1:3], menus[3:-1]):
+                imgui.table_next_column()
+                for menu in column:
+                    _section(self.fonts, menu, _rows(actions, menu))
+            imgui.end_table()
 
-def _pressed(*keys: imgui.Key) -> bool:
-    return any(imgui.is_key_pressed(key, False) for key in keys)
+
+def _labels(question: Question) -> list[tuple[str, str]]:
+    """Return name and label of each button of ``question``."""
+    return [(str(i), choice.label) for i, choice in enumerate(question.choices)]
 
 
 def _rows(actions: Actions, menu: str) -> tuple[tuple[str, str], ...]:

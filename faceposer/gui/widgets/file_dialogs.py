@@ -11,10 +11,10 @@ from typing import Any
 from imgui_bundle import portable_file_dialogs as native
 
 from faceposer.files.names import suffix_replaced
-from faceposer.gui.widgets.basic import WidgetRects
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.gui.widgets.path_browser import PathBrowser
 from faceposer.gui.widgets.theme import Fonts
+from faceposer.gui.widgets.widget_rects import WidgetRects
 
 
 def native_available() -> bool:

@@ -1,12 +1,15 @@
 """Modal windows: frame, title and buttons, and the progress of a job."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 from imgui_bundle import imgui
 
-from faceposer.gui.widgets.basic import WidgetRects, caption
+from faceposer.gui.widgets.basic import caption
 from faceposer.gui.widgets.theme import ACCENT_DARK, BAD, Fonts, Icon, em
+from faceposer.gui.widgets.tooltips import tooltip
+from faceposer.gui.widgets.widget_rects import WidgetRects
 from faceposer.session.jobs import Job
 
 _FLAGS = (
@@ -15,34 +18,157 @@ _FLAGS = (
     | imgui.WindowFlags_.no_move
     | imgui.WindowFlags_.always_auto_resize
     | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_scrollbar
 )
+# Padding of a modal window, gap above its buttons, least height of its body, in units of the font size.
+_PADDING, _GAP, _LEAST_BODY = (1.4, 1.2), 0.3, 2.0
+# Least width of a button in units of the font size.
+_LEAST_BUTTON = 6.0
+
+Buttons = Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class _Open:
+    """A modal window that is being drawn: its name, and the height that the operating system's window has for it."""
+
+    name: str
+    room: float
+
+
+_drawn: list[_Open] = []
+# Modal windows that had a drop-down list or another modal window above them when they were last drawn.
+_covered: set[str] = set()
 
 
 @contextmanager
-def modal(name: str, width: float, scrolls: bool = True, widens: bool = False) -> Iterator[bool]:
+def modal(name: str, width: float, tallest: float = 0.0) -> Iterator[bool]:
     """Open the modal window ``name`` in the middle; the block draws its content if the value is True.
+
+    Esc closes a drop-down list in it, and nothing else.
 
     Args:
         name: Identifier for Dear ImGui, beginning with "##".
         width: Width in units of the font size, at most that of the window.
-        scrolls: True if a scroll bar appears when the content is too high for the window.
-        widens: True if the modal window grows with content wider than ``width``.
+        tallest: Height that it can reach, in units of the font size: its top is placed for that and stays in place
+            when the height changes. 0 centres it.
     """
     if not imgui.is_popup_open(name):
         imgui.open_popup(name)
     view = imgui.get_main_viewport()
-    across = min(em(width), view.size.x - em(1))
-    imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
-    imgui.set_next_window_size_constraints((across, 0.0), (view.size.x if widens else across, view.size.y))
-    imgui.push_style_var(imgui.StyleVar_.window_padding, (em(1.4), em(1.2)))
-    flags = _FLAGS if scrolls else _FLAGS | imgui.WindowFlags_.no_scrollbar
-    shown = imgui.begin_popup_modal(name, None, flags)[0]
+    across, top = min(em(width), view.size.x - em(1)), 0.0
+    if tallest:
+        top = max(0.5 * (view.size.y - em(tallest)), 0.0)
+        imgui.set_next_window_pos((view.get_center().x, top), imgui.Cond_.always, (0.5, 0.0))
+    else:
+        imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
+    imgui.set_next_window_size_constraints((across, 0.0), (across, view.size.y))
+    imgui.push_style_var(imgui.StyleVar_.window_padding, _padding())
+    shown = imgui.begin_popup_modal(name, None, _FLAGS)[0]
     imgui.pop_style_var()
+    if shown:
+        # Dear ImGui does not let an auto-sized window grow beyond this height.
+        room = view.work_size.y - 2.0 * imgui.get_style().display_safe_area_padding.y
+        _drawn.append(_Open(name, room - top))
+        _close_lists()
     try:
         yield shown
     finally:
         if shown:
+            _drawn.pop()
+            (_covered.add if _is_covered() else _covered.discard)(name)
             imgui.end_popup()
+        else:
+            _covered.discard(name)
+
+
+def _padding() -> tuple[float, float]:
+    """Return the padding of a modal window in pixels, less in a small window."""
+    view = imgui.get_main_viewport().size
+    return (round(min(em(_PADDING[0]), 0.03 * view.x)), round(min(em(_PADDING[1]), 0.03 * view.y)))
+
+
+def modal_room() -> float:
+    """Return the height, in units of the font size, that the modal window being drawn can have."""
+    return _drawn[-1].room / em()
+
+
+def _is_covered() -> bool:
+    """Return True if a popup is open above the current one."""
+    context = imgui.get_current_context()
+    return len(context.open_popup_stack) > len(context.begin_popup_stack)
+
+
+def _close_lists() -> None:
+    """Close the drop-down list above the current modal window if Esc is pressed."""
+    stack = imgui.get_current_context().open_popup_stack
+    if not _is_covered() or not imgui.is_key_pressed(imgui.Key.escape, False):
+        return
+    above = stack[len(stack) - 1].window
+    if above is not None and not above.flags & imgui.WindowFlags_.modal.value:
+        imgui.internal.close_popup_to_level(len(stack) - 1, True)
+
+
+def modal_escaped() -> bool:
+    """Return True if Esc is pressed for the modal window that is being drawn, and not for what is above it."""
+    return _key_pressed(imgui.Key.escape)
+
+
+def modal_entered() -> bool:
+    """Return True if Enter is pressed for the modal window that is being drawn, and not for what is above it."""
+    return _key_pressed(imgui.Key.enter, imgui.Key.keypad_enter)
+
+
+def _key_pressed(*keys: imgui.Key) -> bool:
+    if imgui.is_window_appearing() or _drawn[-1].name in _covered or _is_covered():
+        return False
+    return any(imgui.is_key_pressed(key, False) for key in keys)
+
+
+@contextmanager
+def modal_body(buttons: Buttons, least: float = _LEAST_BUTTON, below: float = 0.0) -> Iterator[None]:
+    """Draw the block into a part that scrolls if the window is too low; title and buttons always remain visible.
+
+    Args:
+        buttons: The buttons drawn below by ``modal_buttons``.
+        least: Minimum width of a button in units of the font size.
+        below: Height reserved above the buttons, in pixels.
+    """
+    style = imgui.get_style()
+    width = imgui.get_content_region_avail().x
+    rows = len(_button_rows(buttons, least, width))
+    foot = rows * imgui.get_frame_height() + (rows + 2) * style.item_spacing.y + em(_GAP) + below
+    height = _drawn[-1].room - imgui.get_cursor_pos_y() - foot - _padding()[1]
+    imgui.set_next_window_size_constraints((width, em(_LEAST_BODY)), (width, max(height, em(_LEAST_BODY))))
+    imgui.begin_child("##body", (width, 0.0), imgui.ChildFlags_.auto_resize_y.value)
+    try:
+        yield
+    finally:
+        imgui.end_child()
+
+
+def _button_rows(buttons: Buttons, least: float, room: float) -> list[list[float]]:
+    """Return the widths of the buttons of each row: one row if they fit."""
+    style = imgui.get_style()
+    texts = [imgui.calc_text_size(label).x + 2.0 * style.frame_padding.x for _, label in buttons]
+    for narrowest in (em(least), 0.0):
+        widths = [max(text, narrowest) for text in texts]
+        if sum(widths) + style.item_spacing.x * (len(widths) - 1) <= room:
+            return [widths] if widths else []
+    rows: list[list[float]] = []
+    for text in texts:
+        if rows and sum(rows[-1]) + len(rows[-1]) * style.item_spacing.x + text <= room:
+            rows[-1].append(text)
+        else:
+            rows.append([min(text, room)])
+    return rows
+
+
+def buttons_width(buttons: Buttons, least: float = _LEAST_BUTTON) -> float:
+    """Return the width of a modal window with ``buttons`` in one row, in units of the font size."""
+    widths = _button_rows(buttons, least, float("inf"))[0]
+    spacing = imgui.get_style().item_spacing.x * (len(widths) - 1)
+    return (sum(widths) + spacing) / em() + 2.0 * _padding()[0] / em() + 0.1
 
 
 def modal_title(fonts: Fonts, text: str, bad: bool = False) -> None:
@@ -57,7 +183,13 @@ def modal_title(fonts: Fonts, text: str, bad: bool = False) -> None:
 
 
 def modal_buttons(
-    rects: WidgetRects, prefix: str, buttons: Sequence[tuple[str, str]], default: int | None = 0, least: float = 6.0
+    rects: WidgetRects,
+    prefix: str,
+    buttons: Buttons,
+    default: int | None = 0,
+    least: float = _LEAST_BUTTON,
+    disabled: Collection[str] = (),
+    tips: Mapping[str, str] | None = None,
 ) -> str:
     """Draw the buttons at the bottom right of a modal window and return the name of the pressed one, or "".
 
@@ -67,23 +199,30 @@ def modal_buttons(
         buttons: Name and label of each button.
         default: Index of the button highlighted as the choice for Enter, or None.
         least: Minimum width in units of the font size.
+        disabled: Names of buttons that cannot be pressed.
+        tips: Tooltips by name.
     """
-    style = imgui.get_style()
-    widths = [max(imgui.calc_text_size(label).x + 2.0 * style.frame_padding.x, em(least)) for _, label in buttons]
-    imgui.dummy((0.0, em(0.3)))
-    room = imgui.get_content_region_avail().x - sum(widths) - style.item_spacing.x * (len(widths) - 1)
-    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(room, 0.0))
-    pressed = ""
-    for i, (name, label) in enumerate(buttons):
-        if i:
-            imgui.same_line()
-        if i == default:
-            imgui.push_style_color(imgui.Col_.button, ACCENT_DARK)
-        if imgui.button(f"{label}##{prefix}", (widths[i], 0.0)):
-            pressed = name
-        if i == default:
-            imgui.pop_style_color()
-        rects.record(f"{prefix}:{name}")
+    imgui.dummy((0.0, em(_GAP)))
+    left, room = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
+    spacing = imgui.get_style().item_spacing.x
+    pressed, i = "", 0
+    for widths in _button_rows(buttons, least, room):
+        imgui.set_cursor_pos_x(left + max(room - sum(widths) - spacing * (len(widths) - 1), 0.0))
+        for column, width in enumerate(widths):
+            name, label = buttons[i]
+            if column:
+                imgui.same_line()
+            if i == default:
+                imgui.push_style_color(imgui.Col_.button, ACCENT_DARK)
+            imgui.begin_disabled(name in disabled)
+            if imgui.button(f"{label}##{prefix}", (width, 0.0)):
+                pressed = name
+            imgui.end_disabled()
+            if i == default:
+                imgui.pop_style_color()
+            rects.record(f"{prefix}:{name}")
+            tooltip((tips or {}).get(name, ""))
+            i += 1
     return pressed
 
 
@@ -102,18 +241,18 @@ def draw_job(
         escapes: True if Esc cancels, too.
     """
     modal_title(fonts, title)
-    known = job.share > 0.0
-    imgui.push_style_color(imgui.Col_.plot_histogram, ACCENT_DARK)
-    imgui.progress_bar(
-        min(job.share, 1.0) if known else -0.35 * imgui.get_time(),
-        (-1.0, em(1.5)),
-        f"{100.0 * job.share:.0f} %" if known else "",
-    )
-    imgui.pop_style_color()
-    rects.record(f"{prefix}:progress")
-    caption(text)
-    imgui.begin_disabled(job.cancelled)
-    pressed = modal_buttons(rects, prefix, (("cancel", "Cancel"),), default=None)
-    imgui.end_disabled()
-    if pressed or (escapes and imgui.is_key_pressed(imgui.Key.escape, False)):
+    buttons = (("cancel", "Cancel"),)
+    with modal_body(buttons):
+        known = job.share > 0.0
+        imgui.push_style_color(imgui.Col_.plot_histogram, ACCENT_DARK)
+        imgui.progress_bar(
+            min(job.share, 1.0) if known else -0.35 * imgui.get_time(),
+            (-1.0, em(1.5)),
+            f"{100.0 * job.share:.0f} %" if known else "",
+        )
+        imgui.pop_style_color()
+        rects.record(f"{prefix}:progress")
+        caption(text)
+    pressed = modal_buttons(rects, prefix, buttons, None, disabled=("cancel",) if job.cancelled else ())
+    if pressed or (escapes and modal_escaped()):
         job.cancel()

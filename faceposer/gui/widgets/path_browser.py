@@ -8,10 +8,11 @@ from imgui_bundle import imgui
 
 from faceposer.errors import FacePoserError
 from faceposer.files.names import suffix_replaced
-from faceposer.gui.widgets.basic import WidgetRects, tooltip
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import ACCENT_DARK, FAINT, WARNING, Fonts, Icon, em
+from faceposer.gui.widgets.tooltips import tooltip
+from faceposer.gui.widgets.widget_rects import WidgetRects
 
 _MAX_ENTRIES = 5000
 

@@ -29,6 +29,10 @@ class PlaceNames(Protocol):
         """Return the name of the distance between two places."""
         ...
 
+    def span(self, points: SurfacePoints) -> str:
+        """Return the name of the part along ``points``."""
+        ...
+
     def area(self, points: SurfacePoints) -> str:
         """Return the name of the area that ``points`` cover."""
         ...
@@ -118,7 +122,7 @@ class ConstraintBase(ABC):
     def place(self, names: PlaceNames) -> str:
         """Return the name of the constrained place."""
         points = self.points
-        return names.name(points[len(points) // 2]) if len(points) else "nothing"
+        return names.name(points[0]) if len(points) == 1 else names.span(points)
 
     def switches_to_json(self) -> dict[str, Any]:
         """Return weight, switches and rest positions in their JSON form; ``locked`` is written only if it is set."""

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 from PIL import Image
 
 from faceposer.geometry.camera import Camera
@@ -12,7 +13,7 @@ from faceposer.gui.events import Drop
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.photo import Pin
-from faceposer.photo.places import GUIDED
+from faceposer.photo.places import GUIDED, guided
 from faceposer.render.offscreen import render_character
 from tests.windows import OpenWindow
 
@@ -354,3 +355,21 @@ def test_the_picture_of_the_renderer_has_the_photo_where_its_camera_says(model: 
     assert abs(rows.max() + 1 - high[1]) < 1.5
     covered = render_character(character, character.vertices, camera, samples=0, photo=(pixels, TAKEN, 1.0, 1.0))
     np.testing.assert_array_equal(covered, picture)
+
+
+def test_names_of_pins_are_whole_in_the_list(quick: Robot, photo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot, app = quick, quick.app
+    app.window.set_size((900, 2200))
+    open_photo(robot, photo)
+    robot.frames(2)
+    written: list[str] = []
+    add = imgui.ImDrawList.add_text
+    monkeypatch.setattr(
+        imgui.ImDrawList, "add_text", lambda draw, *given: (written.append(given[-1]), add(draw, *given))[1]
+    )
+    robot.frames(1)
+    text = " ".join(written)
+    titles = app.session.model.character.feature_titles
+    assert not any("..." in line for line in written)
+    for name in guided(app.session.model.character):
+        assert titles[name] in text

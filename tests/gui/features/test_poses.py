@@ -81,7 +81,7 @@ def test_strength_is_live_and_one_step_with_the_click(robot: Robot) -> None:
     np.testing.assert_allclose(session.coefficients, applied.strength * full, atol=1e-9)
     slide(robot, -100.0)
     assert feature(robot).applied_pose.strength == pytest.approx(-1.0, abs=0.05)  # type: ignore[union-attr]
-    robot.click_widget("poses:strength-reset")
+    robot.click_widget("poses:strength:reset")
     np.testing.assert_allclose(session.coefficients, full, atol=1e-9)
     robot.key("Ctrl+Z")
     np.testing.assert_array_equal(session.coefficients, session.model.neutral())

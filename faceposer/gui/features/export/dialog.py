@@ -6,9 +6,20 @@ from typing import TYPE_CHECKING
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.basic import WidgetRects, caption, tooltip
-from faceposer.gui.widgets.modal import draw_job, modal, modal_buttons, modal_title
+from faceposer.gui.widgets.basic import caption
+from faceposer.gui.widgets.modal import (
+    draw_job,
+    modal,
+    modal_body,
+    modal_buttons,
+    modal_entered,
+    modal_escaped,
+    modal_title,
+)
+from faceposer.gui.widgets.sliders import row_label
 from faceposer.gui.widgets.theme import em
+from faceposer.gui.widgets.tooltips import tooltip
+from faceposer.gui.widgets.widget_rects import WidgetRects
 from faceposer.interchange.formats import FORMATS
 from faceposer.session.jobs import Job
 
@@ -20,6 +31,7 @@ _SMALLEST, _LARGEST = 16, 4096
 _FASTEST, _LONGEST = 50, 60.0
 # Largest number of option rows of any format.
 _MOST_OPTIONS = 4
+_BUTTONS = (("accept", "Export..."), ("cancel", "Cancel"))
 
 
 def draw_form(context: EditorContext, feature: "ExportFeature") -> None:
@@ -38,9 +50,20 @@ def draw_form(context: EditorContext, feature: "ExportFeature") -> None:
 
 def _draw_form(context: EditorContext, feature: "ExportFeature") -> str:
     """Draw the form and return the name of the button that was pressed, by pointer or key, or ""."""
-    fresh = imgui.is_window_appearing()
-    form, rects = feature.form, context.widget_rects
+    rects = context.widget_rects
     modal_title(context.fonts, "Export as")
+    with modal_body(_BUTTONS):
+        _draw_body(context, feature)
+    pressed = modal_buttons(rects, "export", _BUTTONS)
+    if modal_escaped():
+        pressed = "cancel"
+    elif modal_entered() and not imgui.get_io().want_text_input:
+        pressed = "accept"
+    return pressed
+
+
+def _draw_body(context: EditorContext, feature: "ExportFeature") -> None:
+    form, rects = feature.form, context.widget_rects
     for suffix, format_ in FORMATS.items():
         missing = format_.missing()
         left = imgui.get_cursor_pos_x()
@@ -61,13 +84,6 @@ def _draw_form(context: EditorContext, feature: "ExportFeature") -> str:
     unused = top + reserved - imgui.get_cursor_pos_y() - imgui.get_style().item_spacing.y
     if unused > 0.0:
         imgui.dummy((0.0, unused))
-    pressed = modal_buttons(rects, "export", (("accept", "Export..."), ("cancel", "Cancel")))
-    if not fresh and not imgui.get_io().want_text_input:
-        if imgui.is_key_pressed(imgui.Key.escape, False):
-            pressed = "cancel"
-        if imgui.is_key_pressed(imgui.Key.enter, False) or imgui.is_key_pressed(imgui.Key.keypad_enter, False):
-            pressed = "accept"
-    return pressed
 
 
 def _draw_options(context: EditorContext, feature: "ExportFeature") -> None:
@@ -75,7 +91,7 @@ def _draw_options(context: EditorContext, feature: "ExportFeature") -> None:
     animated = feature.performance() is not None
     _draw_content_options(rects, feature.form, animated)
     if chosen.materials:
-        _label("Materials")
+        row_label("Materials", "Materials and textures written next to the mesh", _LABEL)
         settings = context.settings
         _, settings.materials = imgui.checkbox("Write materials and textures##materials", settings.materials)
         rects.record("export:materials")
@@ -88,7 +104,8 @@ def _draw_options(context: EditorContext, feature: "ExportFeature") -> None:
 
 def _draw_content_options(rects: WidgetRects, form: "ExportForm", animated: bool) -> None:
     chosen = FORMATS[form.suffix]
-    _label("Content")
+    row_label("Content", "What the file contains", _LABEL)
+    imgui.align_text_to_frame_padding()
     if not animated:
         imgui.text_unformatted("Turntable of the pose" if chosen.holds == "film" else "Current pose")
         return
@@ -103,7 +120,7 @@ def _draw_content_options(rects: WidgetRects, form: "ExportForm", animated: bool
 
 
 def _draw_image_options(rects: WidgetRects, form: "ExportForm") -> None:
-    _label("Size")
+    row_label("Size", "Width and height of the image in pixels", _LABEL)
     imgui.set_next_item_width(em(9))
     _, (width, height) = imgui.input_int2("##size", [form.width, form.height])
     rects.record("export:size")
@@ -112,14 +129,14 @@ def _draw_image_options(rects: WidgetRects, form: "ExportForm") -> None:
     imgui.same_line()
     imgui.text_disabled("pixels")
     if FORMATS[form.suffix].transparent:
-        _label("Background")
+        row_label("Background", "Background of the image", _LABEL)
         _, form.transparent = imgui.checkbox("Transparent##transparent", form.transparent)
         rects.record("export:transparent")
         tooltip("Write an alpha channel in place of the background")
 
 
 def _draw_video_options(rects: WidgetRects, form: "ExportForm", animated: bool) -> None:
-    _label("Turntable")
+    row_label("Turntable", "Turn of the camera around the head", _LABEL)
     if animated:
         _, form.turning = imgui.checkbox("##turning", form.turning)
         tooltip("Rotate the camera around the head while the animation plays")
@@ -133,7 +150,7 @@ def _draw_video_options(rects: WidgetRects, form: "ExportForm", animated: bool) 
     form.seconds = min(max(form.seconds, 0.5), _LONGEST)
     imgui.same_line()
     imgui.text_disabled("seconds")
-    _label("Frame rate")
+    row_label("Frame rate", "Frames per second of the video", _LABEL)
     imgui.set_next_item_width(em(9))
     _, form.rate = imgui.input_int("##rate", form.rate)
     rects.record("export:rate")
@@ -151,11 +168,3 @@ def draw_progress(context: EditorContext, feature: "ExportFeature", job: Job[Pat
         draw_job(context.fonts, context.widget_rects, "export", f"Writing {feature.target.name}", job, text)
         if job.cancelled:
             imgui.close_current_popup()
-
-
-def _label(text: str) -> None:
-    left = imgui.get_cursor_pos_x()
-    imgui.align_text_to_frame_padding()
-    imgui.text_unformatted(text)
-    imgui.same_line(left + em(_LABEL))
-    imgui.align_text_to_frame_padding()

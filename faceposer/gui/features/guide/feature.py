@@ -10,8 +10,10 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.guide.steps import CLOSING_TEXT, STEPS, Guide, Observation, Step, feature_heights
 from faceposer.gui.viewport import Pixel, Viewport
-from faceposer.gui.widgets.basic import Rectangle, caption, tooltip
+from faceposer.gui.widgets.basic import caption
 from faceposer.gui.widgets.theme import ACCENT, EDGE, FAINT, Icon, em, u32
+from faceposer.gui.widgets.tooltips import tooltip
+from faceposer.gui.widgets.widget_rects import Rectangle
 
 _WIDTH, _HEIGHT, _MARGIN = 18.0, 16.0, 0.9
 _WHITE = (1.0, 1.0, 1.0, 1.0)

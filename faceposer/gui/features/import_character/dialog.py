@@ -10,16 +10,34 @@ from faceposer.geometry.mesh_io import MESH_SUFFIXES
 from faceposer.gui.features.import_character.form import ImportForm
 from faceposer.gui.features.import_character.summary import draw_summary
 from faceposer.gui.settings import last_folder
-from faceposer.gui.widgets.basic import WidgetRects, caption, choice, tooltip
+from faceposer.gui.widgets.basic import caption, choice
 from faceposer.gui.widgets.file_request import FileRequest, Purpose
-from faceposer.gui.widgets.modal import draw_job, modal, modal_buttons, modal_title
+from faceposer.gui.widgets.modal import (
+    draw_job,
+    modal,
+    modal_body,
+    modal_buttons,
+    modal_entered,
+    modal_escaped,
+    modal_room,
+    modal_title,
+)
+from faceposer.gui.widgets.sliders import row_label
 from faceposer.gui.widgets.theme import BAD, Icon, em
+from faceposer.gui.widgets.tooltips import tooltip
+from faceposer.gui.widgets.widget_rects import WidgetRects
 
 if TYPE_CHECKING:
     from faceposer.gui.features.import_character.feature import ImportCharacterFeature
     from faceposer.training.kinds import Kind
 
 _WIDTH, _LABEL = 44.0, 8.4
+# Height of the form when all of it is shown.
+_TALLEST = 41.0
+# Height below which no room is reserved for errors.
+_LOW = 14.0
+_FORM_BUTTONS = (("start", "Import"), ("cancel", "Cancel"))
+_SUMMARY_BUTTONS = (("open", "Open"), ("close", "Close"))
 # Largest number of rows for one kind of source: map, scan, regions and their number.
 _MOST_FIELDS = 4
 _KINDS: tuple["Kind", ...] = ("rig", "examples", "markers")
@@ -66,13 +84,12 @@ class ImportDialog:
     def draw(self, draw_above: Callable[[], None]) -> None:
         """Draw the current page; ``draw_above`` draws the dialogs above it."""
         importing = self._importing
-        with modal("##import", _WIDTH, scrolls=False) as shown:
+        with modal("##import", _WIDTH, _TALLEST) as shown:
             if not shown:
                 draw_above()
                 return
-            # A dialog above receives the keys.
-            context = importing.context
-            has_keys = not (context.dialogs.open or context.file_dialogs.open or imgui.is_window_appearing())
+            # A dialog of the system receives the keys.
+            has_keys = not importing.context.file_dialogs.open
             draw_page = {"form": self._draw_form, "running": self._draw_progress, "summary": self._draw_summary}
             draw_page[importing.page](importing, has_keys)
             if not importing.open:
@@ -84,16 +101,35 @@ class ImportDialog:
     def _draw_form(self, importing: "ImportCharacterFeature", has_keys: bool) -> None:
         form, rects = importing.form, importing.context.widget_rects
         modal_title(importing.context.fonts, "Import character")
-        error_height = 0.0
+        # Room for an error of two lines is reserved, so that nothing jumps when it appears, unless the window is low.
+        wrap = imgui.get_content_region_avail().x - em(2.2)
+        lines = 2.0 if modal_room() > _LOW else 0.0
+        height = imgui.calc_text_size(importing.error, wrap_width=wrap).y if importing.error else 0.0
+        reserved = max(height, lines * imgui.get_text_line_height()) + em(0.1) + imgui.get_style().item_spacing.y
+        with modal_body(_FORM_BUTTONS, below=reserved):
+            self._draw_entries(importing)
+        below = imgui.get_cursor_pos_y() + reserved
         if importing.error:
-            # The warning icon in front of the text needs room.
-            wrap = imgui.get_content_region_avail().x - em(2.2)
-            text_height = imgui.calc_text_size(importing.error, wrap_width=wrap).y
-            error_height = text_height + em(0.1) + 2.0 * imgui.get_style().item_spacing.y
-        _begin_body(error_height)
+            _draw_error(importing.error)
+        imgui.set_cursor_pos_y(below)
+        reason = form.missing
+        tips = {"start": reason or "Learn the character and write its file"}
+        pressed = modal_buttons(rects, "import", _FORM_BUTTONS, disabled=("start",) if reason else (), tips=tips)
+        if has_keys and modal_escaped():
+            pressed = "cancel"
+        elif has_keys and modal_entered() and not reason:
+            pressed = "start"
+        if pressed == "cancel":
+            importing.close_dialog()
+        elif pressed == "start":
+            importing.start()
+
+    def _draw_entries(self, importing: "ImportCharacterFeature") -> None:
+        """Draw the fields of the form."""
+        form, rects = importing.form, importing.context.widget_rects
         self._draw_source(importing)
         kind = _KINDS.index(form.kind)
-        _label("Kind")
+        row_label("Kind", "What the source consists of", _LABEL)
         form.kind = _KINDS[choice(rects, "import:kind", _KIND_LABELS, kind, _KIND_TIPS)]
         imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + em(_LABEL))
         # Reserve two lines for all kinds.
@@ -111,19 +147,6 @@ class ImportDialog:
         if opened:
             self._draw_advanced(rects, form)
             imgui.tree_pop()
-        imgui.end_child()
-        if importing.error:
-            _draw_error(importing.error)
-        pressed = modal_buttons(rects, "import", (("start", "Import"), ("cancel", "Cancel")))
-        typing = imgui.get_io().want_text_input
-        if has_keys and imgui.is_key_pressed(imgui.Key.escape, False) and not typing:
-            pressed = "cancel"
-        if has_keys and _enter_pressed() and form.source.strip():
-            pressed = "start"
-        if pressed == "cancel":
-            importing.close_dialog()
-        elif pressed == "start":
-            importing.start()
 
     def _draw_fields_of_kind(self, importing: "ImportCharacterFeature") -> None:
         """Draw the fields of the chosen kind of source."""
@@ -164,16 +187,19 @@ class ImportDialog:
 
     def _draw_captures(self, importing: "ImportCharacterFeature") -> None:
         """Draw the performances, each with a button that removes it, and a button that adds one."""
+        tip = "Recordings of ARKit weights by Live Link Face or Face Cap, to learn the prior from"
         form, rects = importing.form, importing.context.widget_rects
 
         def add(path: Path) -> None:
             if str(path) not in form.captures:
                 form.captures.append(str(path))
 
-        _label("Performances")
+        row_label(
+            "Performances", "Recordings of ARKit weights by Live Link Face or Face Cap, to learn the prior from", _LABEL
+        )
         for i, path in enumerate(list(form.captures)):
             if i:
-                _label("")
+                row_label("", width=_LABEL)
             if imgui.button(f"{Icon.CLOSE}##capture{i}", (em(1.9), 0.0)):
                 form.captures.remove(path)
             rects.record(f"import:capture:{i}:remove")
@@ -182,7 +208,7 @@ class ImportDialog:
             imgui.text_unformatted(Path(path).name)
             tooltip(path)
         if form.captures:
-            _label("")
+            row_label("", width=_LABEL)
         if imgui.button("Add..."):
             importing.context.ask_for_file(
                 FileRequest(
@@ -195,17 +221,17 @@ class ImportDialog:
                 )
             )
         rects.record("import:capture:add")
-        tooltip("Recordings of ARKit weights by Live Link Face or Face Cap, to learn the prior from")
+        tooltip(tip)
         if not form.captures:
             imgui.same_line()
             caption("None: use the built-in prior of natural expressions")
 
     def _draw_regions(self, rects: WidgetRects, form: ImportForm) -> None:
-        _label("Regions")
+        row_label("Regions", "Parts of the face that move independently", _LABEL)
         chosen = choice(rects, "import:regions", _REGION_LABELS, _REGIONS.index(form.regions), _REGION_TIPS)
         form.regions = _REGIONS[chosen]  # type: ignore[assignment]
         if form.regions == "parts":
-            _label("")
+            row_label("", width=_LABEL)
             imgui.set_next_item_width(-1.0)
             _, form.n_parts = imgui.slider_int(
                 "##parts", form.n_parts, 2, 12, "%d regions", imgui.SliderFlags_.always_clamp.value
@@ -213,11 +239,12 @@ class ImportDialog:
             rects.record("import:parts")
 
     def _draw_advanced(self, rects: WidgetRects, form: ImportForm) -> None:
+        indent = imgui.get_style().indent_spacing / em()
         for key, label, most, tip in _NUMBERS:
             if key == "dimensions" and form.kind == "rig":
                 continue
             value = getattr(form, key)
-            _label(label, em(_LABEL) - imgui.get_style().indent_spacing)
+            row_label(label, tip, _LABEL - indent)
             imgui.set_next_item_width(em(8))
             _, value = imgui.input_int(f"##{key}", value)
             rects.record(f"import:{key}")
@@ -226,7 +253,7 @@ class ImportDialog:
             if not value:
                 imgui.same_line()
                 imgui.text_disabled("Chosen from the data")
-        _label("Credits", em(_LABEL) - imgui.get_style().indent_spacing)
+        row_label("Credits", "Origin and licence of the character", _LABEL - indent)
         imgui.set_next_item_width(-1.0)
         _, form.credits = imgui.input_text_with_hint("##credits", "Origin and licence", form.credits)
         rects.record("import:credits")
@@ -245,13 +272,12 @@ class ImportDialog:
 
     def _draw_summary(self, importing: "ImportCharacterFeature", has_keys: bool) -> None:
         assert importing.about is not None
-        _begin_body()
-        draw_summary(importing.context.fonts, importing.context.widget_rects, importing.about)
-        imgui.end_child()
-        pressed = modal_buttons(importing.context.widget_rects, "import", (("open", "Open"), ("close", "Close")))
-        if has_keys and _enter_pressed():
+        with modal_body(_SUMMARY_BUTTONS):
+            draw_summary(importing.context.fonts, importing.context.widget_rects, importing.about)
+        pressed = modal_buttons(importing.context.widget_rects, "import", _SUMMARY_BUTTONS)
+        if has_keys and modal_entered():
             pressed = "open"
-        if has_keys and imgui.is_key_pressed(imgui.Key.escape, False):
+        if has_keys and modal_escaped():
             pressed = "close"
         if pressed == "open":
             importing.open_learned()
@@ -259,26 +285,8 @@ class ImportDialog:
             importing.close_dialog()
 
 
-def _begin_body(below: float = 0.0) -> None:
-    """Begin a child window that scrolls if it does not fit above the buttons and ``below`` pixels more."""
-    foot = imgui.get_frame_height() + em(0.3) + 3.0 * imgui.get_style().item_spacing.y + below
-    # Dear ImGui does not let an auto-sized window grow beyond this height.
-    room = imgui.get_main_viewport().work_size.y - 2.0 * imgui.get_style().display_safe_area_padding.y
-    height = room - imgui.get_cursor_pos_y() - foot - em(1.25)
-    width = imgui.get_content_region_avail().x
-    imgui.set_next_window_size_constraints((width, em(3)), (width, max(height, em(3))))
-    imgui.begin_child("##body", (width, 0.0), imgui.ChildFlags_.auto_resize_y.value)
-
-
-def _label(text: str, width: float | None = None) -> None:
-    left = imgui.get_cursor_pos_x()
-    imgui.align_text_to_frame_padding()
-    imgui.text_unformatted(text)
-    imgui.same_line(left + (em(_LABEL) if width is None else width))
-
-
 def _text_row(rects: WidgetRects, key: str, label: str, value: str, tip: str) -> str:
-    _label(label)
+    row_label(label, tip, _LABEL)
     imgui.set_next_item_width(-1.0)
     _, value = imgui.input_text(f"##{key}", value, imgui.InputTextFlags_.auto_select_all.value)
     rects.record(f"import:{key}")
@@ -310,7 +318,7 @@ def _path_row(
         else:
             done(str(path))
 
-    _label(label)
+    row_label(label, tip, _LABEL)
     side, gap = em(2.2), imgui.get_style().item_inner_spacing.x
     count = 1 + folder
     imgui.set_next_item_width(-(count * (side + gap)))
@@ -351,7 +359,3 @@ def _draw_error(text: str) -> None:
     imgui.text_unformatted(text)
     imgui.pop_style_color()
     imgui.pop_text_wrap_pos()
-
-
-def _enter_pressed() -> bool:
-    return imgui.is_key_pressed(imgui.Key.enter, False) or imgui.is_key_pressed(imgui.Key.keypad_enter, False)

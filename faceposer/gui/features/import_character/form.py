@@ -82,18 +82,25 @@ class ImportForm:
         if self.output in ("", before[1]):
             self.output = self.proposed[1]
 
+    @property
+    def missing(self) -> str:
+        """The entry that is missing, as one sentence, or ""."""
+        if not self.source.strip():
+            return "Choose a source for the character."
+        if self.kind == "markers" and not self.marker_map.strip():
+            return "Choose the file that maps the markers to the scan."
+        if not self.output.strip():
+            return "Enter a file name for the character."
+        return ""
+
     def checked_output(self) -> Path:
         """Return the character file to write.
 
         Raises:
             FacePoserError: If an entry is missing, or the file cannot be written.
         """
-        if not self.source.strip():
-            raise FacePoserError("Choose a source for the character.")
-        if self.kind == "markers" and not self.marker_map.strip():
-            raise FacePoserError("Choose the file that maps the markers to the scan.")
-        if not self.output.strip():
-            raise FacePoserError("Enter a file name for the character.")
+        if self.missing:
+            raise FacePoserError(self.missing)
         path = _path(self.output)
         if path.is_dir():
             raise FacePoserError(f"'{path}' is a folder; enter a file name.")

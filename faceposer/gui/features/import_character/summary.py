@@ -6,8 +6,9 @@ import numpy as np
 from imgui_bundle import imgui, implot
 
 from faceposer.gui.recent_files import shown_path
-from faceposer.gui.widgets.basic import WidgetRects, tooltip
 from faceposer.gui.widgets.theme import ACCENT, FAINT, TARGET, WARNING, Fonts, Icon, em
+from faceposer.gui.widgets.tooltips import tooltip
+from faceposer.gui.widgets.widget_rects import WidgetRects
 from faceposer.training.summary import arkit_shapes_of
 
 _LABEL = 8.4

@@ -9,9 +9,11 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from faceposer.geometry.picture_view import PictureView
 from faceposer.gui.context import EditorContext
 from faceposer.gui.features.photo.overlay import place_title
-from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, heading, tooltip
-from faceposer.gui.widgets.text import shortened
+from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, heading
+from faceposer.gui.widgets.sliders import slider
+from faceposer.gui.widgets.text import shortened, wrapped
 from faceposer.gui.widgets.theme import FAINT, INK, WARNING, Icon, em, u32
+from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.photo.aligning import residuals_px
 from faceposer.photo.photo import Photo, Place
 from faceposer.photo.places import ALIGNING, guided
@@ -88,7 +90,7 @@ def _draw_layers(photos: "PhotoFeature", photo: Photo) -> None:
         photo = photos.photo or photo
     imgui.set_next_item_width(em(9.0))
     label = "Photo opacity" if photo.front else "Face opacity"
-    changed, opacity = imgui.slider_float(f"{label}##photo-opacity", photo.opacity, 0.0, 1.0, "%.2f")
+    changed, opacity = slider(f"{label}##photo-opacity", photo.opacity, 0.0, 1.0, "%.2f")
     context.widget_rects.record("photo-opacity")
 
     def apply() -> None:
@@ -137,7 +139,7 @@ def _draw_camera(photos: "PhotoFeature", photo: Photo) -> None:
     imgui.begin_disabled(photo.focal is None)
     millimetres = focal_in_mm(focal, photo.size)
     flags = imgui.SliderFlags_.logarithmic.value | imgui.SliderFlags_.clamp_on_input.value
-    changed, value = imgui.slider_float("##photo-focal", millimetres, *_FOCALS_MM, "%.0f mm", flags)
+    changed, value = slider("##photo-focal", millimetres, *_FOCALS_MM, "%.0f mm", flags)
     imgui.end_disabled()
     context.widget_rects.record("photo-focal")
     tooltip("35 mm equivalent. Portraits are taken at 50 to 135 mm, phones have about 26 mm.")
@@ -200,8 +202,9 @@ def _draw_pin(photos: "PhotoFeature", photo: Photo, place: Place, residual: floa
     """Draw a place of the face in the list: pinned, next, or without a pin."""
     context, tool = photos.context, photos.tool
     index = photo.pin_of(place)
-    row = round(imgui.get_font_size() + em(0.4))
     begin, corner, width = imgui.get_cursor_pos(), imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+    lines = wrapped(place_title(context, place), width - em(1.4 + 1.9 + 4.0 * (index is not None)))
+    row = round(len(lines) * imgui.get_text_line_height() + em(0.4))
     imgui.push_id(str(place))
     imgui.set_next_item_allow_overlap()
     choosing = context.toolbox.chosen is tool
@@ -213,11 +216,8 @@ def _draw_pin(photos: "PhotoFeature", photo: Photo, place: Place, residual: floa
     baseline = corner.y + (row - imgui.get_font_size()) / 2.0
     draw.add_text((corner.x + em(0.1), baseline), u32(FAINT), state)
     tint = imgui.get_color_u32(imgui.Col_.text) if index is not None or lit else u32(FAINT)
-    title = place_title(context, place)
-    shown = shortened(title, width - em(1.4 + 1.9 + 4.0 * (index is not None)))
-    draw.add_text((corner.x + em(1.4), baseline), tint, shown)
-    if shown != title:
-        tooltip(title)
+    for n, text in enumerate(lines):
+        draw.add_text((corner.x + em(1.4), corner.y + em(0.2) + n * imgui.get_text_line_height()), tint, text)
     if pressed and not context.busy:
         if index is None:
             photos.pin_place(place)

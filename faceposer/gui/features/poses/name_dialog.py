@@ -6,9 +6,8 @@ from imgui_bundle import imgui
 
 from faceposer.errors import FacePoserError
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.basic import toggle_button
-from faceposer.gui.widgets.modal import modal, modal_title
-from faceposer.gui.widgets.theme import ACCENT_DARK, WARNING, em
+from faceposer.gui.widgets.modal import modal, modal_body, modal_buttons, modal_entered, modal_escaped, modal_title
+from faceposer.gui.widgets.theme import WARNING
 from faceposer.poses.library import PoseExistsError
 from faceposer.poses.pose_file import LONGEST_NAME
 
@@ -54,40 +53,33 @@ class NameDialog:
 
     def _draw_content(self) -> None:
         context = self._context
-        fresh = imgui.is_window_appearing()
         modal_title(context.fonts, self._title)
-        if fresh:
-            imgui.set_keyboard_focus_here()
-        imgui.set_next_item_width(em(22))
-        before = self._name
-        _, self._name = imgui.input_text_with_hint(
-            "##name", "Name of the pose", self._name, imgui.InputTextFlags_.auto_select_all
-        )
-        context.widget_rects.record("pose-name:name")
-        if self._name != before:
-            self._problem, self._exists = "", False
-        if self._problem:
-            imgui.push_text_wrap_pos(em(23.4))
-            imgui.text_colored(WARNING, self._problem)
+        buttons = (("accept", "Replace" if self._exists else self._verb), ("cancel", "Cancel"))
+        with modal_body(buttons):
+            if imgui.is_window_appearing():
+                imgui.set_keyboard_focus_here()
+            imgui.set_next_item_width(-1.0)
+            before = self._name
+            _, self._name = imgui.input_text_with_hint(
+                "##name", "Name of the pose", self._name, imgui.InputTextFlags_.auto_select_all
+            )
+            context.widget_rects.record("pose-name:name")
+            if self._name != before:
+                self._problem, self._exists = "", False
+            # The line is always reserved, so that the dialog does not change its size.
+            imgui.push_text_wrap_pos(0.0)
+            imgui.text_colored(WARNING, self._problem or " ")
             imgui.pop_text_wrap_pos()
-        imgui.dummy((0.0, em(0.4)))
-        width = em(6.5)
-        left = imgui.get_content_region_avail().x - 2.0 * width - imgui.get_style().item_spacing.x
-        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(left, 0.0))
-        imgui.begin_disabled(not self._name.strip() or len(self._name.strip()) > LONGEST_NAME)
-        accepted = toggle_button("Replace" if self._exists else self._verb, True, ACCENT_DARK, width)
-        imgui.end_disabled()
-        context.widget_rects.record("pose-name:accept")
-        imgui.same_line()
-        cancelled = imgui.button("Cancel", (width, 0.0))
-        context.widget_rects.record("pose-name:cancel")
-        if not fresh:
-            entered = any(imgui.is_key_pressed(key, False) for key in (imgui.Key.enter, imgui.Key.keypad_enter))
-            accepted |= entered and bool(self._name.strip()) and not self._exists
-            cancelled |= imgui.is_key_pressed(imgui.Key.escape, False)
-        if cancelled:
+        named = bool(self._name.strip()) and len(self._name.strip()) <= LONGEST_NAME
+        disabled = () if named else ("accept",)
+        pressed = modal_buttons(context.widget_rects, "pose-name", buttons, disabled=disabled)
+        if modal_escaped():
+            pressed = "cancel"
+        elif modal_entered() and named and not self._exists:
+            pressed = "accept"
+        if pressed == "cancel":
             self._done = None
-        elif accepted:
+        elif pressed == "accept":
             self._accept()
 
     def _accept(self) -> None:

@@ -6,17 +6,12 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 
 from imgui_bundle import ImVec2, imgui
 
-from faceposer.gui.widgets.basic import (
-    WidgetRects,
-    action_button,
-    button_width,
-    caption,
-    choice,
-    toggle_button,
-    tooltip,
-)
+from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, toggle_button
+from faceposer.gui.widgets.sliders import reset_button, slider, slider_room
 from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import ACCENT, ACCENT_DARK, FAINT, FIELD, INK, RAISED_MORE, WARNING, Icon, em, u32
+from faceposer.gui.widgets.tooltips import tooltip
+from faceposer.gui.widgets.widget_rects import WidgetRects
 from faceposer.poses.applying import GREATEST_STRENGTH, LEAST_STRENGTH, REGIONS, Array, Blend, Region, Side, misfit
 from faceposer.poses.library import Entry
 
@@ -213,16 +208,15 @@ class PosesPanel:
             mask = f", {last.mask.description}" if last.mask.description else ""
             imgui.text(shortened(f"{last.pose.name}{mask}", imgui.get_content_region_avail().x))
         percent = 100.0 * (1.0 if last is None else last.strength)
-        reset = last is not None and percent != 100.0 and not context.slider_edit.active
         imgui.begin_disabled(last is None)
-        imgui.set_next_item_width(-em(2.3) if reset else -1.0)
-        changed, value = imgui.slider_float(
+        imgui.set_next_item_width(slider_room())
+        changed, value = slider(
             "##strength",
             percent,
             100.0 * LEAST_STRENGTH,
             100.0 * GREATEST_STRENGTH,
             "Strength %.0f %%",
-            imgui.SliderFlags_.clamp_on_input,
+            imgui.SliderFlags_.clamp_on_input.value,
         )
         context.widget_rects.record("poses:strength")
         if last is not None:
@@ -236,12 +230,8 @@ class PosesPanel:
             )
         imgui.end_disabled()
         tooltip("Strength of the pose; negative values apply its opposite. Ctrl+click to type a value.")
-        if reset and last is not None:
-            imgui.same_line()
-            if imgui.button(f"{Icon.UNDO}##strength", (em(1.8), 0.0)):
-                poses.reset_strength()
-            context.widget_rects.record("poses:strength-reset")
-            tooltip("Reset to 100 %")
+        if reset_button(context.widget_rects, "poses:strength", percent == 100.0, "Reset to 100 %"):
+            poses.reset_strength()
 
     def _draw_mask(self) -> None:
         poses, rects = self._poses, self._poses.context.widget_rects

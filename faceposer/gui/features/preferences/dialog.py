@@ -8,10 +8,12 @@ from imgui_bundle import ImVec2, imgui
 
 from faceposer.gui.actions import Action, display_key
 from faceposer.gui.settings import LIMITS
-from faceposer.gui.widgets.basic import caption, choice, heading, tooltip
-from faceposer.gui.widgets.modal import modal, modal_buttons, modal_title
+from faceposer.gui.widgets.basic import caption, choice, heading
+from faceposer.gui.widgets.modal import modal, modal_buttons, modal_escaped, modal_room, modal_title
+from faceposer.gui.widgets.sliders import row_label, slider
 from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import ACCENT, BAD, FAINT, Icon, em
+from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.render.options import Backdrop, Look
 from faceposer.tools.tool import Navigation
 
@@ -28,6 +30,8 @@ _NAVIGATION_TIPS = (
 _BACKDROPS: tuple[Backdrop, ...] = get_args(Backdrop)
 _BACKDROP_TIPS = ("Default grey", "Nearly black", "Light grey")
 _KEYS_WIDTH = 11.0
+# Height of title, tabs and button, in units of the font size.
+_OTHERS = 9.2
 
 
 class PreferencesDialog:
@@ -42,14 +46,13 @@ class PreferencesDialog:
         """Draw the dialog; ``draw_above`` draws the dialogs above it."""
         preferences = self._preferences
         context = preferences.context
-        with modal("##preferences", _WIDTH, scrolls=False) as shown:
+        with modal("##preferences", _WIDTH) as shown:
             if not shown:
                 draw_above()
                 return
-            has_keys = not (context.dialogs.open or context.file_dialogs.open or imgui.is_window_appearing())
+            has_keys = not context.file_dialogs.open
             modal_title(context.fonts, "Preferences")
-            room = imgui.get_main_viewport().size.y - em(12)
-            height = max(min(em(_HEIGHT), room), em(6))
+            height = max(min(em(_HEIGHT), em(modal_room() - _OTHERS)), em(2))
             if imgui.begin_tab_bar("##pages"):
                 for title, draw in (("General", self._draw_general), ("Keymap", self._draw_keymap)):
                     chosen, _ = imgui.begin_tab_item(title)
@@ -62,9 +65,9 @@ class PreferencesDialog:
                 imgui.end_tab_bar()
             pressed = modal_buttons(context.widget_rects, "preferences", (("close", "Close"),))
             captures = bool(preferences.capturing) or preferences.ended_capture
-            escaped = has_keys and not captures and imgui.is_key_pressed(imgui.Key.escape, False)
+            escaped = has_keys and not captures and modal_escaped()
             preferences.ended_capture &= imgui.is_key_down(imgui.Key.escape)
-            if pressed or (escaped and not imgui.get_io().want_text_input):
+            if pressed or escaped:
                 preferences.hide()
                 imgui.close_current_popup()
             draw_above()
@@ -73,12 +76,12 @@ class PreferencesDialog:
         preferences = self._preferences
         context, settings, rects = preferences.context, preferences.settings, preferences.context.widget_rects
         heading(context.fonts, "Interface", first=True)
-        _label("Navigation")
+        row_label("Navigation", "Mouse buttons that orbit, pan and zoom", _LABEL)
         preset = _NAVIGATIONS.index(settings.navigation)
         chosen = choice(rects, "preferences:navigation", ("Blender", "Maya"), preset, _NAVIGATION_TIPS)
         if chosen != preset:
             preferences.navigate(_NAVIGATIONS[chosen])
-        _label("Size")
+        row_label("Size", "Scale of text and panels", _LABEL)
         nearest = min(range(len(_SCALES)), key=lambda i: abs(_SCALES[i] - settings.ui_scale))
         labels = [f"{100 * scale:.0f} %" for scale in _SCALES]
         tips = ["Scale of text and panels"] * len(_SCALES)
@@ -87,7 +90,7 @@ class PreferencesDialog:
             context.set_ui_scale(_SCALES[chosen])
         heading(context.fonts, "View")
         look = context.scene.look
-        _label("Background")
+        row_label("Background", "Background of the view", _LABEL)
         backdrop = _BACKDROPS.index(look.backdrop)
         names = [name.capitalize() for name in _BACKDROPS]
         chosen = choice(rects, "preferences:backdrop", names, backdrop, _BACKDROP_TIPS)
@@ -95,12 +98,12 @@ class PreferencesDialog:
             preferences.set_look(replace(look, backdrop=_BACKDROPS[chosen]))
         self._draw_light("key", "Key light", "Intensity of the light from the front")
         self._draw_light("ambient", "Ambient light", "Intensity of the light from all sides")
-        _label("")
+        row_label("", width=_LABEL)
         if imgui.button("Reset light"):
             preferences.set_look(Look(backdrop=context.scene.look.backdrop))
         rects.record("preferences:usual-light")
         heading(context.fonts, "Files")
-        _label("Autosave folder")
+        row_label("Autosave folder", "Folder in which unsaved work is kept in case of a crash", _LABEL)
         folder = str(preferences.autosave_folder)
         room = imgui.get_content_region_avail().x - em(5.5 + 2.6)
         imgui.align_text_to_frame_padding()
@@ -117,17 +120,17 @@ class PreferencesDialog:
         imgui.end_disabled()
         rects.record("preferences:autosave-reset")
         tooltip("Reset to the default folder")
-        _label("")
+        row_label("", width=_LABEL)
         caption("Unsaved work is kept in this folder in case of a crash. A change takes effect at the next start.")
 
     def _draw_light(self, name: str, label: str, tip: str) -> None:
         preferences = self._preferences
         look = preferences.context.scene.look
-        _label(label)
+        row_label(label, tip, _LABEL)
         imgui.set_next_item_width(-1.0)
         limits = LIMITS[f"{name}_light"]
         flags = imgui.SliderFlags_.clamp_on_input.value
-        changed, value = imgui.slider_float(f"##{name}", getattr(look, name), *limits, "%.2f", flags)
+        changed, value = slider(f"##{name}", getattr(look, name), *limits, "%.2f", flags)
         preferences.context.widget_rects.record(f"preferences:{name}")
         tooltip(tip)
         if changed:
@@ -198,10 +201,3 @@ class PreferencesDialog:
         imgui.end_disabled()
         rects.record(f"keymap:{action.name}:reset")
         tooltip(f"Reset to {', '.join(map(display_key, default)) or 'no key'}")
-
-
-def _label(text: str) -> None:
-    left = imgui.get_cursor_pos_x()
-    imgui.align_text_to_frame_padding()
-    imgui.text_unformatted(text)
-    imgui.same_line(left + em(_LABEL))

@@ -8,7 +8,6 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from faceposer.animation.keyframes import LONGEST
 from faceposer.gui.features.timeline.editor import TimelineEditor
 from faceposer.gui.features.timeline.track import Track, track_height
-from faceposer.gui.widgets.basic import tooltip
 from faceposer.gui.widgets.theme import (
     ACCENT_DARK,
     ACCENT_MID,
@@ -21,6 +20,7 @@ from faceposer.gui.widgets.theme import (
     Icon,
     em,
 )
+from faceposer.gui.widgets.tooltips import tooltip
 
 if TYPE_CHECKING:
     from faceposer.session.animating import Shown

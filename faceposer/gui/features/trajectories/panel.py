@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 from imgui_bundle import imgui
 
 from faceposer.animation.keyframes import TOLERANCE
-from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, tooltip
-from faceposer.gui.widgets.theme import em
+from faceposer.gui.widgets.basic import action_button, button_width, caption, choice
+from faceposer.gui.widgets.sliders import row_label, slider
+from faceposer.gui.widgets.tooltips import tooltip
 
 if TYPE_CHECKING:
     from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
@@ -31,16 +32,16 @@ def draw_trajectory_options(feature: "TrajectoriesFeature") -> None:
         else "pen"
     )
     if options.timing == "even":
-        _label("Frames")
+        row_label("Frames", f"Duration of the motion in frames, {(options.frames - 1) / rate:.2f} s", _LABEL)
+        imgui.set_next_item_width(-1.0)
         flags = imgui.SliderFlags_.always_clamp.value
         _, options.frames = imgui.drag_int("##frames", options.frames, 0.2, 2, _MOST_FRAMES, "%d", flags)
         context.widget_rects.record("even-frames")
         tooltip(f"Duration of the motion in frames, {(options.frames - 1) / rate:.2f} s")
-    _label("Smoothness")
+    row_label("Smoothness", "Smoothness of the motion. 0 follows every jitter of the hand.", _LABEL)
+    imgui.set_next_item_width(-1.0)
     flags = imgui.SliderFlags_.logarithmic.value | imgui.SliderFlags_.clamp_on_input.value
-    _, options.smoothness = imgui.slider_float(
-        "##smoothness", options.smoothness, 0.0, _LARGEST_SMOOTHNESS, "%.2f", flags
-    )
+    _, options.smoothness = slider("##smoothness", options.smoothness, 0.0, _LARGEST_SMOOTHNESS, "%.2f", flags)
     context.widget_rects.record("smoothness")
     tooltip("Smoothness of the motion. 0 follows every jitter of the hand.")
     tips = (
@@ -63,10 +64,3 @@ def draw_trajectory_options(feature: "TrajectoriesFeature") -> None:
         tool.clear()
     context.widget_rects.record("clear-trajectories")
     tooltip(f"Remove all trajectories; {context.actions['undo'].shortcut} restores them")
-
-
-def _label(text: str) -> None:
-    imgui.align_text_to_frame_padding()
-    imgui.text(text)
-    imgui.same_line(em(_LABEL))
-    imgui.set_next_item_width(-1.0)

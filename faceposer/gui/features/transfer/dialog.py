@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.camera import OrbitView
 from faceposer.gui.settings import last_folder
-from faceposer.gui.widgets.basic import caption, choice, tooltip
+from faceposer.gui.widgets.basic import caption, choice
 from faceposer.gui.widgets.file_request import FileRequest
-from faceposer.gui.widgets.modal import modal, modal_title
-from faceposer.gui.widgets.theme import ACCENT_DARK, BAD, FAINT, INK, Icon, em
+from faceposer.gui.widgets.modal import modal, modal_body, modal_buttons, modal_entered, modal_escaped, modal_title
+from faceposer.gui.widgets.sliders import row_label
+from faceposer.gui.widgets.theme import BAD, FAINT, INK, Icon, em
+from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.model.face_model import FaceModel
 from faceposer.render.scene import Scene
 from faceposer.transfer.pairs import PRESETS
@@ -32,6 +34,7 @@ _PRESETS = (
     ("paper", "Three", "Use only the heights of mouth and eyes"),
 )
 _SAMPLES = 4
+_BUTTONS, _LEAST = (("open", "Transfer"), ("cancel", "Cancel")), 7.0
 
 
 class TransferDialog:
@@ -40,8 +43,6 @@ class TransferDialog:
     def __init__(self, state: "TransferFeature") -> None:
         """Show and change ``state``."""
         self._state = state
-        # True if a combo box is open in this frame, and in the last one.
-        self._combo_open = self._combo_was_open = False
 
     def draw(self) -> None:
         """Draw the dialog."""
@@ -49,35 +50,37 @@ class TransferDialog:
         with modal("##transfer", _FORM + _PREVIEW + 3.8) as shown:
             if not shown:
                 return
-            fresh = imgui.is_window_appearing()
             modal_title(context.fonts, "Transfer expression")
-            # Previews are next to the form, or below it if the window is too narrow.
-            room = imgui.get_content_region_avail().x
-            fits = room >= em(_FORM + _PREVIEW + 1.0)
-            width = em(_FORM) if fits else room
-            imgui.begin_child("##form", (width, 0.0), imgui.ChildFlags_.auto_resize_y.value)
-            self._draw_form()
-            imgui.end_child()
-            if fits:
-                imgui.same_line(0.0, em(1.0))
-            imgui.begin_child("##pictures", (em(_PREVIEW), 0.0), imgui.ChildFlags_.auto_resize_y.value)
-            self._draw_previews()
-            imgui.end_child()
-            self._draw_foot(fresh)
+            with modal_body(_BUTTONS, _LEAST):
+                self._draw_body()
+            self._draw_foot()
             if not self._state.open:
                 imgui.close_current_popup()
+
+    def _draw_body(self) -> None:
+        # Previews are next to the form, or below it if the window is too narrow.
+        room = imgui.get_content_region_avail().x
+        fits = room >= em(_FORM + _PREVIEW + 1.0) - 2.0
+        width = em(_FORM) if fits else room
+        imgui.begin_child("##form", (width, 0.0), imgui.ChildFlags_.auto_resize_y.value)
+        self._draw_form()
+        imgui.end_child()
+        if fits:
+            imgui.same_line(0.0, em(1.0))
+        imgui.begin_child("##pictures", (em(_PREVIEW), 0.0), imgui.ChildFlags_.auto_resize_y.value)
+        self._draw_previews()
+        imgui.end_child()
 
     # Choices
 
     def _draw_form(self) -> None:
         state = self._state
         context, marks = state.context, state.context.widget_rects
-        _label("Target")
+        row_label("Target", "Character to which the expression is transferred", _LABEL)
         imgui.set_next_item_width(-em(2.8))
         titles = dict(state.characters)
         opened = imgui.begin_combo("##to", titles.get(state.to, Path(state.to).stem))
         marks.record("transfer:to")
-        self._combo_open = opened
         if opened:
             for name, title in state.characters:
                 if imgui.selectable(f"{title}##{name}", name == state.to)[0]:
@@ -94,7 +97,7 @@ class TransferDialog:
             )
         marks.record("transfer:to:file")
         tooltip("Choose a character file")
-        _label("Method")
+        row_label("Method", "How the expression is transferred", _LABEL)
         chosen = choice(marks, "transfer:method", _METHOD_LABELS, _METHODS.index(state.method), _METHOD_TIPS)
         state.method = "distances" if chosen == 0 else "weights"
         imgui.dummy((0.0, em(0.2)))
@@ -188,7 +191,6 @@ class TransferDialog:
             imgui.set_next_item_width(width)
             opened = imgui.begin_combo(f"##end{end}", self._title(state.added[end]))
             marks.record(f"transfer:end:{end}")
-            self._combo_open |= opened
             if opened:
                 for name in points:
                     if imgui.selectable(f"{self._title(name)}##{name}", name == state.added[end])[0]:
@@ -242,31 +244,19 @@ class TransferDialog:
         context.widget_rects.record(f"transfer:picture:{name}")
         tooltip(model.character.title)
 
-    def _draw_foot(self, fresh: bool) -> None:
+    def _draw_foot(self) -> None:
         state = self._state
-        marks = state.context.widget_rects
-        width, gap = em(7), imgui.get_style().item_spacing.x
-        imgui.dummy((0.0, em(0.3)))
-        room = imgui.get_content_region_avail().x - 2.0 * width - gap
-        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(room, 0.0))
-        imgui.begin_disabled(state.result is None)
-        imgui.push_style_color(imgui.Col_.button, ACCENT_DARK)
-        accepted = imgui.button("Open", (width, 0.0))
-        imgui.pop_style_color()
-        imgui.end_disabled()
-        marks.record("transfer:open")
-        tooltip("Open the result as a new session")
-        imgui.same_line()
-        cancelled = imgui.button("Cancel", (width, 0.0))
-        marks.record("transfer:cancel")
-        # A combo box that was open in the last frame receives the key.
-        if not fresh and not self._combo_was_open:
-            cancelled = cancelled or imgui.is_key_pressed(imgui.Key.escape, False)
-            accepted = accepted or (state.result is not None and imgui.is_key_pressed(imgui.Key.enter, False))
-        self._combo_was_open = self._combo_open
-        if accepted:
+        ready = state.result is not None
+        tips = {"open": "Open the result as a new session"}
+        disabled = () if ready else ("open",)
+        pressed = modal_buttons(state.context.widget_rects, "transfer", _BUTTONS, 0, _LEAST, disabled, tips)
+        if modal_escaped():
+            pressed = "cancel"
+        elif modal_entered() and ready:
+            pressed = "open"
+        if pressed == "open":
             state.accept()
-        elif cancelled:
+        elif pressed:
             state.hide()
 
 
@@ -276,10 +266,3 @@ def portrait(model: FaceModel) -> OrbitView:
     inner = [vertex for name, vertex in character.feature_points.items() if not name.startswith("10.")]
     face = character.vertices[inner] if inner else character.vertices
     return OrbitView.preset(face.min(axis=0), face.max(axis=0))
-
-
-def _label(text: str) -> None:
-    left = imgui.get_cursor_pos_x()
-    imgui.align_text_to_frame_padding()
-    imgui.text_unformatted(text)
-    imgui.same_line(left + em(_LABEL))

@@ -8,8 +8,8 @@ from imgui_bundle import imgui
 from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.details import distance, fixed, gaze, stroke
 from faceposer.gui.panels.details.sliders import weight_slider
-from faceposer.gui.widgets.basic import tooltip
 from faceposer.gui.widgets.theme import WARNING
+from faceposer.gui.widgets.tooltips import tooltip
 
 DETAILS: dict[str, Callable[[EditorContext, int, Any], None]] = {
     "distance": distance.draw,

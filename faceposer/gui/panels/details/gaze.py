@@ -9,11 +9,24 @@ from faceposer.solve.constraints.gaze import MOST_PITCH, MOST_YAW, GazeConstrain
 
 def draw(context: EditorContext, index: int, constraint: GazeConstraint) -> None:
     """Draw the two angles; gaze is always met exactly and needs no weight."""
-    for axis, (title, most) in enumerate((("Left", MOST_YAW), ("Up", MOST_PITCH))):
+    for axis, (title, most) in enumerate((("To the left", MOST_YAW), ("Up", MOST_PITCH))):
         key = f"gaze:{axis}"
+        side = "up; negative values turn them down" if axis else "to the person's left; negative values to the right"
+        tip = f"Angle by which the eyes turn {side}."
 
         def changed_to(value: float, axis: int = axis) -> GazeConstraint:
             yaw, pitch = constraint.direction
             return replace(constraint, direction=(yaw, value) if axis else (value, pitch))
 
-        value_slider(context, index, title, key, constraint.direction[axis], (-most, most), "%.0f deg", changed_to)
+        value_slider(
+            context,
+            index,
+            title,
+            key,
+            constraint.direction[axis],
+            (-most, most),
+            "%.0f deg",
+            changed_to,
+            tip,
+            default=0.0,
+        )

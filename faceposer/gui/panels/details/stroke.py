@@ -6,7 +6,8 @@ from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.details.sliders import weight_slider
-from faceposer.gui.widgets.basic import choice, tooltip
+from faceposer.gui.widgets.basic import choice
+from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.solve.constraints.stroke import STROKE_ENERGIES, StrokeConstraint
 
 #: Tooltips of the energies, in the order of ``STROKE_ENERGIES``.

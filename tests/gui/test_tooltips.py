@@ -1,0 +1,129 @@
+"""Tooltips cover nothing that can be pressed: the place of one, and all those of panels and dialogs."""
+
+import pytest
+from imgui_bundle import imgui
+
+from faceposer.gui.features.import_character.feature import ImportCharacterFeature
+from faceposer.gui.testing.scripted_user import Robot
+from faceposer.gui.widgets.tooltips import tooltip_place
+from faceposer.gui.widgets.widget_rects import Rectangle, overlap
+from tests.windows import OpenWindow
+
+VIEW = (1000.0, 800.0)
+TEXT = 300.0 * 20.0
+
+
+def measured(width: float) -> tuple[float, float]:
+    """Return the size of a text of 20 lines of height 15 at 20 pixels width, as if it wrapped anywhere."""
+    wide = min(width, 300.0)
+    return (wide, TEXT / wide)
+
+
+def place(item: Rectangle, window: Rectangle, obstacles: list[Rectangle]) -> Rectangle | None:
+    found = tooltip_place(item, window, VIEW, obstacles, measured, 15.0)
+    if found is None:
+        return None
+    (left, top), width = found
+    wide, tall = measured(width)
+    return (left, top, left + wide, top + tall)
+
+
+def test_beside_the_window_on_the_nearer_side() -> None:
+    window = (350.0, 200.0, 650.0, 600.0)
+    near_left = place((360.0, 300.0, 400.0, 320.0), window, [])
+    near_right = place((600.0, 300.0, 640.0, 320.0), window, [])
+    assert near_left is not None
+    assert near_right is not None
+    assert near_left[2] < window[0]
+    assert near_right[0] > window[2]
+
+
+def test_above_or_below_the_widget_where_nothing_is_in_the_way() -> None:
+    window, item = (0.0, 0.0, 1000.0, 800.0), (300.0, 300.0, 400.0, 320.0)
+    below, above = (250.0, 322.0, 600.0, 400.0), (250.0, 250.0, 600.0, 298.0)
+    free = place(item, window, [])
+    assert free is not None
+    assert free[1] > item[3]
+    over = place(item, window, [below])
+    assert over is not None
+    assert over[3] < item[1]
+    beside = place(item, window, [below, above])
+    assert beside is not None
+    assert beside[0] > item[2]
+    left, right = (0.0, 200.0, 298.0, 700.0), (402.0, 200.0, 1000.0, 700.0)
+    assert place(item, window, [below, above, left, right]) is None
+
+
+class Tooltips:
+    """Boxes of the tooltips of the last frames."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.boxes: list[Rectangle] = []
+        end = imgui.end_tooltip
+
+        def recorded() -> None:
+            low, size = imgui.get_window_pos(), imgui.get_window_size()
+            # In its first frame the size of a window is not known.
+            if size.x > 40.0:
+                self.boxes.append((low.x, low.y, low.x + size.x, low.y + size.y))
+            end()
+
+        monkeypatch.setattr(imgui, "end_tooltip", recorded)
+
+    def over(self, robot: Robot, name: str) -> Rectangle | None:
+        robot.move(robot.app.widget_rects.center(name))
+        self.boxes.clear()
+        robot.frames(4)
+        return self.boxes[-1] if self.boxes else None
+
+
+@pytest.fixture
+def tooltips(monkeypatch: pytest.MonkeyPatch) -> Tooltips:
+    return Tooltips(monkeypatch)
+
+
+def at_once() -> None:
+    style = imgui.get_style()
+    style.hover_stationary_delay = style.hover_delay_normal = 0.0
+
+
+def covered(robot: Robot, box: Rectangle, prefix: str) -> list[str]:
+    seen = robot.app.widget_rects._visible.items()
+    return [name for name, (_, rect) in seen if name.startswith(prefix) and overlap(box, rect)]
+
+
+@pytest.mark.parametrize(("size", "scale"), [((1360, 860), 1.0), ((700, 700), 1.0), ((900, 600), 2.0)])
+@pytest.mark.parametrize("dialog", ["import", "transfer", "export-other", "preferences"])
+def test_in_dialogs(
+    dialog: str, size: tuple[int, int], scale: float, open_window: OpenWindow, tooltips: Tooltips
+) -> None:
+    robot = open_window("low", size, pictures=False, ui_scale=scale)
+    robot.app.actions[dialog].run()
+    if dialog == "import":
+        robot.app.features[ImportCharacterFeature].form.captures = ["/a/take.csv"]
+    robot.frames(8)
+    at_once()
+    prefix = {"export-other": "export"}.get(dialog, dialog)
+    seen = 0
+    for name in [name for name in robot.app.widget_rects if name.startswith(f"{prefix}:")]:
+        if name in robot.app.widget_rects._visible and (box := tooltips.over(robot, name)) is not None:
+            seen += 1
+            assert not covered(robot, box, f"{prefix}:"), name
+    assert seen or scale > 1.0 or dialog == "export-other"
+
+
+@pytest.mark.parametrize(("size", "scale"), [((1360, 860), 1.0), ((900, 600), 2.0)])
+def test_in_the_window(size: tuple[int, int], scale: float, open_window: OpenWindow, tooltips: Tooltips) -> None:
+    robot = open_window("low", size, pictures=False, ui_scale=scale)
+    app = robot.app
+    x, y = robot.at("8.3")
+    robot.drag((x, y), (x + 8, y - 10))
+    robot.key("I")
+    robot.frames(4)
+    at_once()
+    seen = 0
+    for name in [name for name in app.widget_rects if name != "view" and not name.startswith("menu:")]:
+        if name in app.widget_rects._visible and (box := tooltips.over(robot, name)) is not None:
+            seen += 1
+            assert not covered(robot, box, ""), name
+    assert seen > 10
