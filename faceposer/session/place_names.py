@@ -1,5 +1,6 @@
 """Names for places on the face, so that a list of points reads "left mouth corner" and not "triangle 10085"."""
 
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -46,6 +47,10 @@ _TEMPLES: dict[str, tuple[str, str]] = {"left temple": ("3.7", "4.5"), "right te
 _AROUND_TEMPLE = ("cheek", "forehead", "scalp", "brow", "lids", "face")
 
 
+# Largest numbers of names that are cached, of points and of areas.
+_MOST_NAMES, _MOST_AREAS = 4096, 64
+
+
 class PointNames:
     """Names the places of one character."""
 
@@ -62,7 +67,9 @@ class PointNames:
         for region, vertices in by_size:
             sound = vertices[self._plausible(region, vertices)]
             self._region_of.update(dict.fromkeys(sound.tolist(), region))
-        self._known: dict[SurfacePoint | int, str] = {}
+        # The list of constraints asks for all names in every frame.
+        self.name = lru_cache(maxsize=_MOST_NAMES)(self._find)
+        self.area = lru_cache(maxsize=_MOST_AREAS)(self._find_area)
         self._labelled = np.array(sorted(self._region_of), dtype=np.int64)
         self._tree: Any = None
 
@@ -87,7 +94,7 @@ class PointNames:
                 return title
         return f"{self.name(anchors[0])} to {self.name(anchors[1])}"
 
-    def area(self, points: SurfacePoints) -> str:
+    def _find_area(self, points: SurfacePoints) -> str:
         """Return what people call the area that ``points`` cover: the regions with most of them."""
         counts: dict[str, int] = {}
         for corner in points.corners(self._character.triangles)[:, 0].tolist():
@@ -110,13 +117,8 @@ class PointNames:
         nearest = int(np.argmin(distances))
         return self._ids[nearest] if distances[nearest] < _AT * self._character.height else None
 
-    def name(self, point: SurfacePoint | int) -> str:
-        """Return what people call the place ``point``, a surface point or the index of a vertex."""
-        if point not in self._known:
-            self._known[point] = self._find(point)
-        return self._known[point]
-
     def _find(self, point: SurfacePoint | int) -> str:
+        """Return what people call the place ``point``, a surface point or the index of a vertex."""
         position = surface_positions(self._character.vertices, self._character.triangles, [point])[0]
         if isinstance(point, SurfacePoint):
             vertex = int(self._character.triangles[point.face, int(np.argmax(point.barycentric))])
