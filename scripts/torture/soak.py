@@ -42,7 +42,7 @@ from faceposer.gui.settings import Settings
 from faceposer.gui.testing.random_user import RandomUser
 from faceposer.session.document import Document, write_document
 
-EVENTS, BLOCK, DRAW_EVERY, SEED = 100_000, 1000, 20, 7
+EVENTS, BLOCK, DRAW_EVERY, SEED = 100_000, 1000, 50, 7
 SHORT_EVENTS, SHORT_BLOCK = 600, 60
 #: Largest growth of the memory in use, as a share, from the end of the first tenth of the events to the end.
 GROWTH = 0.15
@@ -122,6 +122,7 @@ class Soak:
                 steepest, before = max(steepest, (used - before, i)), used
                 self._check_event(block, i)
         self._check_block(block)
+        app.screenshot()
         return {
             "block": block,
             "events": user.done,
@@ -203,7 +204,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the program and return its exit status."""
     assert __doc__ is not None
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--character", default="man", metavar="WHAT", help="character or session to open (default: man)")
+    parser.add_argument(
+        "--character", default="man", metavar="WHAT", help="character or session to open (default: man)"
+    )
     parser.add_argument("--events", type=int, default=EVENTS, help=f"how many (default: {EVENTS})")
     parser.add_argument("--every", type=int, default=BLOCK, help=f"events of a block (default: {BLOCK})")
     parser.add_argument("--seed", type=int, default=SEED, help=f"of the events (default: {SEED})")
