@@ -73,16 +73,22 @@ class SurfacePoints:
         faces = -1 - np.asarray(vertices, dtype=np.int64)
         return cls(faces, np.tile([1.0, 0.0, 0.0], (len(faces), 1)))
 
-    @cached_property
-    def _key(self) -> tuple[bytes, bytes]:
-        return self.faces.tobytes(), self.barycentric.tobytes()
+    @property
+    def nbytes(self) -> int:
+        """Memory of the points in bytes."""
+        return self.faces.nbytes + self.barycentric.nbytes
 
     def __eq__(self, other: object) -> bool:
-        return self is other or (isinstance(other, SurfacePoints) and self._key == other._key)
+        return self is other or (
+            isinstance(other, SurfacePoints)
+            and np.array_equal(self.faces, other.faces)
+            and np.array_equal(self.barycentric, other.barycentric)
+        )
 
     @cached_property
     def _hash(self) -> int:
-        return hash(self._key)
+        # The bytes are not kept: a history has thousands of points.
+        return hash((self.faces.tobytes(), self.barycentric.tobytes()))
 
     def __hash__(self) -> int:
         return self._hash

@@ -77,6 +77,7 @@ class Window:
             glfw.terminate()
             raise NoWindowError(f"OpenGL 3.3 is not available ({error}); update the graphics driver.") from error
         self._alive = True
+        self._hidden = hidden
         glfw.swap_interval(0 if hidden else 1)
         if not hidden:
             glfw.set_window_size_limits(self._handle, *SMALLEST, glfw.DONT_CARE, glfw.DONT_CARE)
@@ -166,6 +167,9 @@ class Window:
     def swap(self) -> None:
         """Show the drawn frame."""
         glfw.swap_buffers(self._handle)
+        if self._hidden:
+            # No screen limits the number of frames: the driver would queue dozens, with tens of megabytes for each.
+            self.ctx.finish()
 
     # Events
 

@@ -1,8 +1,8 @@
 """Face models: a character with the subspace of its expressions and the density over it, the input of a solve."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -21,6 +21,7 @@ from faceposer.model.muscles import co_contraction, independence
 from faceposer.model.pca import RigSubspace, reconstruction_error, rig_pca, smallest_reaching
 from faceposer.model.shape_names import half_shapes_of, weight_map
 from faceposer.model.split_shapes import split_to_match
+from faceposer.sized_cache import SizedCache
 
 if TYPE_CHECKING:
     from faceposer.model.contact.step import ContactStep
@@ -34,6 +35,11 @@ _TURNS = 1e-4
 # The PCA weighs motion relative to the total motion of its place; this floor, in centimetres, keeps nearly motionless
 # places from counting.
 _STILL_MOTION = 0.117
+# Largest memory in bytes and number of the cached derivatives of points, and of their products. The points of a brush
+# take megabytes, one that is dragged a kilobyte.
+_MOST_ROWS, _MOST_GRAMS = (64 << 20, 256), (8 << 20, 64)
+# Points whose derivatives are gathered at a time.
+_BATCH = 1024
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,19 +155,25 @@ class FaceModel:
         return self._grams(points)
 
     @cached_property
-    def _gathered(self) -> Callable[[SurfacePoints], tuple[Array, Array]]:
-        return lru_cache(maxsize=256)(self._gather)
+    def _gathered(self) -> SizedCache[SurfacePoints, tuple[Array, Array]]:
+        return SizedCache(self._gather, lambda rows, points: sum(a.nbytes for a in rows) + points.nbytes, *_MOST_ROWS)
 
     @cached_property
-    def _grams(self) -> Callable[[SurfacePoints], Array]:
-        return lru_cache(maxsize=64)(self._gram)
+    def _grams(self) -> SizedCache[SurfacePoints, Array]:
+        return SizedCache(self._gram, lambda gram, points: gram.nbytes + points.nbytes, *_MOST_GRAMS)
 
     def _gather(self, points: SurfacePoints) -> tuple[Array, Array]:
         points.check(self.triangles)
         corners = points.corners(self.triangles)
-        fields = self.basis.reshape(self.n_coefficients, -1, 3)[:, corners]
-        rows = np.einsum("nk,rnkd->ndr", points.barycentric, fields, optimize=True)
-        return np.ascontiguousarray(rows), points.positions(self.character.vertices, self.triangles)
+        basis = self.basis.reshape(self.n_coefficients, -1, 3)
+        rows = np.empty((len(points), 3, self.n_coefficients))
+        for batch in (slice(begin, begin + _BATCH) for begin in range(0, len(points), _BATCH)):
+            if np.all(points.faces[batch] < 0):
+                rows[batch] = basis[:, corners[batch, 0]].transpose(1, 2, 0)
+            else:
+                weights, fields = points.barycentric[batch], basis[:, corners[batch]]
+                rows[batch] = np.einsum("nk,rnkd->ndr", weights, fields, optimize=True)
+        return rows, points.positions(self.character.vertices, self.triangles)
 
     def _gram(self, points: SurfacePoints) -> Array:
         rows = self.jacobian_at(points)[0].reshape(-1, self.n_coefficients)

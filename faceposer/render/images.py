@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from faceposer.files.atomic import atomic_file
+from faceposer.render.framebuffers import ColourTarget
 
 # Size of an animation's shared palette; recordings of the window gain nothing from more colours.
 _COLOURS = 160
@@ -84,11 +85,13 @@ def _write(path: Path, save: Callable[[Path], None]) -> None:
 
 def drawn_pixels(ctx: moderngl.Context, size: tuple[int, int], draw: Callable[[], None]) -> NDArray[np.uint8]:
     """Return the image that ``draw`` renders to ``size`` pixels, top row first, shape (height, width, 3)."""
-    buffer = ctx.simple_framebuffer(size, 3)
-    buffer.use()
-    buffer.clear(0.0, 0.0, 0.0, 1.0)
-    draw()
-    data = np.frombuffer(buffer.read(components=3, alignment=1), dtype=np.uint8)
-    buffer.release()
-    ctx.screen.use()
-    return np.ascontiguousarray(data.reshape(size[1], size[0], 3)[::-1])
+    # Unlike that of a simple framebuffer, its memory is all released.
+    target = ColourTarget(ctx, size)
+    try:
+        target.framebuffer.use()
+        target.framebuffer.clear(0.0, 0.0, 0.0, 1.0)
+        draw()
+        return target.read()
+    finally:
+        target.release()
+        ctx.screen.use()

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -65,6 +66,10 @@ _NOTABLE = 0.2
 _AROUND_TEMPLE = ("cheek", "forehead", "scalp", "brow", "lids", "face")
 
 
+# Largest numbers of names that are cached, of points and of areas.
+_MOST_NAMES, _MOST_AREAS = 4096, 64
+
+
 class PointNames:
     """Names of the places on one character."""
 
@@ -81,7 +86,9 @@ class PointNames:
         for region, vertices in by_size:
             plausible = vertices[self._plausible(region, vertices)]
             self._region_of.update(dict.fromkeys(plausible.tolist(), region))
-        self._known: dict[SurfacePoint | int, str] = {}
+        # The list of constraints asks for all names in every frame.
+        self.name = lru_cache(maxsize=_MOST_NAMES)(self._find)
+        self.area = lru_cache(maxsize=_MOST_AREAS)(self._find_area)
         self._labelled = np.array(sorted(self._region_of), dtype=np.int64)
         self._tree: Any = None
 
@@ -132,7 +139,7 @@ class PointNames:
             frequent = frequent[:1]
         return " and ".join(_sided(part, [side for other, side in parts if other == part]) for part in frequent)
 
-    def area(self, points: SurfacePoints) -> str:
+    def _find_area(self, points: SurfacePoints) -> str:
         """Return the name of the area covered by ``points``: the regions with most of them."""
         counts = Counter[str]()
         for corner in points.corners(self._character.triangles)[:, 0].tolist():
@@ -157,13 +164,8 @@ class PointNames:
         nearest = int(np.argmin(distances))
         return self._ids[nearest] if distances[nearest] < _AT * self._character.height else None
 
-    def name(self, point: SurfacePoint | int) -> str:
-        """Return the name of ``point``, a surface point or the index of a vertex."""
-        if point not in self._known:
-            self._known[point] = self._find(point)
-        return self._known[point]
-
     def _find(self, point: SurfacePoint | int) -> str:
+        """Return the name of ``point``, a surface point or the index of a vertex."""
         position = surface_positions(self._character.vertices, self._character.triangles, [point])[0]
         if isinstance(point, SurfacePoint):
             vertex = int(self._character.triangles[point.face, int(np.argmax(point.barycentric))])

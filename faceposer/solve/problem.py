@@ -11,6 +11,7 @@ from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.muscles import dependent_pairs
+from faceposer.sized_cache import sized_cache
 from faceposer.solve.constraints.point import PointTerm
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
 from faceposer.solve.coverage import coverage
@@ -37,6 +38,8 @@ _FIRM = 1500.0
 _LEAST_WEIGHT = 0.02
 # Keeps the problem bounded where neither constraints nor the prior do, and is negligible elsewhere.
 _RIDGE = 1e-6
+# Largest memory in bytes and number of the points, and of the states at start poses, that are cached.
+_CACHED = (32 << 20, 8)
 
 
 class Ridge(QuadraticTerm):
@@ -296,7 +299,7 @@ def gather_points(model: FaceModel, constraints: Sequence[Constraint]) -> tuple[
     return _gathered(model, places)
 
 
-@lru_cache(maxsize=8)
+@sized_cache(lambda gathered, model, places: gathered[0].nbytes, *_CACHED)
 def _gathered(
     model: FaceModel, places: tuple[tuple[SurfacePoints, Camera] | None, ...]
 ) -> tuple[AnchoredPoints, tuple[Indices, ...]]:
@@ -323,7 +326,7 @@ def _gathered(
     return anchored, tuple(slots)
 
 
-@lru_cache(maxsize=8)
+@sized_cache(lambda state, anchored, pose: state.nbytes, *_CACHED)
 def _state_at(anchored: AnchoredPoints, pose: bytes) -> PoseState:
     """Return the state at a ``pose``, cached since dragging targets leaves the start pose unchanged."""
     return PoseState(anchored, np.frombuffer(pose))

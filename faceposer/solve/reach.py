@@ -10,6 +10,7 @@ from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.model.muscles import dependent_pairs
+from faceposer.sized_cache import sized_cache
 from faceposer.solve.term import Array, Indices, PoseState
 
 # Motion of a point by a shape, as a share of the shape's largest motion: below the first share a pull on the point is
@@ -25,6 +26,8 @@ HARDLY_MOVES = 0.2
 _FAR = 3.0
 # Least reach in pixels of a point that can move at all: the error of a hand.
 _TREMOR_PX = 1.5
+# Largest memory in bytes and number of the cached reaches of points, with the states that they belong to.
+_CACHED = (32 << 20, 32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +110,7 @@ def reach_of_points(model: FaceModel, state: PoseState, points: Indices, camera:
     return _reach_of_points(model, state, points.tobytes(), camera, limits.tobytes())
 
 
-@lru_cache(maxsize=32)
+@sized_cache(lambda reach, model, state, *_: state.nbytes + 2 * reach.steps.nbytes, *_CACHED)
 def _reach_of_points(model: FaceModel, state: PoseState, points: bytes, camera: Camera, limits: bytes) -> Reach:
     rows, neutral = state.anchored_at(np.frombuffer(points, dtype=np.intp))
     return reach_of_rows(model, state.p, rows, neutral, camera, np.frombuffer(limits).reshape(-1, 2))

@@ -33,6 +33,11 @@ class AnchoredPoints:
     neutral: Array
     views: tuple[tuple[Camera, Indices], ...]
 
+    @property
+    def nbytes(self) -> int:
+        """Memory of the points in bytes."""
+        return self.rows.nbytes + self.neutral.nbytes
+
 
 class PoseState:
     """The anchored points at one vector of coefficients: positions, pixels and derivatives, each computed once."""
@@ -41,6 +46,11 @@ class PoseState:
         """Prepare the state at coefficients ``p`` of shape (r,)."""
         self._anchored = anchored
         self.p = p
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the state and its points in bytes, with all that it computes on demand."""
+        return self._anchored.nbytes + (3 + 2 + 6) * self.p.itemsize * len(self._anchored.neutral)
 
     @cached_property
     def points(self) -> Array:

@@ -5,29 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from faceposer.gui.actions import parsed_key
 from faceposer.gui.app import App
-from faceposer.gui.testing.scripted_user import Position
+from faceposer.gui.testing.random_user import RandomUser
 from faceposer.session.document import Document
-from faceposer.tools.tool import Button
 from tests.windows import OpenWindow
 
 pytestmark = pytest.mark.gl
 
 EVENTS = 2500
-# Widgets that edit the session or its tools; others open files, menus or dialogs.
-_WIDGETS = (
-    *("tool-", "symmetry", "point:", "detail:", "hold", "measure:", "shape", "weight", "prior:", "mode:", "tab:"),
-    *("fix", "brush", "energy:", "curve:", "redraw", "stroke-energy:", "delete", "clear", "its-view"),
-    *("track", "play", "set-key", "next-key", "loop", "auto-key", "length", "timing", "follow"),
-)
-_MODIFIERS: tuple[frozenset[str], ...] = (
-    *(frozenset() for _ in range(9)),
-    frozenset({"shift"}),
-    frozenset({"ctrl"}),
-    frozenset({"alt"}),
-)
-_BUTTONS: tuple[Button, ...] = ("left", "left", "left", "left", "left", "middle", "right")
 
 
 @pytest.fixture
@@ -35,134 +20,22 @@ def app(open_window: OpenWindow) -> App:
     return open_window("man", (700, 520), pictures=False).app
 
 
-class Monkey:
-    """A user without a plan, but with a seed."""
-
-    def __init__(self, app: App, seed: int) -> None:
-        self.app = app
-        self.rng = np.random.default_rng(seed)
-        self.held: Button | None = None
-        self.time = 0.0
-        self.seen: set[str] = set()
-        app.window.clock = self.clock
-        # Menus, dialogs and files are left alone, and without a photo its keys do nothing.
-        left_out = {"keys", "about", "quit", "photo-pin", "photo-skip", "photo-shown"}
-        self.keys = [
-            key
-            for action in app.actions
-            if action.menu not in {"File", "Help"} and action.name not in left_out
-            for key in action.keys
-            # Going to another frame takes the constraints away.
-            for _ in range(1 if action.menu == "Animate" else 4)
-        ]
-
-    def clock(self) -> float:
-        return self.time
-
-    def step(self) -> None:
-        self.time += 1.0 / 60.0
-        self.app.window.wait(0.0)
-        self.app.step()
-        self.seen |= {constraint.kind for constraint in self.app.session.document.constraints}
-
-    def place(self) -> Position:
-        """Return a place to go to: mostly on the face, sometimes anywhere in the view, or on a widget."""
-        app, rng = self.app, self.rng
-        share = rng.random()
-        left, top, right, bottom = app.widget_rects["view"]
-        if share < 0.6:
-            return (float(rng.normal((left + right) / 2, 45)), float(rng.normal((top + bottom) / 2 + 15, 50)))
-        if share < 0.7:
-            return (float(rng.uniform(left, right)), float(rng.uniform(top, bottom)))
-        names = sorted(name for name in app.widget_rects if name.startswith(_WIDGETS))
-        if not names:
-            return ((left + right) / 2, (top + bottom) / 2)
-        name = names[int(rng.integers(len(names)))]
-        left, top, right, bottom = app.widget_rects[name]
-        # What is scrolled away lies under other things, which may be left alone for good reasons.
-        in_panel = "save" in app.widget_rects and right > app.widget_rects["save"][0]
-        if in_panel and bottom > app.widget_rects["save"][1] - 4:
-            return self.place()
-        return (float(rng.uniform(left, right)), float(rng.uniform(top, bottom)))
-
-    def act(self) -> None:
-        """Do one thing."""
-        app, rng = self.app, self.rng
-        share = rng.random()
-        modifiers = _MODIFIERS[int(rng.integers(len(_MODIFIERS)))]
-        if self.held is not None and share < 0.3:
-            app.window.play_button(self.held, False, modifiers)
-            self.held = None
-        elif self.held is None and share < 0.4:
-            app.window.play_move(*self.place())
-            self.step()
-            self.held = _BUTTONS[int(rng.integers(len(_BUTTONS)))]
-            app.window.play_button(self.held, True, modifiers)
-        elif share < 0.8:
-            app.window.play_move(*self.place())
-        elif share < 0.84:
-            app.window.play_wheel(float(rng.integers(-2, 3)))
-        else:
-            held, name = parsed_key(self.keys[int(rng.integers(len(self.keys)))])
-            for kind in ("press", "release"):
-                app.window.play_key(name, kind, held)
-        self.step()
-
-    def take_up(self, tool: str) -> None:
-        """Choose ``tool`` and look at the face from the front again."""
-        self.rest()
-        self.app.actions["view-front"].run()
-        self.app.actions["frame"].run()
-        if not self.app.panel_shown:
-            self.app.actions["panel"].run()
-        self.app.actions[f"tool-{tool}"].run()
-        self.step()
-        if tool == "curve":
-            self.draw_curve()
-
-    def draw_curve(self) -> None:
-        """Click the points of a curve over the face and accept it, which chance seldom brings together."""
-        left, top, right, bottom = self.app.widget_rects["view"]
-        for across in (-30.0, 0.0, 30.0):
-            self.app.window.play_move(
-                (left + right) / 2 + across, (top + bottom) / 2 + float(self.rng.uniform(-20, 60))
-            )
-            self.step()
-            for down in (True, False):
-                self.app.window.play_button("left", down, frozenset())
-                self.step()
-            self.time += 1.0
-        for kind in ("press", "release"):
-            self.app.window.play_key("Enter", kind, frozenset())
-            self.step()
-
-    def rest(self) -> None:
-        """Let go of everything."""
-        if self.held is not None:
-            self.app.window.play_button(self.held, False, frozenset())
-            self.held = None
-        for _ in range(4):
-            self.step()
-
-
 @pytest.mark.slow
 def test_random_events_leave_everything_sound(app: App, capsys: pytest.CaptureFixture[str]) -> None:
-    monkey = Monkey(app, seed=2)
+    user = RandomUser(app, seed=2)
     for _ in range(4):
-        monkey.step()
-    for i in range(EVENTS):
-        if i % 50 == 0:
-            monkey.take_up(list(app.toolbox.tools)[i // 50 % len(app.toolbox.tools)])
-        monkey.act()
+        user.step()
+    for _ in range(EVENTS):
+        user.next()
         assert not app.dialogs.waiting, app.dialogs.waiting[0].text
         assert np.isfinite(app.session.coefficients).all()
-    monkey.rest()
+    user.rest()
     app.toolbox.cancel()
     app.session.wait()
     assert not app.busy
     assert not app.closing
     assert capsys.readouterr().err == ""
-    assert len(monkey.seen) >= 5, "most kinds of constraints were made"
+    assert len(user.seen) >= 5, "most kinds of constraints were made"
 
     session = app.session
     end = session.document
