@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.basic import caption, tooltip
+from faceposer.gui.widgets.text import displayed, widget_id
 from faceposer.gui.widgets.theme import em
 from faceposer.solve.constraints.gaze import GazeConstraint
 
@@ -45,7 +46,7 @@ class ShapesPanel:
         imgui.begin_disabled(held or context.toolbox.active)
         imgui.set_next_item_width(em(7.2))
         changed, value = imgui.slider_float(
-            f"{name}##{key}", shown, lower, upper, "%.2f", imgui.SliderFlags_.clamp_on_input
+            f"{displayed(name)}##{widget_id(key)}", shown, lower, upper, "%.2f", imgui.SliderFlags_.clamp_on_input
         )
         context.widget_rects.record(key)
         imgui.end_disabled()

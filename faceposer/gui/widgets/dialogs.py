@@ -7,8 +7,9 @@ from imgui_bundle import imgui
 
 from faceposer.errors import FacePoserError
 from faceposer.gui.actions import Actions, display_key
-from faceposer.gui.widgets.basic import WidgetRects, caption
+from faceposer.gui.widgets.basic import WidgetRects, caption, text_field
 from faceposer.gui.widgets.modal import modal, modal_buttons, modal_title
+from faceposer.gui.widgets.text import displayed
 from faceposer.gui.widgets.theme import FAINT, Fonts, em, u32
 
 _MOUSE = (
@@ -138,13 +139,12 @@ class Dialogs:
         appearing = imgui.is_window_appearing()
         modal_title(self.fonts, question.title, question.bad)
         imgui.push_text_wrap_pos(em(28))
-        imgui.text_unformatted(question.text)
+        imgui.text_unformatted(displayed(question.text))
         imgui.pop_text_wrap_pos()
         if question.details:
             imgui.dummy((0.0, em(0.3)))
-            imgui.input_text_multiline(
-                "##details", question.details, (em(34), em(10)), imgui.InputTextFlags_.read_only.value
-            )
+            details = displayed(question.details, label=False)
+            imgui.input_text_multiline("##details", details, (em(34), em(10)), imgui.InputTextFlags_.read_only.value)
         imgui.dummy((0.0, em(0.4)))
         labels = [(str(i), choice.label) for i, choice in enumerate(question.choices)]
         pressed = modal_buttons(self.rects, "choice", labels, default=question.default, least=5.5)
@@ -181,7 +181,7 @@ class Dialogs:
             imgui.set_keyboard_focus_here()
         imgui.set_next_item_width(-1.0)
         flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
-        entered, text = imgui.input_text("##text", question.text, flags)
+        entered, text = text_field("##text", question.text, flags=flags.value)
         self.rects.record("text:field")
         if text != question.text:
             question.text, question.problem = text, ""

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from imgui_bundle import imgui
 
 from faceposer.gui.widgets.basic import WidgetRects, caption
+from faceposer.gui.widgets.text import displayed, shortened
 from faceposer.gui.widgets.theme import ACCENT_DARK, BAD, Fonts, Icon, em
 from faceposer.session.jobs import Job
 
@@ -51,7 +52,7 @@ def modal_title(fonts: Fonts, text: str, bad: bool = False) -> None:
         imgui.text_colored(BAD, Icon.WARNING)
         imgui.same_line()
     imgui.push_font(fonts.bold, 0.0)
-    imgui.text_unformatted(text)
+    imgui.text_unformatted(shortened(text, max(imgui.get_main_viewport().size.x - em(5), em(5))))
     imgui.pop_font()
     imgui.dummy((0.0, em(0.2)))
 
@@ -69,6 +70,7 @@ def modal_buttons(
         least: Minimum width in units of the font size.
     """
     style = imgui.get_style()
+    buttons = [(name, displayed(label)) for name, label in buttons]
     widths = [max(imgui.calc_text_size(label).x + 2.0 * style.frame_padding.x, em(least)) for _, label in buttons]
     imgui.dummy((0.0, em(0.3)))
     room = imgui.get_content_region_avail().x - sum(widths) - style.item_spacing.x * (len(widths) - 1)

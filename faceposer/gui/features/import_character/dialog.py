@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
+from faceposer.files import paths
 from faceposer.geometry.mesh_io import MESH_SUFFIXES
 from faceposer.gui.features.import_character.form import ImportForm
 from faceposer.gui.features.import_character.summary import draw_summary
 from faceposer.gui.settings import last_folder
-from faceposer.gui.widgets.basic import WidgetRects, caption, choice, tooltip
+from faceposer.gui.widgets.basic import WidgetRects, caption, choice, text_field, tooltip
 from faceposer.gui.widgets.file_request import FileRequest, Purpose
 from faceposer.gui.widgets.modal import draw_job, modal, modal_buttons, modal_title
+from faceposer.gui.widgets.text import displayed
 from faceposer.gui.widgets.theme import BAD, Icon, em
 
 if TYPE_CHECKING:
@@ -88,7 +90,7 @@ class ImportDialog:
         if importing.error:
             # The warning icon in front of the text needs room.
             wrap = imgui.get_content_region_avail().x - em(2.2)
-            text_height = imgui.calc_text_size(importing.error, wrap_width=wrap).y
+            text_height = imgui.calc_text_size(displayed(importing.error), wrap_width=wrap).y
             error_height = text_height + em(0.1) + 2.0 * imgui.get_style().item_spacing.y
         _begin_body(error_height)
         self._draw_source(importing)
@@ -179,7 +181,7 @@ class ImportDialog:
             rects.record(f"import:capture:{i}:remove")
             tooltip("Remove this performance")
             imgui.same_line()
-            imgui.text_unformatted(Path(path).name)
+            imgui.text_unformatted(displayed(Path(path).name))
             tooltip(path)
         if form.captures:
             _label("")
@@ -280,7 +282,7 @@ def _label(text: str, width: float | None = None) -> None:
 def _text_row(rects: WidgetRects, key: str, label: str, value: str, tip: str) -> str:
     _label(label)
     imgui.set_next_item_width(-1.0)
-    _, value = imgui.input_text(f"##{key}", value, imgui.InputTextFlags_.auto_select_all.value)
+    _, value = text_field(f"##{key}", value, flags=imgui.InputTextFlags_.auto_select_all.value)
     rects.record(f"import:{key}")
     tooltip(tip)
     return value
@@ -314,7 +316,7 @@ def _path_row(
     side, gap = em(2.2), imgui.get_style().item_inner_spacing.x
     count = 1 + folder
     imgui.set_next_item_width(-(count * (side + gap)))
-    _, value = imgui.input_text_with_hint(f"##{key}", hint, value, imgui.InputTextFlags_.auto_select_all.value)
+    _, value = text_field(f"##{key}", value, hint, imgui.InputTextFlags_.auto_select_all.value)
     importing.context.widget_rects.record(f"import:{key}")
     tooltip(f"{tip}\n{value}" if value else tip)
     imgui.same_line(0.0, gap)
@@ -336,8 +338,8 @@ def _path_row(
 
 def _start_folder(importing: "ImportCharacterFeature", near: str, purpose: Purpose = "open") -> Path:
     """Return the path at which a file dialog opens: that of the field, or the last folder."""
-    path = Path(near.strip()).expanduser() if near.strip() else None
-    if path is not None and path.parent.is_dir():
+    path = paths.expand_user(near.strip()) if near.strip() else None
+    if path is not None and paths.can_enter(path.parent):
         return path if purpose == "save" else path.parent
     return last_folder(importing.context.settings)
 
@@ -348,7 +350,7 @@ def _draw_error(text: str) -> None:
     imgui.same_line()
     imgui.push_text_wrap_pos(0.0)
     imgui.push_style_color(imgui.Col_.text, BAD)
-    imgui.text_unformatted(text)
+    imgui.text_unformatted(displayed(text))
     imgui.pop_style_color()
     imgui.pop_text_wrap_pos()
 

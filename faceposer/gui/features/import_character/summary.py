@@ -7,6 +7,7 @@ from imgui_bundle import imgui, implot
 
 from faceposer.gui.recent_files import shown_path
 from faceposer.gui.widgets.basic import WidgetRects, tooltip
+from faceposer.gui.widgets.text import displayed
 from faceposer.gui.widgets.theme import ACCENT, FAINT, TARGET, WARNING, Fonts, Icon, em
 from faceposer.training.summary import arkit_shapes_of
 
@@ -37,11 +38,11 @@ def draw_summary(fonts: Fonts, rects: WidgetRects, about: dict[str, Any]) -> Non
     imgui.text_colored(TARGET, Icon.CHECK)
     imgui.same_line()
     imgui.push_font(fonts.bold, 0.0)
-    imgui.text_unformatted(f"{about['title']} is ready")
+    imgui.text_unformatted(displayed(f"{about['title']} is ready"))
     imgui.pop_font()
     imgui.dummy((0.0, em(0.1)))
     imgui.push_text_wrap_pos(0.0)
-    imgui.text_unformatted(sentence_of(about))
+    imgui.text_unformatted(displayed(sentence_of(about)))
     imgui.pop_text_wrap_pos()
     imgui.dummy((0.0, em(0.1)))
     facts = facts_of(about)
@@ -145,7 +146,7 @@ def _row(label: str, text: str, colour: tuple[float, float, float, float] | None
     imgui.same_line(left + em(_LABEL))
     imgui.push_text_wrap_pos(0.0)
     # A file name may contain format specifiers.
-    imgui.text_unformatted(text)
+    imgui.text_unformatted(displayed(text))
     imgui.pop_text_wrap_pos()
 
 

@@ -8,6 +8,7 @@ from faceposer.errors import FacePoserError
 from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.basic import toggle_button
 from faceposer.gui.widgets.modal import modal, modal_title
+from faceposer.gui.widgets.text import displayed
 from faceposer.gui.widgets.theme import ACCENT_DARK, WARNING, em
 from faceposer.poses.library import PoseExistsError
 from faceposer.poses.pose_file import LONGEST_NAME
@@ -67,9 +68,11 @@ class NameDialog:
         if self._name != before:
             self._problem, self._exists = "", False
         if self._problem:
+            imgui.push_style_color(imgui.Col_.text, WARNING)
             imgui.push_text_wrap_pos(em(23.4))
-            imgui.text_colored(WARNING, self._problem)
+            imgui.text_unformatted(displayed(self._problem))
             imgui.pop_text_wrap_pos()
+            imgui.pop_style_color()
         imgui.dummy((0.0, em(0.4)))
         width = em(6.5)
         left = imgui.get_content_region_avail().x - 2.0 * width - imgui.get_style().item_spacing.x
