@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from faceposer.files import paths
-from faceposer.files.user_folders import home_folder
 from faceposer.gui.actions import Action
 from faceposer.gui.context import EditorContext
 from faceposer.gui.settings import MAX_RECENT
@@ -66,7 +65,7 @@ class RecentFiles:
 def shown_path(path: str) -> str:
     """Return ``path`` for the menu: relative to the home folder if it is inside, and shortened."""
     full = Path(path)
-    home = home_folder()
+    home = paths.expand_user("~")
     text = f"~/{full.relative_to(home).as_posix()}" if full.is_relative_to(home) else path
     if len(text) > _MAX_LETTERS:
         text = f"{text[: _MAX_LETTERS // 3]}...{text[-(_MAX_LETTERS - _MAX_LETTERS // 3 - 3) :]}"

@@ -343,21 +343,14 @@ def write_document(path: Path, document: Document) -> str:
     Raises:
         FacePoserError: If the file cannot be written, or could not be opened again.
     """
-    data = document.to_json()
-    check_readable(data, f"The session '{path}'")
-    text = json.dumps(data, indent=1, allow_nan=False)
+    text = json.dumps(document.to_json(), indent=1)
     text = _NUMBERS.sub(lambda found: f"[{', '.join(found[1].replace(',', ' ').split())}]", text) + "\n"
+    try:
+        Document.from_json(json.loads(text))
+    except FacePoserError as error:
+        raise FacePoserError(
+            f"The session '{path}' was not written, since it could not be opened again: {error} Undo the change that "
+            "led to this value, and save again."
+        ) from error
     write_text(path, text, "session")
     return text
-
-
-def check_readable(data: Any, title: str) -> None:
-    """Check that ``data``, a document as written in a file, lies within the limits of the format.
-
-    Raises:
-        FacePoserError: If it does not; the message begins with ``title`` and names the place.
-    """
-    try:
-        Document.from_json(data)
-    except FacePoserError as error:
-        raise FacePoserError(f"{title} cannot be written: {error} Undo the last change, and save again.") from error
