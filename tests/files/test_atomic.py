@@ -244,8 +244,7 @@ def test_only_what_dead_programs_left_is_removed(tmp_path: Path) -> None:
         left("a.json.0"),
     ]
     old = tmp_path / f".old.{dead}.00000000.faceposer.tmp"
-    for name in (*kept, old.name, left(f"a.json.{dead}"), left(f"another.{dead}"), left(f"line
-break.{dead}")):
+    for name in (*kept, old.name, left(f"a.json.{dead}"), left(f"another.{dead}"), left(f"line\nbreak.{dead}")):
         (tmp_path / name).write_text("half")
     os.utime(old, (0, 0))
     write_text(path, "text", "session")
