@@ -24,6 +24,7 @@ from faceposer.cli import (
     transfer,
     window,
 )
+from faceposer.cli.console import flushed, prepare_console
 from faceposer.errors import FacePoserError, NoWindowError
 
 
@@ -97,6 +98,7 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line ``arguments`` (those of the process if None) and exit with its status."""
     words = sys.argv[1:] if arguments is None else list(arguments)
+    prepare_console()
     # The matrices are small: threads inside NumPy would only take time from drawing and the solver.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
@@ -117,7 +119,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         status = 130
     except BrokenPipeError:
         status = 141
-    sys.exit(status)
+    except OSError as error:
+        name = "" if error.filename is None else f" '{os.fsdecode(error.filename)}'"
+        print(FacePoserError(f"A file{name} cannot be used: {error.strerror or error}."), file=sys.stderr)
+        status = 2
+    except MemoryError:
+        print("There is not enough memory; close other programs, or use smaller inputs.", file=sys.stderr)
+        status = 2
+    sys.exit(flushed(status))
 
 
 def _run(words: list[str]) -> int:

@@ -25,6 +25,7 @@ def atomic_file(path: Path, kind: str, durable: bool = True) -> Iterator[Path]:
     Raises:
         FacePoserError: If the file cannot be written.
     """
+    _check_replaceable(path, kind)
     temporary = temporary_path(path)
     try:
         remove_left(path.parent)
@@ -53,6 +54,8 @@ def atomic_files(paths: Sequence[Path], kind: str) -> Iterator[list[Path]]:
     Raises:
         FacePoserError: If a file cannot be written; the old files are then restored.
     """
+    for path in paths:
+        _check_replaceable(path, kind)
     temporaries = [temporary_path(path) for path in paths]
     olds = [path.with_name(f"{path.name}.old") for path in paths]
     backups = [temporary_path(old) for old in olds]
@@ -160,6 +163,7 @@ def check_output(path: Path, *suffixes: str) -> None:
         raise FacePoserError(f"The output '{path}' must end in {choices}.")
     if path_checks.is_dir(path):
         raise FacePoserError(f"The output '{path}' is a folder; give the name of a file.")
+    _check_replaceable(path, "output")
     check_folder_of(path)
 
 
@@ -176,6 +180,13 @@ def check_folder_of(path: Path) -> None:
         raise FacePoserError(f"The folder '{folder}' of the output does not exist; create it first.")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise FacePoserError(f"The folder '{folder}' of the output is not writable; choose another.")
+
+
+def _check_replaceable(path: Path, kind: str) -> None:
+    """Raise ``FacePoserError`` if ``path`` is a folder, a device or another special file."""
+    if path_checks.exists(path) and not path_checks.is_file(path):
+        what = "a folder" if path_checks.is_dir(path) else "a device or another special file"
+        raise FacePoserError(f"The {kind} '{path}' cannot be written: it is {what}; enter another name.")
 
 
 def _cannot(kind: str, path: Path, error: OSError) -> str:

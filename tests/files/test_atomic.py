@@ -190,7 +190,7 @@ def test_a_killed_program_leaves_the_old_or_the_new_file(tmp_path: Path, at: str
     program = f"""
         import os
         from pathlib import Path
-        from faceposer.files import temporary
+        from faceposer.files import atomic
 
         def die(*_):
             os._exit(9)
