@@ -13,6 +13,12 @@ def prepare_console() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
+def tell(message: object) -> None:
+    """Print ``message`` to standard error; if that cannot be written, there is nobody to tell."""
+    with suppress(OSError):
+        print(message, file=sys.stderr, flush=True)
+
+
 def flushed(status: int) -> int:
     """Write what standard output still holds; return the exit ``status``, or that of the failure to do so."""
     try:
@@ -23,7 +29,7 @@ def flushed(status: int) -> int:
         return 141
     except OSError as error:
         _discard_output()
-        print(f"The output cannot be written to the terminal or file: {error.strerror}.", file=sys.stderr)
+        tell(f"The output cannot be written to the terminal or file: {error.strerror}.")
         return status or 2
     return status
 

@@ -24,7 +24,7 @@ from faceposer.cli import (
     transfer,
     window,
 )
-from faceposer.cli.console import flushed, prepare_console
+from faceposer.cli.console import flushed, prepare_console, tell
 from faceposer.errors import FacePoserError, NoWindowError
 
 
@@ -105,15 +105,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         status = _run(words)
     except FacePoserError as error:
-        print(error, file=sys.stderr)
+        tell(error)
         # scripts/run plays the demo instead when it gets status 3.
         status = 3 if isinstance(error, NoWindowError) else 2
     except ModuleNotFoundError as error:
         if error.name is None or error.name.split(".")[0] not in _DRAWING_PACKAGES:
             raise
-        print(
-            f"Drawing needs the package '{error.name}', which is not installed: pip install faceposer.", file=sys.stderr
-        )
+        tell(f"Drawing needs the package '{error.name}', which is not installed: pip install faceposer.")
         status = 2
     except KeyboardInterrupt:
         status = 130
@@ -121,10 +119,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         status = 141
     except OSError as error:
         name = "" if error.filename is None else f" '{os.fsdecode(error.filename)}'"
-        print(FacePoserError(f"A file{name} cannot be used: {error.strerror or error}."), file=sys.stderr)
+        tell(FacePoserError(f"A file{name} cannot be used: {error.strerror or error}."))
         status = 2
     except MemoryError:
-        print("There is not enough memory; close other programs, or use smaller inputs.", file=sys.stderr)
+        tell("There is not enough memory; close other programs, or use smaller inputs.")
         status = 2
     sys.exit(flushed(status))
 

@@ -54,8 +54,7 @@ def atomic_files(paths: Sequence[Path], kind: str) -> Iterator[list[Path]]:
     Raises:
         FacePoserError: If a file cannot be written; the old files are then restored.
     """
-    for path in paths:
-        _check_replaceable(path, kind)
+    _check_replaceable(paths[-1], kind)
     temporaries = [temporary_path(path) for path in paths]
     olds = [path.with_name(f"{path.name}.old") for path in paths]
     backups = [temporary_path(old) for old in olds]
