@@ -25,9 +25,11 @@ def temporary_path(path: Path) -> Path:
     """Return the path of this process's temporary file or folder for ``path``, in the same folder."""
     tail = f".{os.getpid()}.{_host()}.faceposer.tmp"
     room = _LONGEST_NAME - len(tail) - 1
-    name = path.name.encode("utf-8", "surrogateescape")
-    # A name too long for its temporary file is cut; one too long for the system fails at the replacement.
-    short = name[:room].decode("utf-8", "ignore") if len(name) > room else path.name
+    short, name = path.name, path.name.encode("utf-8", "surrogateescape")
+    if len(name) > room:
+        # Cut for its temporary file, which differs from those of other long names. A name too long for the system
+        # fails at the replacement.
+        short = f"{name[: room - 9].decode('utf-8', 'ignore')}-{zlib.crc32(name):08x}"
     return path.with_name(f".{short}{tail}")
 
 

@@ -68,7 +68,7 @@ def make_inputs(folder: Path, names: Sequence[str] = _SHAPES) -> FaceModel:
     model = load_model(CHARACTER)
     character = model.character
     folder.mkdir(parents=True, exist_ok=True)
-    write_document(folder / "session.json", session_document(model))
+    write_document(folder / "session.json", session_document(model).with_version_data(model))
     (folder / "rig").mkdir(exist_ok=True)
     write_posed_obj(folder / "rig" / "neutral.obj", model, model.neutral(), False, False)
     for name in names:

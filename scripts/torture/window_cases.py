@@ -4,6 +4,7 @@ import json
 import os
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from imgui_bundle import imgui
@@ -87,6 +88,7 @@ class User:
 
     def menu(self, *names: str) -> None:
         """Open a menu, and one within it, and close both."""
+        self.answer()
         for name in names:
             self.robot.click_widget(f"menu:{name}")
             self.robot.frames(3)
@@ -109,8 +111,7 @@ class User:
 def cases(root: Path, short: bool) -> list[tuple[str, Work, Condition]]:
     """Return name, work and condition of each case; ``short`` selects three."""
     root.mkdir()
-    state, file = root / "state", root / "home"
-    state.mkdir()
+    file = root / "home"
     file.touch()
     closed = root / "closed"
     closed.mkdir()
@@ -131,7 +132,13 @@ def cases(root: Path, short: bool) -> list[tuple[str, Work, Condition]]:
         ("the folder is removed", _removed, Condition()),
     ]
     chosen = [case for case in listed if not short or case[0] in _SHORT]
-    return [(name, _in_folder(work, root / f"w{i}"), condition) for i, (name, work, condition) in enumerate(chosen)]
+    result: list[tuple[str, Work, Condition]] = []
+    for i, (name, work, condition) in enumerate(chosen):
+        # Settings and unsaved work of whoever runs this are left alone.
+        own = {f"XDG_{kind}_HOME": str(root / f"user{i}") for kind in ("CONFIG", "DATA", "STATE")}
+        environment = {**own, **condition.environment}
+        result.append((name, _in_folder(work, root / f"w{i}"), replace(condition, environment=environment)))
+    return result
 
 
 def _in_folder(work: Callable[[Path], None], folder: Path) -> Work:
@@ -241,8 +248,9 @@ def _full(folder: Path) -> None:
     user.app.remembers = True
     user.drag()
     user.robot.frames(30)
+    user.heard("cannot be recovered after a crash")
     assert user.enter("Ctrl+S", "a.json") == ""
-    user.heard("settings cannot be saved", "cannot be recovered after a crash")
+    user.heard("settings cannot be saved")
     before = (folder / "a.json").read_bytes()
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -317,7 +325,8 @@ def _many(folder: Path) -> None:
 def _others(folder: Path) -> None:
     """Another program or window changes the file of the session."""
     path = folder / "s.json"
-    document = session_document(make_inputs(folder / "inputs"))
+    model = make_inputs(folder / "inputs")
+    document = session_document(model).with_version_data(model)
     write_document(path, document)
     user = User(folder, str(path))
     user.drag()
@@ -410,6 +419,7 @@ def _plain(folder: Path) -> None:
     user.robot.frames(3)
     user.robot.key("Enter")
     user.robot.key("Esc")
+    user.answer()
     user.app.settings.folder = ""
     user.robot.key("Ctrl+O")
     user.robot.frames(2)
@@ -435,6 +445,7 @@ def _removed(folder: Path) -> None:
     user.robot.frames(30)
     (inner / "s.json").unlink()
     inner.rmdir()
+    user.answer()
     user.robot.key("Ctrl+S")
     user.robot.frames(3)
     browser = user.app.file_dialogs._browser
