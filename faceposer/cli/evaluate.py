@@ -12,6 +12,7 @@ from typing import Any
 from faceposer.cli import evaluate_values as values
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.progress import Progress
 
 NAME = "evaluate"
@@ -148,7 +149,7 @@ def run(options: argparse.Namespace) -> int:
     from faceposer.evaluation.tuning import CELLS
     from faceposer.training.expressions import Recipe
 
-    if options.output.exists() and not options.output.is_dir():
+    if paths.exists(options.output) and not paths.is_dir(options.output):
         raise FacePoserError(f"'{options.output}' is a file; give a folder for the study with --output.")
     methods = known_methods(options.methods)
     if options.figures and not options.tune:

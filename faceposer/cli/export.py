@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from faceposer.cli.arguments import add_contact_option, add_materials_option, image_size
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import check_not_input
+from faceposer.files.atomic import check_folder_of, check_not_input
 
 if TYPE_CHECKING:
     import numpy as np
@@ -216,8 +216,7 @@ def _check_options(options: argparse.Namespace) -> None:
             raise FacePoserError("--sequence writes an animation; leave out --pose and --still.")
         if options.transparent and not FORMATS[f".{options.sequence}"].transparent:
             raise FacePoserError("--transparent applies to images only; use --sequence png.")
-        if not path.absolute().parent.is_dir():
-            raise FacePoserError(f"The output folder '{path.absolute().parent}' does not exist; create it first.")
+        check_folder_of(path)
         return
     check_writable(path)
     form = FORMATS[suffix]

@@ -4,7 +4,6 @@ Each command imports heavy modules only when it runs, so that help and errors ap
 """
 
 import argparse
-import io
 import os
 import sys
 from collections.abc import Sequence
@@ -25,6 +24,7 @@ from faceposer.cli import (
     transfer,
     window,
 )
+from faceposer.cli.console import flushed, prepare_console, tell
 from faceposer.errors import FacePoserError, NoWindowError
 
 
@@ -98,35 +98,33 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line ``arguments`` (those of the process if None) and exit with its status."""
     words = sys.argv[1:] if arguments is None else list(arguments)
-    _replace_unprintable()
+    prepare_console()
     # The matrices are small: threads inside NumPy would only take time from drawing and the solver.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
     try:
         status = _run(words)
     except FacePoserError as error:
-        print(error, file=sys.stderr)
+        tell(error)
         # scripts/run plays the demo instead when it gets status 3.
         status = 3 if isinstance(error, NoWindowError) else 2
     except ModuleNotFoundError as error:
         if error.name is None or error.name.split(".")[0] not in _DRAWING_PACKAGES:
             raise
-        print(
-            f"Drawing needs the package '{error.name}', which is not installed: pip install faceposer.", file=sys.stderr
-        )
+        tell(f"Drawing needs the package '{error.name}', which is not installed: pip install faceposer.")
         status = 2
     except KeyboardInterrupt:
         status = 130
     except BrokenPipeError:
         status = 141
-    sys.exit(status)
-
-
-def _replace_unprintable() -> None:
-    """Let the terminal show a replacement for characters that its encoding lacks, which would raise an error."""
-    for stream, errors in ((sys.stdout, "replace"), (sys.stderr, "backslashreplace")):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors=errors)
+    except OSError as error:
+        name = "" if error.filename is None else f" '{os.fsdecode(error.filename)}'"
+        tell(FacePoserError(f"A file{name} cannot be used: {error.strerror or error}."))
+        status = 2
+    except MemoryError:
+        tell("There is not enough memory; close other programs, or use smaller inputs.")
+        status = 2
+    sys.exit(flushed(status))
 
 
 def _run(words: list[str]) -> int:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from faceposer.errors import FacePoserError
+from faceposer.training.frames import end_with_parent
 
 
 @contextmanager
@@ -38,4 +39,5 @@ def processes(number: int, prepare: Callable[..., None], *arguments: Any) -> Ite
 def _initialise(prepare: Callable[..., None], *arguments: Any) -> None:
     # Ctrl-C in the terminal interrupts all processes; the main process terminates the others.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent()
     prepare(*arguments)

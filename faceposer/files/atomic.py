@@ -1,25 +1,21 @@
 """Atomic writes of files and folders: the old content remains until the new one is complete."""
 
 import os
-import re
 import shutil
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from faceposer.errors import FacePoserError
-
-_TEMPORARY = re.compile(r"\..+\.(\d+)\.tmp")
-# Maximum length of a file name on common systems, in bytes; temporary files have longer names than their files.
-_LONGEST_NAME = 255
+from faceposer.files import paths as path_checks
+from faceposer.files.temporary import remove_left, temporary_path
 
 
 @contextmanager
 def atomic_file(path: Path, kind: str, durable: bool = True) -> Iterator[Path]:
     """Yield a temporary path next to ``path`` that replaces it at the end of the block, unless the block raises.
 
-    Temporary files of the same path left by crashed programs are removed.
+    Temporary files left in the folder by programs that were killed are removed.
 
     Args:
         path: The file; its folder must exist.
@@ -29,9 +25,10 @@ def atomic_file(path: Path, kind: str, durable: bool = True) -> Iterator[Path]:
     Raises:
         FacePoserError: If the file cannot be written.
     """
-    temporary = _temporary(path)
+    _check_replaceable(path, kind)
+    temporary = temporary_path(path)
     try:
-        _remove_stale(path)
+        remove_left(path.parent)
         yield temporary
         if durable:
             _sync(temporary, os.O_RDWR)
@@ -57,12 +54,13 @@ def atomic_files(paths: Sequence[Path], kind: str) -> Iterator[list[Path]]:
     Raises:
         FacePoserError: If a file cannot be written; the old files are then restored.
     """
-    temporaries = [_temporary(path) for path in paths]
+    _check_replaceable(paths[-1], kind)
+    temporaries = [temporary_path(path) for path in paths]
     olds = [path.with_name(f"{path.name}.old") for path in paths]
-    backups = [_temporary(old) for old in olds]
+    backups = [temporary_path(old) for old in olds]
     try:
-        for path in (*paths, *olds):
-            _remove_stale(path)
+        for folder in {path.parent for path in paths}:
+            remove_left(folder)
         yield temporaries
         for temporary in temporaries:
             _sync(temporary, os.O_RDWR)
@@ -112,14 +110,14 @@ def atomic_folder(path: Path, kind: str = "folder") -> Iterator[Path]:
     Raises:
         FacePoserError: If ``path`` is not an empty folder, or if it cannot be written.
     """
-    temporary = _temporary(path)
+    temporary = temporary_path(path)
     try:
-        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+        if path_checks.exists(path) and (not path_checks.is_dir(path) or any(path.iterdir())):
             raise FacePoserError(f"'{path}' exists and is not an empty folder; give the name of a new one.")
-        _remove_stale(path)
+        remove_left(path.parent)
         temporary.mkdir()
         yield temporary
-        if path.exists():
+        if path_checks.exists(path):
             path.rmdir()
         temporary.replace(path)
         _sync_folder(path.parent)
@@ -145,10 +143,10 @@ def check_not_input(path: Path | None, *inputs: Path | str | None) -> None:
     Raises:
         FacePoserError: If it is an input.
     """
-    if path is None or not path.exists():
+    if path is None or not path_checks.exists(path):
         return
     for source in inputs:
-        if source is not None and Path(source).exists() and path.samefile(source):
+        if source is not None and path_checks.same_file(path, source):
             raise FacePoserError(f"'{path}' is also an input; give the output another name.")
 
 
@@ -162,57 +160,36 @@ def check_output(path: Path, *suffixes: str) -> None:
         quoted = [f"'{suffix}'" for suffix in suffixes]
         choices = " or ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))
         raise FacePoserError(f"The output '{path}' must end in {choices}.")
-    if path.is_dir():
+    if path_checks.is_dir(path):
         raise FacePoserError(f"The output '{path}' is a folder; give the name of a file.")
-    if not path.parent.is_dir():
-        raise FacePoserError(f"The folder '{path.parent}' of the output does not exist; create it first.")
-    if not os.access(path.parent, os.W_OK):
-        raise FacePoserError(f"The folder '{path.parent}' of the output is not writable; choose another.")
+    _check_replaceable(path, "output")
+    check_folder_of(path)
+
+
+def check_folder_of(path: Path) -> None:
+    """Check that the output ``path`` could be written to its folder, before any work is done for it.
+
+    Raises:
+        FacePoserError: If it could not.
+    """
+    folder = path_checks.absolute(path).parent
+    if reason := path_checks.problem(path):
+        raise FacePoserError(f"The output '{path}' cannot be written: {reason}.")
+    if not path_checks.is_dir(folder):
+        raise FacePoserError(f"The folder '{folder}' of the output does not exist; create it first.")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise FacePoserError(f"The folder '{folder}' of the output is not writable; choose another.")
+
+
+def _check_replaceable(path: Path, kind: str) -> None:
+    """Raise ``FacePoserError`` if ``path`` is a folder, a device or another special file."""
+    if path_checks.exists(path) and not path_checks.is_file(path):
+        what = "a folder" if path_checks.is_dir(path) else "a device or another special file"
+        raise FacePoserError(f"The {kind} '{path}' cannot be written: it is {what}; enter another name.")
 
 
 def _cannot(kind: str, path: Path, error: OSError) -> str:
     return f"The {kind} '{path}' cannot be written: {error.strerror or error}."
-
-
-def _temporary(path: Path) -> Path:
-    """Return the path of this process's temporary file or folder for ``path``."""
-    tail = f".{os.getpid()}.tmp"
-    room = _LONGEST_NAME - len(tail) - 1
-    name = path.name.encode("utf-8", "surrogateescape")
-    # A name too long for its temporary file is cut; one too long for the system fails at the replacement.
-    short = name[:room].decode("utf-8", "ignore") if len(name) > room else path.name
-    return path.with_name(f".{short}{tail}")
-
-
-def _remove_stale(path: Path) -> None:
-    """Remove temporary files and folders of ``path`` whose process has ended."""
-    if _TEMPORARY.fullmatch(path.parent.name):
-        # Inside a temporary folder, a sequence of thousands of files would scan the folder for each of them.
-        return
-    prefix = f".{path.name}."
-    with suppress(OSError), os.scandir(path.parent) as entries:
-        for entry in entries:
-            match = _TEMPORARY.fullmatch(entry.name) if entry.name.startswith(prefix) else None
-            if match is None or entry.name != f"{prefix}{match[1]}.tmp" or _is_running(int(match[1])):
-                continue
-            if entry.is_dir(follow_symlinks=False):
-                shutil.rmtree(entry.path, ignore_errors=True)
-            else:
-                with suppress(OSError):
-                    Path(entry.path).unlink()
-
-
-def _is_running(pid: int) -> bool:
-    """Return True if a process ``pid`` may exist; always on Windows, where the check could end the process."""
-    if sys.platform == "win32" or not 0 < pid < 2**31:
-        return True
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True
 
 
 def _sync(path: Path, flags: int) -> None:

@@ -48,6 +48,12 @@ def is_hidden(path: Path) -> bool:
     return path.name.startswith(".")
 
 
+def shortened_stem(stem: str, longest: int) -> str:
+    """Return ``stem``, cut to at most ``longest`` bytes of UTF-8."""
+    data = stem.encode("utf-8", "surrogateescape")
+    return stem if len(data) <= longest else data[:longest].decode("utf-8", "ignore")
+
+
 def suffix_replaced(path: Path, saved: Path) -> bool:
     """Return True if ``saved``, the result of ``save_path`` for ``path``, lacks a suffix of ``path``."""
     return not saved.name.startswith(path.name.rstrip(". "))

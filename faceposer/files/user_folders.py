@@ -1,9 +1,12 @@
 """Standard folders of the user on this system."""
 
+import os
 import sys
 from pathlib import Path
 
 import platformdirs
+
+from faceposer.files import paths
 
 _NAME = "faceposer" if sys.platform.startswith("linux") else "FacePoser"
 
@@ -23,7 +26,18 @@ def state_folder() -> Path:
     return platformdirs.user_state_path(_NAME, appauthor=False)
 
 
+def home_folder() -> Path:
+    """Return the home folder of the user; without a usable one, the working directory, or else the root folder."""
+    home = paths.expand_user("~")
+    if home.is_absolute() and paths.is_dir(home):
+        return home
+    try:
+        return Path.cwd()
+    except OSError:
+        return Path(os.path.abspath(os.sep))  # noqa: PTH100
+
+
 def documents_folder() -> Path:
     """Return the documents folder of the user, or the home folder if the system has none."""
     folder = platformdirs.user_documents_path()
-    return folder if folder.is_dir() else Path.home()
+    return folder if paths.can_enter(folder) else home_folder()

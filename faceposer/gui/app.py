@@ -4,6 +4,7 @@ import sys
 import threading
 import time
 import traceback
+from contextlib import ExitStack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,9 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.gui.editor import Editor
 from faceposer.gui.layout import draw_window
-from faceposer.gui.settings import Settings, save_settings
+from faceposer.gui.settings import Settings
 from faceposer.gui.signals import interrupted_by_signals
+from faceposer.gui.widgets.text import displayed
 from faceposer.model.face_model import FaceModel
 from faceposer.render.images import drawn_pixels
 
@@ -142,7 +144,7 @@ class App(Editor):
     def _draw(self) -> None:
         start = time.perf_counter()
         self.gui.set_scale(self.window.ui_scale)
-        self.window.set_title(self.files.title)
+        self.window.set_title(displayed(self.files.title, label=False))
         failure = self.gui.frame(lambda: draw_window(self))
         self.gui.cursors.update(self.toolbox)
         ctx, (width, height) = self.window.ctx, self.window.pixels
@@ -180,20 +182,37 @@ class App(Editor):
         self.dialogs.report("Internal error", text, details)
 
     def close(self) -> None:
-        """Save the settings and release everything; unsaved work is kept unless the user closed the window."""
+        """Save the settings and release everything; unsaved work is kept unless the user closed the window.
+
+        Everything is released whatever fails; the error is then raised.
+        """
         self.recovery.keeps = not self.closing
-        if self.remembers:
-            self.settings.window_size = self.window.normal_size
-            self.settings.window_position = self.window.normal_position
-            self.settings.window_maximized = self.window.maximized
-            save_settings(self.settings)
+        with ExitStack() as stack:
+            # In reverse, each even if an earlier one raises: the features keep unsaved work.
+            for part in (
+                self.features.join,
+                self.window.close,
+                self.gui.close,
+                self.scene.release,
+                self.session.close,
+                self.files.close,
+                self.features.close,
+                self._save_settings_at_end,
+            ):
+                stack.callback(part)
+
+    def _save_settings_at_end(self) -> None:
+        if self._window is None:
+            return
+        self.settings.window_size = self.window.normal_size
+        self.settings.window_position = self.window.normal_position
+        self.settings.window_maximized = self.window.maximized
         self._window = None
-        self.features.close()
-        self.session.close()
-        self.scene.release()
-        self.gui.close()
-        self.window.close()
-        self.features.join()
+        told = self._settings_failed
+        self.save_settings()
+        if self._settings_failed and not told:
+            # There is no window any more to show it.
+            sys.stderr.write(f"{self.dialogs.waiting[-1].text}\n")
 
 
 def run(what: str, exit_after_first_frame: bool = False) -> int:

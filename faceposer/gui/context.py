@@ -179,5 +179,8 @@ class EditorContext(Protocol):
         """
         ...
 
+    def save_settings(self) -> None:
+        """Write the settings for the next run, unless they are not kept; the first failure is reported."""
+
     def guard_changes(self, proceed: Callable[[], None]) -> None:
         """Ask about unsaved changes, then call ``proceed`` unless the user cancels."""

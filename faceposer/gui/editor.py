@@ -7,6 +7,7 @@ from pathlib import Path
 
 import moderngl
 
+from faceposer.errors import FacePoserError
 from faceposer.gui.context import F
 from faceposer.gui.events import Modifiers
 from faceposer.gui.features import build_features
@@ -22,7 +23,7 @@ from faceposer.gui.panels.palette import Palette
 from faceposer.gui.panels.pose import PosePanel
 from faceposer.gui.panels.shapes import ShapesPanel
 from faceposer.gui.session_files import SessionFiles
-from faceposer.gui.settings import Settings, load_settings
+from faceposer.gui.settings import Settings, load_settings, save_settings
 from faceposer.gui.viewport import Viewport
 from faceposer.gui.widgets.dialogs import Dialogs, Question
 from faceposer.gui.widgets.file_dialogs import FileDialogs
@@ -62,6 +63,7 @@ class Editor:
         self._window: Window | None = None
         self.pacing = FramePacing()
         self.remembers = settings is None
+        self._settings_failed = False
         self.settings = load_settings() if settings is None else settings
         session = open_session(what, self.new_worker())
         chosen = self.settings
@@ -136,6 +138,7 @@ class Editor:
         else:
             self.viewport.look_through(camera)
         self.features.session_changed()
+        self.files.tell_of_other_window()
         if session.remark:
             self.dialogs.ask(Question("The character may have changed", session.remark))
         self.redraw()
@@ -184,6 +187,19 @@ class Editor:
         self.pacing.request(frames)
 
     # Messages and questions
+
+    def save_settings(self) -> None:
+        """Write the settings for the next run, unless they are not kept; the first failure is reported."""
+        if not self.remembers:
+            return
+        try:
+            save_settings(self.settings)
+        except FacePoserError as error:
+            if not self._settings_failed:
+                self.dialogs.report("The settings cannot be saved", f"{error} Changes are lost when the window closes.")
+                self._settings_failed = True
+        else:
+            self._settings_failed = False
 
     @property
     def is_modal(self) -> bool:

@@ -97,8 +97,8 @@ class Feature:
         """Handle a pressed key, such as "Ctrl+Z", before any action; return True if it was handled."""
         return False
 
-    def accept_files(self, paths: tuple[str, ...]) -> bool:
-        """Open the dropped files ``paths``; return True if the feature handles such files."""
+    def accept_files(self, dropped: tuple[str, ...]) -> bool:
+        """Open the dropped files ``dropped``; return True if the feature handles such files."""
         return False
 
     def draw_tool_options(self) -> None:
@@ -231,9 +231,14 @@ class Features:
         for feature in self._features:
             feature.session_changed()
 
-    def accept_files(self, paths: tuple[str, ...]) -> bool:
+    def accept_files(self, dropped: tuple[str, ...]) -> bool:
         """Offer dropped files to each feature in turn; return True if one handled them."""
-        return any(feature.accept_files(paths) for feature in self._features)
+        modal = self.is_modal
+        if any(feature.accept_files(dropped) for feature in self._features):
+            return True
+        # A dialog that does not take the files may have closed, and no longer be in the way of another feature.
+        closed = modal and not self.is_modal
+        return closed and any(feature.accept_files(dropped) for feature in self._features)
 
     def draw_tool_options(self, tool: str) -> bool:
         """Draw the options of ``tool`` if it belongs to a feature; return True if it does."""

@@ -44,12 +44,14 @@ class Gui:
         """Call ``build`` within a frame and return its exception, if any.
 
         An exception leaves windows, tables or colours open; they are closed here so that later frames do not fail.
+        Disabled widgets that it leaves open would make all windows transparent for ever.
         """
         imgui.backends.opengl3_new_frame()
         imgui.backends.glfw_new_frame()
         imgui.new_frame()
         state = imgui.internal.ErrorRecoveryState()
         imgui.internal.error_recovery_store_state(state)
+        opacity = imgui.get_style().alpha
         failure: Exception | None = None
         try:
             build()
@@ -58,6 +60,7 @@ class Gui:
             self.io.config_error_recovery_enable_assert = False
             imgui.internal.error_recovery_try_to_recover_state(state)
             self.io.config_error_recovery_enable_assert = True
+            imgui.get_style().alpha = opacity
         imgui.render()
         return failure
 

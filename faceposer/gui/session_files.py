@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.gui.actions import Action
 from faceposer.gui.context import EditorContext
 from faceposer.gui.recent_files import RecentFiles
@@ -13,6 +14,7 @@ from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.interchange.meshes import foreign_library, write_posed_obj
 from faceposer.session.character_library import SUFFIX as CHARACTER_SUFFIX
+from faceposer.session.on_disk import OpenFile, open_files_folder
 from faceposer.session.opening import open_session
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
@@ -46,7 +48,9 @@ class SessionFiles:
         self._quit_question, self._end = quit_question, end
         self.export_path: Path | None = None
         self.meshes_saved = 0
+        self._open_file = OpenFile(open_files_folder()) if context.keeps_journal else None
         self.recent = RecentFiles(context)
+        self._shared: Path | None = None
 
     @property
     def title(self) -> str:
@@ -82,7 +86,9 @@ class SessionFiles:
 
     def _is_open(self, what: str) -> bool:
         path = self._context.session.path
-        return path is not None and Path(what).suffix.lower() == ".json" and Path(what).resolve() == path.resolve()
+        if path is None or Path(what).suffix.lower() != ".json":
+            return False
+        return paths.resolved(what) == paths.resolved(path)
 
     def _revert(self, what: str) -> None:
         """Open the session's file ``what`` again, after a warning about unsaved changes."""
@@ -112,7 +118,7 @@ class SessionFiles:
         context = self._context
         character = context.session.document.character
         if Path(character).suffix.lower() == CHARACTER_SUFFIX and not context.characters.holds(character):
-            path = str(Path(character).expanduser().absolute())
+            path = str(paths.absolute(paths.expand_user(character)))
             others = [known for known in context.settings.characters if known != path]
             context.settings.characters = [path, *others][:MAX_CHARACTERS]
 
@@ -154,7 +160,7 @@ class SessionFiles:
             worker.close()
             raise
         if session.path is not None:
-            context.settings.folder = str(session.path.parent.resolve())
+            context.settings.folder = str(paths.resolved(session.path.parent))
         self.export_path = None
         self._set_session(session)
         return True
@@ -164,7 +170,8 @@ class SessionFiles:
     def save(self, then: Callable[[], None] | None = None) -> None:
         """Save the session, asking for a path the first time, then call ``then``."""
         path = self._context.session.path
-        if path is None:
+        if path is None or not paths.is_dir(path.parent):
+            # There is no folder to save in, or no longer.
             self.save_as(then)
         else:
             self._save(path, then)
@@ -172,15 +179,37 @@ class SessionFiles:
     def save_as(self, then: Callable[[], None] | None = None) -> None:
         """Ask for a path and save the session."""
         context = self._context
-        start = (
-            context.session.path or last_folder(context.settings) / f"{_stem(context.session.document.character)}.json"
-        )
+        start = context.session.path
+        if start is None or not paths.can_enter(start.parent):
+            name = f"{_stem(context.session.document.character)}.json" if start is None else start.name
+            start = last_folder(context.settings) / name
         request = FileRequest(
             "save", "Save the session", "Sessions", (".json",), start, lambda path: self._save(path, then)
         )
         context.ask_for_file(request)
 
     def _save(self, path: Path, then: Callable[[], None] | None = None) -> None:
+        """Save to ``path``, after asking if another program has changed the session's file."""
+        context = self._context
+        if self._is_open(str(path)) and context.session.changed_on_disk():
+            context.dialogs.ask(
+                Question(
+                    f"Replace {path.name}?",
+                    "Another program or window has changed this file since it was opened or saved here. Replacing it "
+                    "discards these changes.",
+                    (
+                        Choice("Replace", lambda: self._write(path, then)),
+                        Choice("Save as...", lambda: self.save_as(then)),
+                        Choice("Cancel"),
+                    ),
+                    bad=True,
+                    default=1,
+                )
+            )
+            return
+        self._write(path, then)
+
+    def _write(self, path: Path, then: Callable[[], None] | None = None) -> None:
         context = self._context
         try:
             context.session.wait()
@@ -188,11 +217,30 @@ class SessionFiles:
         except FacePoserError as error:
             context.dialogs.report("The session was not saved", str(error))
             return
-        context.settings.folder = str(path.parent.resolve())
+        context.settings.folder = str(paths.resolved(path.parent))
+        self.tell_of_other_window()
         self.recent.add(path)
         context.notify(f"Saved {path.name}")
         if then is not None:
             then()
+
+    def tell_of_other_window(self) -> None:
+        """Hold the session's file, or tell the user that another window has it open."""
+        path = self._context.session.path
+        if self._open_file is None or self._open_file.hold(path) or path is None or self._shared == path:
+            return
+        self._shared = path
+        self._context.dialogs.ask(
+            Question(
+                f"{path.name} is open in another window",
+                "Both windows can save it. You will be asked before saving here replaces what was saved there.",
+            )
+        )
+
+    def close(self) -> None:
+        """Release the session's file for other windows."""
+        if self._open_file is not None:
+            self._open_file.release()
 
     # Export
 
@@ -208,7 +256,8 @@ class SessionFiles:
         context = self._context
         session = context.session
         last = Path(context.settings.export_path)
-        folder = last.parent if context.settings.export_path and last.parent.is_dir() else last_folder(context.settings)
+        usable = context.settings.export_path and paths.can_enter(last.parent)
+        folder = last.parent if usable else last_folder(context.settings)
         stem = session.path.stem if session.path else _stem(session.document.character)
         start = self.export_path or folder / f"{stem}.obj"
         context.ask_for_file(
@@ -237,7 +286,7 @@ class SessionFiles:
             context.dialogs.report("The mesh was not saved", str(error))
             return
         self.meshes_saved += 1
-        self.export_path = path.resolve()
+        self.export_path = paths.resolved(path)
         context.settings.export_path = str(self.export_path)
         context.notify(f"Saved {path.name}")
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import convert, read_json
 from faceposer.files.user_folders import documents_folder, state_folder
@@ -84,17 +85,23 @@ def load_settings() -> Settings:
 
 
 def save_settings(settings: Settings) -> None:
-    """Write the settings; errors of the file system are ignored."""
+    """Write the settings.
+
+    Raises:
+        FacePoserError: If they cannot be written.
+    """
     path = state_folder() / _FILE
-    with suppress(OSError, FacePoserError):
+    try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(path, json.dumps(asdict(settings), indent=1) + "\n", "settings")
+    except OSError as error:
+        raise FacePoserError(f"The settings '{path}' cannot be written: {error.strerror}.") from error
+    write_text(path, json.dumps(asdict(settings), indent=1) + "\n", "settings")
 
 
 def last_folder(settings: Settings) -> Path:
     """Return the initial folder of file dialogs: the last one, or the user's documents."""
-    folder = Path(settings.folder) if settings.folder else documents_folder()
-    return folder if folder.is_dir() else Path.home()
+    folder = Path(settings.folder)
+    return folder if settings.folder and paths.can_enter(folder) else documents_folder()
 
 
 def _settings_from_json(data: Any) -> dict[str, Any]:

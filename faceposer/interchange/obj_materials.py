@@ -8,6 +8,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from faceposer.errors import FacePoserError
+from faceposer.files import paths
+from faceposer.files.names import shortened_stem
 from faceposer.geometry.mtl_io import MtlMaterial, mtl_text, writable_name
 from faceposer.geometry.polygon_mesh import Group
 from faceposer.interchange.surfaces import base_colour, is_png, opacity, roughness
@@ -20,6 +23,7 @@ _DEFAULT_SPECULAR = 0.5
 _WHITE = (1.0, 1.0, 1.0)
 _SRGB_GAMMA = 2.2
 # Characters of a material's name in the file name of its image; file systems allow about 255 bytes in all.
+_LONGEST_STEM, _MOST_NUMBERS = 180, 1000
 _LONGEST_LABEL = 40
 
 
@@ -117,7 +121,8 @@ def library_files(folder: Path, stem: str, materials: ObjMaterials, comment: str
         if image is not None:
             label = re.sub(r"[^\w.-]+", "_", material.name)[:_LONGEST_LABEL]
             suffix = ".png" if is_png(image) else ".jpg"
-            name = _free_name(folder, writable_name(f"{stem}_{label}"), suffix, image, files)
+            short = shortened_stem(stem, _LONGEST_STEM)
+            name = _free_name(folder, writable_name(f"{short}_{label}"), suffix, image, files)
             files[name] = image
             material = replace(material, picture=name)  # noqa: PLW2901
         entries.append(material)
@@ -136,18 +141,21 @@ def _free_name(folder: Path, stem: str, suffix: str, image: bytes, taken: dict[s
         return existing
     taken_names = {name.lower() for name in taken}
     number = 1
-    while True:
+    while number < _MOST_NUMBERS:
         name = f"{stem}{suffix}" if number == 1 else f"{stem}_{number}{suffix}"
         if name.lower() not in taken_names and has_content(folder / name, image) is not False:
             return name
         number += 1
+    raise FacePoserError(
+        f"The folder '{folder}' has no free name for the image '{stem}{suffix}'; choose another folder."
+    )
 
 
 def has_content(path: Path, content: bytes) -> bool | None:
     """Return True if the file ``path`` exists with ``content``, False if with another, None if it does not exist."""
     try:
-        if path.is_file() and path.stat().st_size == len(content):
+        if paths.is_file(path) and path.stat().st_size == len(content):
             return path.read_bytes() == content
     except OSError:
         return False
-    return False if path.exists() or path.is_symlink() else None
+    return False if paths.exists(path) or path.is_symlink() else None

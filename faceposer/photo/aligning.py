@@ -6,6 +6,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.face_model import FaceModel
@@ -22,6 +23,12 @@ _MISFIT = 0.015
 _USUAL_TURN = 0.5
 # Height of the head as a share of the image's shorter side before there are pins.
 _FIRST_SHARE = 0.45
+# Least and largest height of the head as a share of that side: pins beyond determine no camera.
+_LEAST_SHARE, _LARGEST_SHARE = 0.01, 100.0
+
+
+class DegeneratePinsError(FacePoserError):
+    """The pins determine no camera, as when all of them are at the same pixel."""
 
 
 def first_camera(photo: Photo, model: FaceModel) -> Camera:
@@ -47,6 +54,9 @@ def aligned(photo: Photo, model: FaceModel, p: ArrayLike) -> Photo:
     """Return ``photo`` with the camera estimated from its pins for the pose ``p``, shape (r,).
 
     Pins that move with the expression have little weight if there are enough others.
+
+    Raises:
+        DegeneratePinsError: If the pins determine no camera; ``unaligned`` then keeps the camera.
     """
     indices, points = pinned(photo, model)
     if not indices:
@@ -64,7 +74,23 @@ def aligned(photo: Photo, model: FaceModel, p: ArrayLike) -> Photo:
     spread = FOCAL_SPREAD if photo.focal is None else 0.0
     sigma = _MISFIT * model.character.height * _pixels_per_unit(places, pixels)
     fit = fit_camera(places, pixels, start, weights, spread, max(sigma, 1.0), _USUAL_TURN)
+    share = fit.camera.focal * model.character.height / max(_depth(fit.camera, places), 1e-9) / min(photo.size)
+    if not _LEAST_SHARE < share < _LARGEST_SHARE:
+        raise DegeneratePinsError(
+            "The pins determine no camera, since the head would be "
+            f"{'far too small' if share < 1.0 else 'far too large'}; place each pin where the photo shows its point."
+        )
     return replace(photo, camera=fit.camera)
+
+
+def unaligned(photo: Photo, model: FaceModel) -> Photo:
+    """Return ``photo``, whose pins determine no camera, with its present camera or else the first one."""
+    return replace(photo, camera=photo.camera or first_camera(photo, model))
+
+
+def _depth(camera: Camera, places: Array) -> float:
+    """Return the mean distance of ``places``, shape (n, 3), from ``camera`` along its axis."""
+    return float(camera.to_camera(places)[:, 2].mean())
 
 
 def _pixels_per_unit(places: Array, pixels: Array) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.files.atomic import write_text
 from faceposer.files.user_folders import data_folder
 from faceposer.poses.pose_file import Pose, pose_text, read_pose
@@ -82,8 +83,15 @@ class PoseLibrary:
         return found(self.entries(), name, f"in '{self.folder}'")
 
     def path_of(self, name: str) -> Path:
-        """Return the path of the file for a pose with this name."""
-        return self.folder / f"{safe_stem(name)}{SUFFIX}"
+        """Return the path of the file of the pose with this name, ignoring case, or of a new file for it.
+
+        Names that differ only in characters that no file name has get different files.
+        """
+        stem, number = safe_stem(name), 2
+        path = self.folder / f"{stem}{SUFFIX}"
+        while paths.exists(path) and _key(_name_in(path)) != _key(name):
+            path, number = self.folder / f"{stem}-{number}{SUFFIX}", number + 1
+        return path
 
     def save(self, pose: Pose, overwrite: bool = False) -> Path:
         """Write ``pose`` and return its file; the thumbnail of a replaced pose is deleted.
@@ -93,7 +101,7 @@ class PoseLibrary:
             FacePoserError: If the file cannot be written.
         """
         path = self.path_of(pose.name)
-        if path.exists() and not overwrite:
+        if paths.exists(path) and not overwrite:
             raise PoseExistsError(
                 f"'{self.folder}' already has a pose '{pose.name}'; choose another name, or replace it."
             )
@@ -119,13 +127,13 @@ class PoseLibrary:
         """
         renamed = read_pose(path).renamed(name)
         target = self.path_of(name)
-        if target == path or _same_file(target, path):
+        if target == path or paths.same_file(target, path):
             _write(path, pose_text(renamed))
             return path
         picture = path.with_suffix(PICTURE_SUFFIX)
         self.save(renamed, overwrite)
         try:
-            if picture.is_file():
+            if paths.is_file(picture):
                 picture.replace(target.with_suffix(PICTURE_SUFFIX))
             path.unlink()
         except OSError as error:
@@ -180,13 +188,15 @@ def safe_stem(name: str) -> str:
 
 def _entries(folder: Path, shipped: bool) -> list[Entry]:
     try:
-        paths = sorted(path for path in folder.glob(f"*{SUFFIX}") if not path.name.startswith("."))
+        files = sorted(path for path in folder.iterdir() if path.suffix == SUFFIX and path.name[0] != ".")
+    except FileNotFoundError:
+        return []
     except OSError as error:
         raise FacePoserError(f"The folder '{folder}' cannot be listed: {error.strerror}.") from error
-    if len(paths) > _MOST_POSES:
-        raise FacePoserError(f"The folder '{folder}' has {len(paths)} files, more than the maximum of {_MOST_POSES}.")
+    if len(files) > _MOST_POSES:
+        raise FacePoserError(f"The folder '{folder}' has {len(files)} files, more than the maximum of {_MOST_POSES}.")
     entries = []
-    for path in paths:
+    for path in files:
         try:
             entries.append(Entry(path, read_pose(path), shipped=shipped))
         except FacePoserError as error:
@@ -194,11 +204,16 @@ def _entries(folder: Path, shipped: bool) -> list[Entry]:
     return entries
 
 
-def _same_file(one: Path, other: Path) -> bool:
+def _name_in(path: Path) -> str:
+    """Return the name of the pose in the file ``path``, or "" if it is invalid."""
     try:
-        return one.samefile(other)
-    except OSError:
-        return False
+        return read_pose(path).name
+    except FacePoserError:
+        return ""
+
+
+def _key(name: str) -> str:
+    return unicodedata.normalize("NFC", name).strip().casefold()
 
 
 def _write(path: Path, text: str) -> None:

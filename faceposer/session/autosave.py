@@ -5,6 +5,7 @@ when the program ends for any reason. A journal with a free lock is an orphan: o
 leaves one.
 """
 
+import errno
 import json
 import math
 import os
@@ -20,12 +21,14 @@ from typing import Annotated, Any
 from msgspec import Meta
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonDocument, JsonError, UnreadableError, check_header, convert, read_json
 from faceposer.files.user_folders import state_folder
 from faceposer.geometry.camera import Camera
 from faceposer.session.document import Document
 from faceposer.session.file_lock import FileLock, take_lock
+from faceposer.session.on_disk import content_of
 from faceposer.session.opening import session_for
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
@@ -42,6 +45,16 @@ _MAX_BYTES = 64 * 2**20
 def autosave_dir() -> Path:
     """Return the folder of the journals, which may not exist."""
     return state_folder() / "autosave"
+
+
+def unusable(folder: Path) -> str:
+    """Return why no journal can be written in ``folder``, which is created if missing, or "" if one can."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        return getattr(error, "strerror", None) or str(error)
+    writable = paths.can_enter(folder) and os.access(folder, os.W_OK)
+    return "" if writable else os.strerror(errno.EACCES)
 
 
 def _now() -> datetime:
@@ -109,7 +122,7 @@ class Journal:
         else:
             data = _to_json(session, unsaved, camera, self._now())
             # No fsync: it would stall the window, and the data outlives a killed program without it.
-            write_text(self._own_path(), json.dumps(data) + "\n", "journal", durable=False)
+            write_text(self._own_path(), json.dumps(data, allow_nan=False) + "\n", "journal", durable=False)
             self._written = (unsaved, session.path)
         self._due, self._not_before = math.inf, -math.inf
 
@@ -151,11 +164,11 @@ def _to_json(session: Session, document: Document, camera: Camera | None, now: d
     if not document.solved and session.mode == "live":
         # The pose is older than the constraints: it is solved when the journal is opened.
         document = replace(document, coefficients=None)
-    path = None if session.path is None else session.path.absolute()
+    path = None if session.path is None else paths.absolute(session.path)
     character = Path(document.character)
-    if character.suffix.lower() == ".npz" and not (path is not None and (path.parent / character).is_file()):
+    if character.suffix.lower() == ".npz" and not (path is not None and paths.is_file(path.parent / character)):
         # The path is relative to the current folder.
-        document = replace(document, character=str(character.expanduser().absolute()))
+        document = replace(document, character=str(paths.absolute(paths.expand_user(character))))
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -202,7 +215,9 @@ class Orphan:
         Raises:
             FacePoserError: If the character cannot be opened or does not fit.
         """
-        session = session_for(self.document, self.path, worker)
+        # The user has been told of a newer file; saving then asks once more.
+        content = None if self.path is None or self.outdated else content_of(self.path)
+        session = session_for(self.document, self.path, worker, content)
         session.mark_unsaved()
         return session
 
@@ -245,7 +260,7 @@ def find_orphans(folder: Path) -> FoundJournals:
     """
     orphans: list[Orphan] = []
     damaged: list[Path] = []
-    for name in sorted({path.stem for pattern in ("*.json", "*.lock") for path in folder.glob(pattern)}):
+    for name in sorted({path.stem for path in paths.files_in(folder, ".json", ".lock") if path.name[0] != "."}):
         journal = folder / f"{name}.json"
         with suppress(OSError):
             lock = take_lock(journal.with_suffix(".lock"))
@@ -263,10 +278,11 @@ def _claim(journal: Path, lock: FileLock, damaged: list[Path]) -> Orphan | None:
     orphan = None
     left = False
     try:
-        for temporary in journal.parent.glob(f".{journal.name}.*.tmp"):
-            temporary.unlink(missing_ok=True)
+        for temporary in paths.files_in(journal.parent, ".tmp"):
+            if temporary.name.startswith(f".{journal.name}."):
+                temporary.unlink(missing_ok=True)
         orphan = _read(journal, lock)
-        left = journal.exists()
+        left = paths.exists(journal)
     except (OSError, UnreadableError):
         left = True
     except FacePoserError:
@@ -282,7 +298,7 @@ def _claim(journal: Path, lock: FileLock, damaged: list[Path]) -> Orphan | None:
 
 def _free_name(journal: Path) -> Path:
     path = journal.with_suffix(".damaged")
-    while path.exists():
+    while paths.exists(path):
         path = journal.with_name(f"{journal.stem}-{secrets.token_hex(3)}.damaged")
     return path
 
@@ -307,7 +323,7 @@ def _read(journal: Path, lock: FileLock) -> Orphan | None:
         UnreadableError: If the file cannot be read.
         FacePoserError: If it is damaged.
     """
-    if not journal.exists():
+    if not paths.exists(journal):
         return None
     return read_json(journal, "journal", lambda data: _parsed(data, journal, lock), _MAX_BYTES)
 

@@ -17,7 +17,7 @@ from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
-from faceposer.photo.aligning import aligned
+from faceposer.photo.aligning import DegeneratePinsError, aligned, unaligned
 from faceposer.photo.photo import Photo, PhotosJson
 from faceposer.session.character_version import CharacterVersion, CharacterVersionJson
 from faceposer.solve.constraints import codec
@@ -254,8 +254,16 @@ class Document:
                 constraints.append(constraint.resolved(model, start))
             except ValueError as error:
                 raise FacePoserError(f"constraints[{i}]: {error}.") from error
-        photos = tuple(photo if photo.camera is not None else aligned(photo, model, start) for photo in self.photos)
+        photos = tuple(photo if photo.camera is not None else _aligned(photo, model, start) for photo in self.photos)
         return replace(self, constraints=tuple(constraints), photos=photos)
+
+
+def _aligned(photo: Photo, model: FaceModel, pose: NDArray[np.float64]) -> Photo:
+    try:
+        return aligned(photo, model, pose)
+    except DegeneratePinsError:
+        # The session opens, so that the pins can be moved.
+        return unaligned(photo, model)
 
 
 def absolute_character(character: str, folder: Path) -> str:
@@ -326,12 +334,23 @@ def read_document(path: Path) -> Document:
     return read_json(path, "session", Document.from_json, _MAX_BYTES)
 
 
-def write_document(path: Path, document: Document) -> None:
+def write_document(path: Path, document: Document) -> str:
     """Write ``document`` to ``path`` atomically; ``Document.with_version_data`` adds the data for other versions.
 
+    Returns:
+        The text of the file.
+
     Raises:
-        FacePoserError: If the file cannot be written.
+        FacePoserError: If the file cannot be written, or could not be opened again.
     """
     text = json.dumps(document.to_json(), indent=1)
-    text = _NUMBERS.sub(lambda found: f"[{', '.join(found[1].replace(',', ' ').split())}]", text)
-    write_text(path, text + "\n", "session")
+    text = _NUMBERS.sub(lambda found: f"[{', '.join(found[1].replace(',', ' ').split())}]", text) + "\n"
+    try:
+        Document.from_json(json.loads(text))
+    except FacePoserError as error:
+        raise FacePoserError(
+            f"The session '{path}' was not written, since it could not be opened again: {error} Undo the change that "
+            "led to this value, and save again."
+        ) from error
+    write_text(path, text, "session")
+    return text

@@ -11,6 +11,7 @@ from faceposer.model.character_file import available_characters, load_character
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.photo.photo import absolute_path
 from faceposer.session.document import Document, absolute_character, read_document
+from faceposer.session.on_disk import content_of
 from faceposer.session.rebinding import rebind
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
@@ -44,7 +45,8 @@ def open_session(what: str, worker: Worker | None = None) -> Session:
     """
     path = Path(what)
     if path.suffix.lower() == ".json":
-        return session_for(read_document(path), path, worker)
+        content = content_of(path)
+        return session_for(read_document(path), path, worker, content)
     if path.suffix.lower() != ".npz":
         names = [name for name, _ in available_characters()]
         if what not in names:
@@ -56,13 +58,16 @@ def open_session(what: str, worker: Worker | None = None) -> Session:
     return Session(load_model(what), Document(absolute_character(what, Path())), worker)
 
 
-def session_for(document: Document, path: Path | None, worker: Worker | None = None) -> Session:
+def session_for(
+    document: Document, path: Path | None, worker: Worker | None = None, content: str | None = None
+) -> Session:
     """Return a session for ``document`` with its character.
 
     Args:
         document: Document to edit.
         path: Its session file, if any; relative paths in the document start at the folder of this file.
         worker: Solver; None to solve in the caller's thread.
+        content: Digest of the content of that file when the document was read (``content_of``).
 
     Raises:
         FacePoserError: If the character cannot be found or read, or if the document does not fit it.
@@ -73,7 +78,7 @@ def session_for(document: Document, path: Path | None, worker: Worker | None = N
     try:
         model = load_model(character)
         rebinding = rebind(replace(document, character=character, photos=photos), model)
-        return Session(model, rebinding.document, worker, path, rebinding.remark)
+        return Session(model, rebinding.document, worker, path, rebinding.remark, content)
     except FacePoserError as error:
         if path is None:
             raise

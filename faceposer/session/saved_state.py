@@ -6,14 +6,16 @@ from pathlib import Path
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.session.document import Document, path_from, portable_character, write_document
+from faceposer.session.on_disk import content_of, content_of_text
 
 
 class SavedState:
     """The document as it was last saved or opened."""
 
-    def __init__(self, document: Document) -> None:
-        """Start with ``document`` as saved."""
+    def __init__(self, document: Document, content: str | None = None) -> None:
+        """Start with ``document`` as saved; ``content`` is the digest of its file, if any (``content_of``)."""
         self._document: Document | None = document
+        self._content = content
 
     def differs_from(self, document: Document) -> bool:
         """Return True if saving ``document`` would change the content of its file."""
@@ -26,6 +28,11 @@ class SavedState:
     def mark_unsaved(self) -> None:
         """Treat every document as changed until the next save."""
         self._document = None
+
+    def changed_on_disk(self, path: Path) -> bool:
+        """Return True if the file ``path`` has another content than when it was opened or last saved here."""
+        content = content_of(path)
+        return content is not None and content != self._content
 
     def save(self, document: Document, path: Path, model: FaceModel, camera: Camera | None = None) -> None:
         """Write ``document`` to ``path``, with paths relative to its folder where possible, and record it as saved.
@@ -45,5 +52,5 @@ class SavedState:
             photos=tuple(replace(photo, path=path_from(photo.path, path.parent)) for photo in document.photos),
             camera=document.camera if camera is None else camera,
         )
-        write_document(path, written.with_version_data(model))
+        self._content = content_of_text(write_document(path, written.with_version_data(model)))
         self._document = document

@@ -46,6 +46,7 @@ class Session:
         worker: Worker | None = None,
         path: Path | None = None,
         remark: str = "",
+        content: str | None = None,
     ) -> None:
         """Open ``document`` with ``model``.
 
@@ -55,6 +56,7 @@ class Session:
             worker: Solver; None to solve in the caller's thread.
             path: Session file of the document, if any.
             remark: Changes made when the file was opened.
+            content: Digest of the content of that file (``content_of``).
 
         Raises:
             FacePoserError: If the document does not fit the model.
@@ -70,7 +72,7 @@ class Session:
         self._mode: Mode = "live"
         self._document = document
         self._history = History(document)
-        self._saved = SavedState(document)
+        self._saved = SavedState(document, content)
         self._editing = False
         self._before_edit = document
         self._residuals: tuple[int, tuple[float, ...]] | None = None
@@ -385,6 +387,10 @@ class Session:
         self._saved.save(self._document, path, self.model, camera)
         self.path = path
         self.revision += 1
+
+    def changed_on_disk(self) -> bool:
+        """Return True if another program has changed the session file since it was opened or saved here."""
+        return self.path is not None and self._saved.changed_on_disk(self.path)
 
     def mark_unsaved(self) -> None:
         """Mark the document as unsaved: it differs from its file."""

@@ -3,7 +3,7 @@
 import math
 
 from faceposer.geometry.picture_view import PictureView
-from faceposer.photo.aligning import aligned
+from faceposer.photo.aligning import DegeneratePinsError, aligned, unaligned
 from faceposer.photo.photo import Photo, Pin, Place
 from faceposer.photo.places import guided
 from faceposer.session.photos import with_photo
@@ -40,6 +40,7 @@ class PhotoTool(PosingTool):
         self.active: int | None = None
         self.place: Place | None = None
         self.selected: int | None = None
+        self.problem = ""
 
     def photo(self, context: ToolContext) -> Photo | None:
         """Return the photo whose camera is that of the view, or None."""
@@ -138,7 +139,12 @@ class PhotoTool(PosingTool):
         """Replace the photo inside an open edit, and update its camera and the view from its pins."""
         session = context.session
         assert self.active is not None
-        document = with_photo(session.document, self.active, aligned(photo, session.model, session.coefficients))
+        self.problem = ""
+        try:
+            photo = aligned(photo, session.model, session.coefficients)
+        except DegeneratePinsError as error:
+            photo, self.problem = unaligned(photo, session.model), str(error)
+        document = with_photo(session.document, self.active, photo)
         session.replace(document)
         camera = document.photos[self.active].camera
         if camera is not None and isinstance(context.view, PictureView):
@@ -174,6 +180,8 @@ class PhotoTool(PosingTool):
         """Return the effect of a press, for the status bar."""
         if self.photo(context) is None:
             return "Look through a photo to set pins on it"
+        if self.problem:
+            return self.problem
         if self.place is None:
             return "Drag a pin: move it   ·   right click: remove it   ·   wheel: zoom"
         return "Press where the photo shows the place   ·   Tab: skip   ·   wheel: zoom   ·   Shift+middle drag: pan"

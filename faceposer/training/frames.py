@@ -7,12 +7,12 @@ file or in the memory of several machines.
 import errno
 import os
 import shutil
-import tempfile
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.temporary import scratch_folder, scratch_parent
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.geometry.mesh_sequence import MeshSequence
 from faceposer.geometry.shape_alignment import implausible_size
@@ -215,11 +216,11 @@ def spool_frames(reader: AlignedReader, progress: Progress) -> Iterator[SpooledF
     """
     count, width = len(reader.sequence), len(reader.sequence.neutral.vertices)
     try:
-        with tempfile.TemporaryDirectory(prefix="faceposer-") as folder:
+        with scratch_folder() as folder:
             # A sparse file is created even on a full disk: check the space before the work begins.
             if shutil.disk_usage(folder).free < 12 * count * width:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            path = Path(folder) / "frames"
+            path = folder / "frames"
             with path.open("wb") as file:
                 file.truncate(12 * count * width)
             # Compressed data must be unpacked from the beginning: split it between two workers only.
@@ -236,7 +237,7 @@ def spool_frames(reader: AlignedReader, progress: Progress) -> Iterator[SpooledF
         ) from error
     except OSError as error:
         raise FacePoserError(
-            f"The meshes cannot be copied to '{tempfile.gettempdir()}' ({error.strerror}); make "
+            f"The meshes cannot be copied to '{scratch_parent()}' ({error.strerror}); make "
             f"{12 * count * width / 1e9:.1f} GB free there, or set TMPDIR to another folder."
         ) from error
 
@@ -256,7 +257,20 @@ def _halves(count: int) -> list[tuple[int, int]]:
 def _workers(numbers: int) -> Executor:
     if numbers < _WORTH_PROCESSES or (os.cpu_count() or 1) < 2:
         return ThreadPoolExecutor(1)
-    return ProcessPoolExecutor(min(os.cpu_count() or 1, 8), mp_context=get_context("spawn"))
+    workers = min(os.cpu_count() or 1, 8)
+    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=end_with_parent)
+
+
+def end_with_parent() -> None:
+    """End this worker when the program that started it is killed; it would wait for work for ever."""
+    parent = parent_process()
+
+    def watch() -> None:
+        if parent is not None:
+            parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, name="parent", daemon=True).start()
 
 
 def _in_order(pool: Executor, function: Callable[[Any], Result], jobs: Any) -> Iterator[Result]:

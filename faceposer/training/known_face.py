@@ -1,14 +1,13 @@
 """Training from examples of an existing character, which keeps its parts, textures, regions and feature points."""
 
-import tempfile
 from collections.abc import Iterable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.temporary import scratch_folder, scratch_parent
 from faceposer.geometry.mesh_sequence import frames_of, write_frames
 from faceposer.geometry.polygon_mesh import Group, PolygonMesh
 from faceposer.model.character import Character
@@ -53,13 +52,13 @@ def character_from_frames(
     Raises:
         FacePoserError: If the frames cannot be used, or the disk is full.
     """
-    with tempfile.TemporaryDirectory(prefix="faceposer-") as folder:
-        path = Path(folder) / "frames.npz"
+    with scratch_folder() as folder:
+        path = folder / "frames.npz"
         try:
             write_frames(path, frames, count, len(mesh.vertices))
         except OSError as error:
             raise FacePoserError(
-                f"The meshes of '{source}' cannot be copied to '{tempfile.gettempdir()}' ({error.strerror}); make "
+                f"The meshes of '{source}' cannot be copied to '{scratch_parent()}' ({error.strerror}); make "
                 f"{12e-9 * count * len(mesh.vertices):.1f} GB free there, or set TMPDIR to another folder."
             ) from error
         sequence = frames_of(path, mesh, f"the mesh of '{known.name if known else source}'")

@@ -4,6 +4,7 @@ import os
 import stat
 import subprocess
 import sys
+import tempfile
 import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from faceposer.errors import FacePoserError
-from faceposer.files import atomic
+from faceposer.files import temporary
 from faceposer.files.atomic import atomic_file, atomic_folder, check_not_input, check_output, write_text
 
 
@@ -34,6 +35,12 @@ def dead_process() -> int:
     process = subprocess.Popen([sys.executable, "-c", ""])
     process.wait()
     return process.pid
+
+
+def left(name: str) -> str:
+    """Return the name of a temporary file of this machine; ``name`` is that of the file and the process."""
+    host = temporary.temporary_path(Path("x")).name.split(".")[3]
+    return f".{name}.{host}.faceposer.tmp"
 
 
 def fail_in_file(path: Path, error: Exception) -> None:
@@ -225,31 +232,41 @@ def test_a_killed_program_leaves_no_half_folder(tmp_path: Path) -> None:
     assert names(path) == ["2.obj"]
 
 
-def test_only_what_dead_programs_left_of_the_same_file_is_removed(tmp_path: Path) -> None:
+def test_only_what_dead_programs_left_is_removed(tmp_path: Path) -> None:
     path, dead = tmp_path / "a.json", dead_process()
     kept = [
-        f".a.json.{os.getppid()}.tmp",  # of a running program
-        f".b.json.{dead}.tmp",  # of another file
-        f".a.json.b.{dead}.tmp",  # of the file "a.json.b"
-        ".a.json.tmp",
-        f"a.json.{dead}.tmp",
-        f".a.json.{dead}.tmp.bak",
-        ".a.json.99999999999999999999.tmp",  # of no process that there can be
-        ".a.json.0.tmp",
+        left(f"a.json.{os.getppid()}"),  # of a running program
+        f".a.json.{dead}.00000000.faceposer.tmp",  # of another machine, not yet old
+        f".a.json.{dead}.tmp",  # of another program
+        left(f"a.json.{dead}")[1:],
+        left(f"a.json.{dead}") + ".bak",
+        left("a.json.99999999999999999999"),  # of no process that there can be
+        left("a.json.0"),
     ]
-    for name in (*kept, f".a.json.{dead}.tmp"):
+    old = tmp_path / f".old.{dead}.00000000.faceposer.tmp"
+    for name in (*kept, old.name, left(f"a.json.{dead}"), left(f"another.{dead}"), left(f"line\nbreak.{dead}")):
         (tmp_path / name).write_text("half")
+    os.utime(old, (0, 0))
     write_text(path, "text", "session")
     assert names(tmp_path) == sorted([*kept, "a.json"])
+
+
+def test_a_scratch_folder_goes_at_the_end_or_with_the_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    (tmp_path / left(f"scratch-1.{dead_process()}")).mkdir()
+    with temporary.scratch_folder() as folder:
+        assert names(tmp_path) == [folder.name]
+        (folder / "frames").write_text("x")
+    assert names(tmp_path) == []
 
 
 def test_a_stale_folder_is_removed_and_a_link_is_not_followed(tmp_path: Path) -> None:
     dead, outside = dead_process(), tmp_path / "outside"
     outside.mkdir()
     (outside / "mine.txt").write_text("mine")
-    stale = tmp_path / f".frames.{dead}.tmp"
+    stale = tmp_path / left(f"frames.{dead}")
     (stale / "deep").mkdir(parents=True)
-    link = tmp_path / f".other.{dead}.tmp"
+    link = tmp_path / left(f"other.{dead}")
     link.symlink_to(outside)
     for name in ("frames", "other"):
         with atomic_folder(tmp_path / name):
@@ -260,7 +277,7 @@ def test_a_stale_folder_is_removed_and_a_link_is_not_followed(tmp_path: Path) ->
 
 def test_a_stale_file_that_cannot_be_removed_does_no_harm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, dead = tmp_path / "a.json", dead_process()
-    stale = tmp_path / f".a.json.{dead}.tmp"
+    stale = tmp_path / left(f"a.json.{dead}")
     stale.write_text("half")
     unlink = Path.unlink
 
@@ -385,9 +402,9 @@ def test_a_folder_that_is_filled_meanwhile_is_kept(tmp_path: Path) -> None:
 def test_where_processes_cannot_be_asked_for_nothing_is_removed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stale = tmp_path / f".a.json.{dead_process()}.tmp"
+    stale = tmp_path / left(f"a.json.{dead_process()}")
     stale.write_text("half")
-    monkeypatch.setattr(atomic.sys, "platform", "win32")
+    monkeypatch.setattr(temporary.sys, "platform", "win32")
     write_text(tmp_path / "a.json", "text", "session")
     assert stale.exists()
 

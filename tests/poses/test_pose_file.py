@@ -77,11 +77,27 @@ def test_a_library_replaces_only_when_it_may(tmp_path: Path) -> None:
     path = library.save(SMILE)
     path.with_suffix(".png").write_bytes(b"old picture")
     with pytest.raises(PoseExistsError, match="already"):
-        library.save(Pose("A SMILE!", {"jawOpen": 1.0}))
+        library.save(Pose("A SMILE", {"jawOpen": 1.0}))
     assert read_pose(path).name == "A smile"
-    library.save(Pose("A SMILE!", {"jawOpen": 1.0}), overwrite=True)
-    assert read_pose(path).name == "A SMILE!"
+    library.save(Pose("A SMILE", {"jawOpen": 1.0}), overwrite=True)
+    assert read_pose(path).name == "A SMILE"
     assert not path.with_suffix(".png").exists(), "the picture was of another face"
+
+
+def test_names_that_need_the_same_file_name_get_different_files(tmp_path: Path) -> None:
+    library = PoseLibrary(tmp_path)
+    names = ["Smile!", "Smile?", "smile", "!", "?", "con", "a" * 70, "a" * 71]
+    files = [library.save(Pose(name, {"jawOpen": 0.1})) for name in names]
+    assert len(set(files)) == len(names)
+    for name, file in zip(names, files, strict=True):
+        assert library.path_of(name) == file
+        with pytest.raises(PoseExistsError, match="already has a pose"):
+            library.save(Pose(name.upper(), {"jawOpen": 0.2}))
+    library.save(Pose("Smile?", {"jawOpen": 0.5}), overwrite=True)
+    assert library.find("Smile?").pose == Pose("Smile?", {"jawOpen": 0.5})
+    assert library.find("Smile!").pose == Pose("Smile!", {"jawOpen": 0.1})
+    library.rename(files[1], "Smile.")
+    assert sorted(entry.title for entry in library.entries()) == sorted({*names, "Smile."} - {"Smile?"})
 
 
 def test_renaming_takes_the_picture_along(tmp_path: Path) -> None:

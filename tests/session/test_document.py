@@ -122,7 +122,10 @@ class Squint(GazeConstraint):
 def test_a_kind_that_is_registered_is_read_and_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.json"
     squint = Squint(strength=0.25, weight=2.0, locked=True)
-    write_document(path, Document("man", (squint,)))
+    with pytest.raises(FacePoserError, match=r"was not written, .* constraints\[0\]\.type is 'squint'"):
+        write_document(path, Document("man", (squint,)))
+    assert not path.exists()
+    path.write_text(json.dumps(Document("man", (squint,)).to_json()))
     with pytest.raises(FacePoserError, match=r"constraints\[0\]\.type is 'squint'; the types are 'point', "):
         read_document(path)
     monkeypatch.setattr(registry, "CONSTRAINTS", dict(registry.CONSTRAINTS))

@@ -113,9 +113,8 @@ def draw_label(draw: imgui.ImDrawList, viewport: Viewport, at: Pixel, text: str)
 def draw_badge(draw: imgui.ImDrawList, viewport: Viewport, text: str, row: float, warm: bool = False) -> None:
     """Draw ``text`` with a background, centred in the view at height ``row``: 0 for the top, 1 for the bottom."""
     scale = viewport.ui_scale
+    text = shortened(text, viewport.size[0] - 28.0 * scale)
     size = imgui.calc_text_size(text)
-    if size.x + 28.0 * scale > viewport.size[0]:
-        return
     pad_x, pad_y, margin = 14.0 * scale, 7.0 * scale, 16.0 * scale
     width, height = size.x + 2.0 * pad_x, size.y + 2.0 * pad_y
     left = round(viewport.origin[0] + (viewport.size[0] - width) / 2.0)

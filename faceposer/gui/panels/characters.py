@@ -5,8 +5,9 @@ from pathlib import Path
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.gui.context import EditorContext
+from faceposer.gui.widgets.basic import disabled
 from faceposer.gui.widgets.dialogs import Choice, Question, TextQuestion
-from faceposer.gui.widgets.text import shortened
+from faceposer.gui.widgets.text import shortened, widget_id
 from faceposer.gui.widgets.theme import FAINT, Icon, em
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.session.character_library import LibraryEntry
@@ -33,7 +34,7 @@ def draw_characters(context: EditorContext) -> None:
             before = entry.home
             imgui.separator()
             imgui.text_colored(FAINT, _HEADINGS[entry.home])
-        imgui.push_id(entry.name)
+        imgui.push_id(widget_id(entry.name))
         _draw_row(context, entry)
         imgui.pop_id()
     imgui.separator()
@@ -68,9 +69,8 @@ def _draw_row(context: EditorContext, entry: LibraryEntry) -> None:
         tooltip("Rename")
     if buttons:
         imgui.same_line(left + width - side)
-        imgui.begin_disabled(current)
-        removed = _icon_button(Icon.CLOSE, side)
-        imgui.end_disabled()
+        with disabled(current):
+            removed = _icon_button(Icon.CLOSE, side)
         context.widget_rects.record(f"character:{entry.name}:remove")
         tooltip(_removal_tooltip(entry, current))
         if removed:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from imgui_bundle import imgui
 
 from faceposer.gui.actions import Action, Actions, Submenu
+from faceposer.gui.widgets.text import displayed, widget_id
 from faceposer.gui.widgets.theme import em
 from faceposer.gui.widgets.widget_rects import WidgetRects
 
@@ -33,14 +34,14 @@ def _draw_items(items: Sequence[Action | Submenu], rects: WidgetRects) -> None:
         if item.separated:
             imgui.separator()
         # Two entries may have the same label.
-        imgui.push_id(item.name)
+        imgui.push_id(widget_id(item.name))
         if isinstance(item, Action):
             on = item.checked is not None and item.checked()
-            pressed, _ = imgui.menu_item(item.label, item.shortcut, on, item.enabled())
+            pressed, _ = imgui.menu_item(displayed(item.label), item.shortcut, on, item.enabled())
             rects.record(f"menu:{item.name}")
             if pressed:
                 item.run()
-        elif imgui.begin_menu(item.label, item.enabled()):
+        elif imgui.begin_menu(displayed(item.label), item.enabled()):
             _draw_items(item.entries(), rects)
             imgui.end_menu()
         else:

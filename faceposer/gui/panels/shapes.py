@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.basic import caption
 from faceposer.gui.widgets.sliders import slider
+from faceposer.gui.widgets.text import displayed, widget_id
 from faceposer.gui.widgets.theme import em
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.solve.constraints.gaze import GazeConstraint
@@ -46,7 +47,8 @@ class ShapesPanel:
         shown = self._value if context.slider_edit.dragging(key) else min(max(weight, lower), upper)
         imgui.begin_disabled(held or context.toolbox.active)
         imgui.set_next_item_width(em(7.2))
-        changed, value = slider(f"{name}##{key}", shown, lower, upper, "%.2f", imgui.SliderFlags_.clamp_on_input.value)
+        label = f"{displayed(name)}##{widget_id(key)}"
+        changed, value = slider(label, shown, lower, upper, "%.2f", imgui.SliderFlags_.clamp_on_input.value)
         context.widget_rects.record(key)
         imgui.end_disabled()
         tooltip(

@@ -3,7 +3,7 @@
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.text import truncated
+from faceposer.gui.widgets.text import displayed, truncated
 from faceposer.gui.widgets.theme import FAINT, em
 from faceposer.gui.widgets.tooltips import tooltip
 
@@ -15,7 +15,7 @@ def status_height() -> float:
 
 def draw_status_bar(context: EditorContext) -> None:
     """Draw the bar into the current window."""
-    right = _figures(context)
+    right = displayed(_figures(context))
     edge = imgui.get_window_width() - imgui.get_style().window_padding.x
     width = imgui.calc_text_size(right).x
     imgui.set_cursor_pos_y((imgui.get_window_height() - imgui.get_font_size()) / 2.0)

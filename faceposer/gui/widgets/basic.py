@@ -1,11 +1,12 @@
 """Basic widgets of panels."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.gui.actions import Action
-from faceposer.gui.widgets.text import shortened, text_width
+from faceposer.gui.widgets.text import displayed, shortened, text_width
 from faceposer.gui.widgets.theme import ACCENT_DARK, ACCENT_MID, FAINT, Fonts, em
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.gui.widgets.widget_rects import WidgetRects
@@ -18,15 +19,40 @@ def heading(fonts: Fonts, text: str, first: bool = False) -> None:
         imgui.separator()
         imgui.dummy((0.0, em(0.10)))
     imgui.push_font(fonts.bold, 0.0)
-    imgui.text(text)
+    imgui.text_unformatted(displayed(text))
     imgui.pop_font()
 
 
 def caption(text: str) -> None:
     """Draw wrapped text in a faint colour."""
     imgui.push_style_color(imgui.Col_.text, ImVec4(*FAINT))
-    imgui.text_wrapped(text)
+    wrapped_text(text)
     imgui.pop_style_color()
+
+
+def wrapped_text(text: str) -> None:
+    """Draw ``text``, which may hold names of files, in lines that fit the window."""
+    imgui.text_wrapped(displayed(text))
+
+
+def text_field(label: str, value: str, hint: str = "", flags: int = 0) -> tuple[bool, str]:
+    """Draw a field for a line of text; return True if Enter was pressed (with that flag), and the text.
+
+    A ``value`` that cannot be displayed, such as a path that is not UTF-8, is kept until the user edits it.
+    """
+    shown = displayed(value, label=False)
+    entered, typed = imgui.input_text_with_hint(label, hint, shown, flags)
+    return entered, value if typed == shown else typed
+
+
+@contextmanager
+def disabled(when: bool) -> Iterator[None]:
+    """Draw the widgets of the block disabled, if ``when``; what the block raises leaves no widget disabled."""
+    imgui.begin_disabled(when)
+    try:
+        yield
+    finally:
+        imgui.end_disabled()
 
 
 def fitted_button(rects: WidgetRects, label: str, name: str, width: float, tip: str) -> bool:

@@ -7,7 +7,7 @@ from imgui_bundle import imgui
 
 from faceposer.errors import FacePoserError
 from faceposer.gui.actions import Actions, display_key
-from faceposer.gui.widgets.basic import caption
+from faceposer.gui.widgets.basic import caption, text_field
 from faceposer.gui.widgets.modal import (
     buttons_width,
     modal,
@@ -17,6 +17,7 @@ from faceposer.gui.widgets.modal import (
     modal_escaped,
     modal_title,
 )
+from faceposer.gui.widgets.text import displayed
 from faceposer.gui.widgets.theme import FAINT, Fonts, em, u32
 from faceposer.gui.widgets.widget_rects import WidgetRects
 
@@ -151,13 +152,12 @@ class Dialogs:
         labels = _labels(question)
         with modal_body(labels, _BUTTON):
             imgui.push_text_wrap_pos(0.0)
-            imgui.text_unformatted(question.text)
+            imgui.text_unformatted(displayed(question.text))
             imgui.pop_text_wrap_pos()
             if question.details:
                 imgui.dummy((0.0, em(0.3)))
-                imgui.input_text_multiline(
-                    "##details", question.details, (-1.0, em(10)), imgui.InputTextFlags_.read_only.value
-                )
+                details = displayed(question.details, label=False)
+                imgui.input_text_multiline("##details", details, (-1.0, em(10)), imgui.InputTextFlags_.read_only.value)
         pressed = modal_buttons(self.rects, "choice", labels, default=question.default, least=_BUTTON)
         taken = question.choices[int(pressed)] if pressed else None
         if modal_entered():
@@ -192,7 +192,7 @@ class Dialogs:
                 imgui.set_keyboard_focus_here()
             imgui.set_next_item_width(-1.0)
             flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
-            entered, text = imgui.input_text("##text", question.text, flags)
+            entered, text = text_field("##text", question.text, flags=flags.value)
             self.rects.record("text:field")
             if text != question.text:
                 question.text, question.problem = text, ""

@@ -11,8 +11,10 @@ from typing import Any
 from imgui_bundle import portable_file_dialogs as native
 
 from faceposer.files.names import suffix_replaced
+from faceposer.files.user_folders import home_folder
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.gui.widgets.path_browser import PathBrowser
+from faceposer.gui.widgets.text import displayed
 from faceposer.gui.widgets.theme import Fonts
 from faceposer.gui.widgets.widget_rects import WidgetRects
 
@@ -24,6 +26,10 @@ def native_available() -> bool:
     if not sys.platform.startswith("linux"):
         return True
     return any(shutil.which(name) for name in ("zenity", "kdialog", "matedialog", "qarma"))
+
+
+def _is_utf8(path: Path) -> bool:
+    return displayed(str(path), label=False) == str(path)
 
 
 class FileDialogs:
@@ -76,7 +82,8 @@ class FileDialogs:
         filters = [request.kind, " ".join(f"*{suffix}" for suffix in request.suffixes), "All files", "*"]
         if request.purpose == "new folder":
             filters = filters[2:]
-        start = str(request.start)
+        # The system's dialog takes only UTF-8.
+        start = str(request.start if _is_utf8(request.start) else home_folder())
         if request.purpose == "folder":
             self._native = (request, native.select_folder(request.title, start))
         elif request.purpose == "open":
@@ -92,7 +99,11 @@ class FileDialogs:
         if not dialog.ready(0):
             return
         self._native = None
-        answer = dialog.result()
+        try:
+            answer = dialog.result()
+        except UnicodeDecodeError:
+            self._notify("The name of the file is not UTF-8; rename it, or move it to another folder")
+            return
         path = answer[0] if isinstance(answer, list) and answer else answer
         if not path:
             return

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from faceposer.files import paths
 from faceposer.files.names import save_path
 
 Purpose = Literal["open", "save", "folder", "new folder"]
@@ -57,4 +58,4 @@ class FileRequest:
         """Return the existing files that writing to ``path``, with its suffix, replaces."""
         if self.purpose != "save":
             return ()
-        return (*((path,) if path.exists() else ()), *self.beside(path))
+        return (*((path,) if paths.exists(path) else ()), *self.beside(path))

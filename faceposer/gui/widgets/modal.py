@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from imgui_bundle import imgui
 
 from faceposer.gui.widgets.basic import caption
+from faceposer.gui.widgets.text import displayed, shortened
 from faceposer.gui.widgets.theme import ACCENT_DARK, BAD, Fonts, Icon, em
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.gui.widgets.widget_rects import WidgetRects
@@ -177,7 +178,7 @@ def modal_title(fonts: Fonts, text: str, bad: bool = False) -> None:
         imgui.text_colored(BAD, Icon.WARNING)
         imgui.same_line()
     imgui.push_font(fonts.bold, 0.0)
-    imgui.text_unformatted(text)
+    imgui.text_unformatted(shortened(text, max(imgui.get_main_viewport().size.x - em(5), em(5))))
     imgui.pop_font()
     imgui.dummy((0.0, em(0.2)))
 
@@ -202,6 +203,7 @@ def modal_buttons(
         disabled: Names of buttons that cannot be pressed.
         tips: Tooltips by name.
     """
+    buttons = [(name, displayed(label)) for name, label in buttons]
     imgui.dummy((0.0, em(_GAP)))
     left, room = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
     spacing = imgui.get_style().item_spacing.x

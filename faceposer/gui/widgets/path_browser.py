@@ -1,20 +1,25 @@
 """The built-in file dialog: a list of folders and files, and a field for a name or path."""
 
+import errno
 import os
 from contextlib import suppress
 from pathlib import Path
 
 from imgui_bundle import imgui
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, printable, short_name
+from faceposer.files import paths
 from faceposer.files.names import suffix_replaced
+from faceposer.files.user_folders import documents_folder, home_folder
+from faceposer.gui.widgets.basic import disabled, text_field
 from faceposer.gui.widgets.file_request import FileRequest
-from faceposer.gui.widgets.text import shortened
+from faceposer.gui.widgets.text import shortened, widget_id
 from faceposer.gui.widgets.theme import ACCENT_DARK, FAINT, WARNING, Fonts, Icon, em
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.gui.widgets.widget_rects import WidgetRects
 
-_MAX_ENTRIES = 5000
+# Maximum number of listed files; further ones can be opened by their names.
+_MAX_FILES = 20_000
 
 
 class PathBrowser:
@@ -25,36 +30,44 @@ class PathBrowser:
         self.request = request
         self.closed = False
         self.message = ""
-        self.folder = Path.home()
+        self.folder = home_folder()
         self.name = ""
         self.typed = Path()
         self._entries: list[tuple[bool, str]] = []
+        self._left_out = 0
         self._replacing: Path | None = None
         self._focus = True
         start = request.start
-        if start.is_dir() and request.purpose != "new folder":
-            self._enter(start)
+        if paths.is_dir(start) and request.purpose != "new folder":
+            self._enter_first(start)
         else:
-            self._enter(start.parent if start.parent.is_dir() else Path.cwd())
+            self._enter_first(start.parent)
             self.name = start.name if request.writes else ""
 
+    def _enter_first(self, folder: Path) -> None:
+        """Show ``folder``, or if it is gone or may not be entered, the user's documents."""
+        self._enter(next((f for f in (folder, documents_folder()) if paths.can_enter(f)), home_folder()))
+
     def _enter(self, folder: Path) -> None:
-        """Show ``folder``."""
+        """Show ``folder``, or the reason why it cannot be shown."""
+        folder = paths.resolved(folder)
+        folders, files = [], []
         try:
-            folder = folder.resolve()
-            names = sorted(os.scandir(folder), key=lambda entry: entry.name.lower())[:_MAX_ENTRIES]
-        except OSError as error:
-            self.message = f"The folder '{folder}' cannot be read: {error.strerror}."
+            with os.scandir(folder) as entries:
+                for entry in entries:
+                    if entry.name.startswith("."):
+                        continue
+                    if _is_folder(entry):
+                        folders.append(entry.name)
+                    elif Path(entry.name).suffix.lower() in self.request.suffixes:
+                        files.append(entry.name)
+        except (OSError, ValueError) as error:
+            self.message = f"The folder '{folder}' cannot be read: {getattr(error, 'strerror', error)}."
             return
         self.folder, self.message, self._replacing = folder, "", None
-        self._entries = []
-        for entry in names:
-            if entry.name.startswith("."):
-                continue
-            is_folder = entry.is_dir()
-            if is_folder or Path(entry.name).suffix.lower() in self.request.suffixes:
-                self._entries.append((is_folder, entry.name))
-        self._entries.sort(key=lambda entry: not entry[0])
+        self._left_out = max(len(files) - _MAX_FILES, 0)
+        files = sorted(files, key=str.lower)[:_MAX_FILES]
+        self._entries = [*((True, name) for name in sorted(folders, key=str.lower)), *((False, name) for name in files)]
 
     def accept(self, confirmed: Path | None = None) -> Path | None:
         """Return the typed path if it is valid; otherwise open it if it is a folder, or set ``message``.
@@ -67,8 +80,11 @@ class PathBrowser:
         if not self.name.strip():
             self.message = "Enter a name."
             return None
-        path = self.typed = self.folder / Path(self.name.strip()).expanduser()
-        if path.is_dir() and self.request.purpose != "new folder":
+        path = self._typed_path()
+        if path is None:
+            return None
+        self.typed = path
+        if paths.is_dir(path) and self.request.purpose != "new folder":
             self._enter(path)
             self.name = ""
             return None
@@ -78,12 +94,12 @@ class PathBrowser:
             self.message = str(error)
             return None
         if self.request.purpose == "open":
-            if path.is_file():
+            if paths.is_file(path):
                 return path
-            self.message = f"The file '{path}' does not exist."
+            self.message = self._missing("file", path)
             return None
-        if not path.parent.is_dir():
-            self.message = f"The folder '{path.parent}' does not exist."
+        self.message = self._problem_of_target(path)
+        if self.message:
             return None
         if self.request.purpose == "new folder":
             return self._accept_new_folder(path)
@@ -96,9 +112,21 @@ class PathBrowser:
             return None
         return path
 
+    def _problem_of_target(self, path: Path) -> str:
+        """Return why ``path`` cannot be written, or ""."""
+        if not paths.is_dir(path.parent):
+            return self._missing("folder", path.parent)
+        if not os.access(path.parent, os.W_OK | os.X_OK):
+            return f"The folder '{path.parent}' is not writable; choose another."
+        if reason := paths.problem(path):
+            return f"'{short_name(path.name)}' cannot be written: {reason}."
+        if self.request.purpose == "save" and paths.is_dir(path):
+            return f"'{short_name(path.name)}' is a folder; enter another name."
+        return ""
+
     def _accept_new_folder(self, path: Path) -> Path | None:
         try:
-            if not path.exists() or (path.is_dir() and not any(path.iterdir())):
+            if not paths.exists(path) or (paths.is_dir(path) and not any(path.iterdir())):
                 return path
             self.message = f"'{path.name}' already exists and is not an empty folder; enter another name."
         except OSError as error:
@@ -106,16 +134,38 @@ class PathBrowser:
         return None
 
     def _accept_folder(self) -> Path | None:
-        path = self.folder / Path(self.name.strip()).expanduser()
-        if path.is_dir():
+        path = self._typed_path()
+        if path is None:
+            return None
+        if paths.can_enter(path):
             return path
-        self.message = f"The folder '{path}' does not exist."
+        if paths.is_dir(path):
+            self.message = f"The folder '{path}' cannot be read: {os.strerror(errno.EACCES)}."
+        else:
+            self.message = self._missing("folder", path)
         return None
+
+    def _typed_path(self) -> Path | None:
+        """Return the path in the field, or set ``message`` if it begins with the home folder of no user."""
+        text = self.name.strip()
+        path = self.folder / paths.expand_user(text)
+        home = Path(text).parts[0] if text else ""
+        if text.startswith("~") and path == self.folder / text and not paths.exists(self.folder / home):
+            self.message = f"There is no user '{short_name(home[1:])}'; enter './{short_name(home)}' for a file."
+            return None
+        return path
+
+    @staticmethod
+    def _missing(kind: str, path: Path) -> str:
+        reason = paths.problem(path)
+        return f"The {kind} '{path}' cannot be read: {reason}." if reason else f"The {kind} '{path}' does not exist."
 
     def advice(self) -> tuple[str, bool]:
         """Return the text below the name, and True if it is a warning."""
         if self.message:
-            return self.message, True
+            return printable(self.message), True
+        if self._left_out:
+            return f"{self._left_out} more files are not listed; enter the name of one to open it", True
         request = self.request
         if request.purpose == "folder":
             return "Select a folder, enter a path, or leave empty for the current folder", False
@@ -162,7 +212,7 @@ class PathBrowser:
         tooltip("Parent folder")
         imgui.same_line()
         if imgui.button(f"{Icon.HOME}##home"):
-            self._enter(Path.home())
+            self._enter(home_folder())
         rects.record("files:home")
         tooltip("Home folder")
         imgui.same_line()
@@ -181,31 +231,41 @@ class PathBrowser:
         imgui.begin_child("##list", (0.0, -foot), imgui.ChildFlags_.always_use_window_padding.value)
         if not self._entries:
             imgui.text_disabled(f"No folders or {self.request.kind.lower()} in this folder.")
-        folders_only = self.request.purpose == "folder"
-        for is_folder, name in list(self._entries):
-            imgui.text_colored(FAINT, Icon.FOLDER if is_folder else Icon.FILE)
-            imgui.same_line(em(2.4))
-            # When a folder is requested, files only show its content.
-            imgui.begin_disabled(folders_only and not is_folder)
-            label = shortened(name, imgui.get_content_region_avail().x)
-            flags = imgui.SelectableFlags_.allow_double_click.value
-            imgui.selectable(f"{label}##{name}", name == self.name, flags)
-            imgui.end_disabled()
-            if label != name:
-                tooltip(name)
-            rects.record(f"files:{name}")
-            if imgui.is_item_hovered() and imgui.is_mouse_clicked(0):
-                double_clicked = imgui.is_mouse_double_clicked(0)
-                if is_folder:
-                    self.name = name if folders_only and not double_clicked else "" if folders_only else self.name
-                    if double_clicked:
-                        self._enter(self.folder / name)
-                else:
-                    self.name = name
-                    chosen = self.accept() if double_clicked else None
+        entries = list(self._entries)
+        # Only the visible rows are drawn: a folder may hold many thousands of files.
+        clipper = imgui.ListClipper()
+        clipper.begin(len(entries))
+        while clipper.step():
+            for is_folder, name in entries[clipper.display_start : clipper.display_end]:
+                chosen = self._draw_entry(rects, is_folder, name) or chosen
+        clipper.end()
         imgui.end_child()
         imgui.pop_style_color()
         return chosen
+
+    def _draw_entry(self, rects: WidgetRects, is_folder: bool, name: str) -> Path | None:
+        """Draw a row of the list; return the double-clicked file, if any."""
+        folders_only = self.request.purpose == "folder"
+        imgui.text_colored(FAINT, Icon.FOLDER if is_folder else Icon.FILE)
+        imgui.same_line(em(2.4))
+        label = shortened(name, imgui.get_content_region_avail().x)
+        flags = imgui.SelectableFlags_.allow_double_click.value
+        # When a folder is requested, files only show its content.
+        with disabled(folders_only and not is_folder):
+            imgui.selectable(f"{label}##{widget_id(name)}", name == self.name, flags)
+        if label != name:
+            tooltip(name)
+        rects.record(f"files:{name}")
+        if not (imgui.is_item_hovered() and imgui.is_mouse_clicked(0)):
+            return None
+        double_clicked = imgui.is_mouse_double_clicked(0)
+        if not is_folder:
+            self.name = name
+            return self.accept() if double_clicked else None
+        self.name = name if folders_only and not double_clicked else "" if folders_only else self.name
+        if double_clicked:
+            self._enter(self.folder / name)
+        return None
 
     def _draw_footer(self, rects: WidgetRects, appearing: bool) -> Path | None:
         chosen = None
@@ -214,7 +274,7 @@ class PathBrowser:
             self._focus = False
         imgui.set_next_item_width(-1.0)
         flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
-        entered, name = imgui.input_text("##name", self.name, flags)
+        entered, name = text_field("##name", self.name, flags=flags.value)
         rects.record("files:name")
         if name != self.name:
             self.name, self._replacing, self.message = name, None, ""
@@ -240,3 +300,11 @@ class PathBrowser:
             self.closed = True
         rects.record("files:cancel")
         return chosen
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    """Return True for a folder or a link to one; False for a link that leads nowhere or in circles."""
+    try:
+        return entry.is_dir()
+    except OSError:
+        return False

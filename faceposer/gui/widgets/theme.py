@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.resources import fonts_folder
 
 FONT_SIZE = 15.0
@@ -93,7 +94,7 @@ def load_fonts() -> Fonts:
 
     def load(name: str) -> imgui.ImFont:
         for path in (fonts_folder() / name, icons):
-            if not path.is_file():
+            if not paths.is_file(path):
                 raise FacePoserError(f"The font '{path}' is missing; reinstall the package imgui-bundle.")
         atlas = imgui.get_io().fonts
         font = atlas.add_font_from_file_ttf(str(fonts_folder() / name), FONT_SIZE)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from imgui_bundle import ImVec2, imgui
 
+from faceposer.gui.widgets.text import displayed
 from faceposer.gui.widgets.theme import em
 from faceposer.gui.widgets.widget_rects import Rectangle, WidgetRects, overlap
 
@@ -46,7 +47,7 @@ def tooltip(text: str) -> None:
     low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
     around = (window.pos.x, window.pos.y, window.pos.x + window.size.x, window.pos.y + window.size.y)
     modal = window.id_ if window.flags & imgui.WindowFlags_.modal.value else None
-    _requests.append(_Request(text, (low.x, low.y, high.x, high.y), around, modal))
+    _requests.append(_Request(displayed(text), (low.x, low.y, high.x, high.y), around, modal))
 
 
 def draw_tooltip(rects: WidgetRects) -> None:

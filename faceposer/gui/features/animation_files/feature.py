@@ -6,6 +6,7 @@ from pathlib import Path
 
 from faceposer.animation.keyframes import TOLERANCE, Keyframes
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.timeline.feature import TimelineFeature
@@ -99,7 +100,7 @@ class AnimationFilesFeature(Feature):
         except FacePoserError as error:
             context.dialogs.report("The animation cannot be opened", str(error))
             return
-        context.settings.folder = str(path.parent.resolve())
+        context.settings.folder = str(paths.resolved(path.parent))
         few = dense.reduced(context.session.model, TOLERANCE)
 
         def load(keyframes: Keyframes) -> None:
@@ -140,5 +141,5 @@ class AnimationFilesFeature(Feature):
         except FacePoserError as error:
             context.dialogs.report("The trajectories cannot be opened", str(error))
             return
-        context.settings.folder = str(path.parent.resolve())
+        context.settings.folder = str(paths.resolved(path.parent))
         context.feature(TrajectoriesFeature).solve(trajectories, f"Follow {path.name}", None)

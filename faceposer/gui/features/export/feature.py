@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
@@ -159,7 +160,7 @@ class ExportFeature(Feature):
         """Return the folder of the last export, or else that of the last session."""
         settings = self.context.settings
         last = Path(settings.export_path)
-        return last.parent if settings.export_path and last.parent.is_dir() else last_folder(settings)
+        return last.parent if settings.export_path and paths.can_enter(last.parent) else last_folder(settings)
 
     @property
     def writes_folder(self) -> bool:
@@ -246,7 +247,7 @@ class ExportFeature(Feature):
             self._report_written(job.result)
 
     def _report_written(self, path: Path) -> None:
-        self.context.settings.export_path = str(path.resolve())
+        self.context.settings.export_path = str(paths.resolved(path))
         self.context.notify(f"Saved {path.name}")
 
     def _cancel_job(self) -> None:
@@ -278,10 +279,10 @@ class ExportFeature(Feature):
             session.set_start(read.coefficients)
         context.notify(f"Opened {path.name}. {read.note}".strip())
 
-    def accept_files(self, paths: tuple[str, ...]) -> bool:
+    def accept_files(self, dropped: tuple[str, ...]) -> bool:
         """Open a dropped mesh as a pose, unless a dialog is open."""
-        path = Path(paths[0])
-        if self.is_modal or path.suffix.lower() not in _MESHES or path.is_dir():
+        path = Path(dropped[0])
+        if self.is_modal or path.suffix.lower() not in _MESHES or paths.is_dir(path):
             return False
         self.context.toolbox.finish()
         self.open_pose(path)

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
+from faceposer.files import paths
 from faceposer.geometry.mesh_io import MESH_SUFFIXES
 from faceposer.gui.features.import_character.form import ImportForm
 from faceposer.gui.features.import_character.summary import draw_summary
 from faceposer.gui.settings import last_folder
-from faceposer.gui.widgets.basic import caption, choice
+from faceposer.gui.widgets.basic import caption, choice, text_field
 from faceposer.gui.widgets.file_request import FileRequest, Purpose
 from faceposer.gui.widgets.modal import (
     draw_job,
@@ -23,6 +24,7 @@ from faceposer.gui.widgets.modal import (
     modal_title,
 )
 from faceposer.gui.widgets.sliders import row_label
+from faceposer.gui.widgets.text import displayed
 from faceposer.gui.widgets.theme import BAD, Icon, em
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.gui.widgets.widget_rects import WidgetRects
@@ -104,7 +106,7 @@ class ImportDialog:
         # Room for an error of two lines is reserved, so that nothing jumps when it appears, unless the window is low.
         wrap = imgui.get_content_region_avail().x - em(2.2)
         lines = 2.0 if modal_room() > _LOW else 0.0
-        height = imgui.calc_text_size(importing.error, wrap_width=wrap).y if importing.error else 0.0
+        height = imgui.calc_text_size(displayed(importing.error), wrap_width=wrap).y if importing.error else 0.0
         reserved = max(height, lines * imgui.get_text_line_height()) + em(0.1) + imgui.get_style().item_spacing.y
         with modal_body(_FORM_BUTTONS, below=reserved):
             self._draw_entries(importing)
@@ -205,7 +207,7 @@ class ImportDialog:
             rects.record(f"import:capture:{i}:remove")
             tooltip("Remove this performance")
             imgui.same_line()
-            imgui.text_unformatted(Path(path).name)
+            imgui.text_unformatted(displayed(Path(path).name))
             tooltip(path)
         if form.captures:
             row_label("", width=_LABEL)
@@ -288,7 +290,7 @@ class ImportDialog:
 def _text_row(rects: WidgetRects, key: str, label: str, value: str, tip: str) -> str:
     row_label(label, tip, _LABEL)
     imgui.set_next_item_width(-1.0)
-    _, value = imgui.input_text(f"##{key}", value, imgui.InputTextFlags_.auto_select_all.value)
+    _, value = text_field(f"##{key}", value, flags=imgui.InputTextFlags_.auto_select_all.value)
     rects.record(f"import:{key}")
     tooltip(tip)
     return value
@@ -322,7 +324,7 @@ def _path_row(
     side, gap = em(2.2), imgui.get_style().item_inner_spacing.x
     count = 1 + folder
     imgui.set_next_item_width(-(count * (side + gap)))
-    _, value = imgui.input_text_with_hint(f"##{key}", hint, value, imgui.InputTextFlags_.auto_select_all.value)
+    _, value = text_field(f"##{key}", value, hint, imgui.InputTextFlags_.auto_select_all.value)
     importing.context.widget_rects.record(f"import:{key}")
     tooltip(f"{tip}\n{value}" if value else tip)
     imgui.same_line(0.0, gap)
@@ -344,8 +346,8 @@ def _path_row(
 
 def _start_folder(importing: "ImportCharacterFeature", near: str, purpose: Purpose = "open") -> Path:
     """Return the path at which a file dialog opens: that of the field, or the last folder."""
-    path = Path(near.strip()).expanduser() if near.strip() else None
-    if path is not None and path.parent.is_dir():
+    path = paths.expand_user(near.strip()) if near.strip() else None
+    if path is not None and paths.can_enter(path.parent):
         return path if purpose == "save" else path.parent
     return last_folder(importing.context.settings)
 
@@ -356,6 +358,6 @@ def _draw_error(text: str) -> None:
     imgui.same_line()
     imgui.push_text_wrap_pos(0.0)
     imgui.push_style_color(imgui.Col_.text, BAD)
-    imgui.text_unformatted(text)
+    imgui.text_unformatted(displayed(text))
     imgui.pop_style_color()
     imgui.pop_text_wrap_pos()

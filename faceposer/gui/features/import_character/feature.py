@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
@@ -123,21 +124,19 @@ class ImportCharacterFeature(Feature):
 
         on_form = self.open and self.page == "form"
         suffix = Path(path).suffix.lower()
-        return Path(path).is_dir() or suffix in (*GLTF_SUFFIXES, *MARKER_SUFFIXES) or (on_form and suffix == ".npz")
+        return paths.is_dir(path) or suffix in (*GLTF_SUFFIXES, *MARKER_SUFFIXES) or (on_form and suffix == ".npz")
 
-    def accept_files(self, paths: tuple[str, ...]) -> bool:
+    def accept_files(self, dropped: tuple[str, ...]) -> bool:
         """Use dropped files as the source, or as performances if the source is a rig already."""
-        if not self.accepts(paths[0]):
-            was_open = self.open
-            if was_open:
+        if not self.accepts(dropped[0]):
+            if self.open:
                 self.close_dialog()
-                self.context.open_file(paths[0])
-            return was_open
-        csv = [path for path in paths if path.lower().endswith(".csv")]
+            return False
+        csv = [path for path in dropped if path.lower().endswith(".csv")]
         if self.open and self.page == "form" and self.form.source and self.form.kind == "rig" and csv:
             self.form.captures += [path for path in csv if path not in self.form.captures]
         else:
-            self.show(paths[0])
+            self.show(dropped[0])
         self.context.redraw()
         return True
 
@@ -153,7 +152,7 @@ class ImportCharacterFeature(Feature):
         except FacePoserError as error:
             self.error = str(error)
             return
-        if not output.exists():
+        if not paths.exists(output):
             self._train(output)
             return
         self.context.dialogs.ask(

@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
+from faceposer.files.atomic import check_output
 from faceposer.files.names import save_path
 from faceposer.session.character_library import CharacterLibrary
 
@@ -56,7 +58,9 @@ class ImportForm:
     @property
     def accepts_neutral(self) -> bool:
         """True if a neutral mesh can be given; a glTF file contains one, and markers use their first frame."""
-        return self.kind == "examples" or (self.kind == "rig" and bool(self.source) and _path(self.source).is_dir())
+        return self.kind == "examples" or (
+            self.kind == "rig" and bool(self.source) and paths.is_dir(_path(self.source))
+        )
 
     def follow_source(self, library: CharacterLibrary) -> None:
         """Detect the kind of the source, and propose title and output unless the user has entered them.
@@ -67,7 +71,7 @@ class ImportForm:
         from faceposer.training.kinds import kind_of, plain_name
 
         path = _path(self.source)
-        if not self.source.strip() or not path.exists():
+        if not self.source.strip() or not paths.exists(path):
             return
         try:
             self.kind = kind_of(path)
@@ -102,12 +106,13 @@ class ImportForm:
         if self.missing:
             raise FacePoserError(self.missing)
         path = _path(self.output)
-        if path.is_dir():
+        if paths.is_dir(path):
             raise FacePoserError(f"'{path}' is a folder; enter a file name.")
         path = save_path(path, ".npz")
-        if not path.parent.is_dir():
+        if not paths.is_dir(path.parent):
             raise FacePoserError(f"The folder '{path.parent}' does not exist; create it first.")
-        if path.exists() and path.samefile(_path(self.source)):
+        check_output(path, ".npz")
+        if paths.same_file(path, _path(self.source)):
             raise FacePoserError(f"'{path.name}' is the source; save the character under another name.")
         return path
 
@@ -139,4 +144,4 @@ def _path(text: str) -> Path:
     text = text.strip()
     if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'":
         text = text[1:-1]
-    return Path(text).expanduser()
+    return paths.expand_user(text)

@@ -6,6 +6,7 @@ import numpy as np
 from imgui_bundle import imgui, implot
 
 from faceposer.gui.recent_files import shown_path
+from faceposer.gui.widgets.text import displayed
 from faceposer.gui.widgets.theme import ACCENT, FAINT, TARGET, WARNING, Fonts, Icon, em
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.gui.widgets.widget_rects import WidgetRects
@@ -38,11 +39,11 @@ def draw_summary(fonts: Fonts, rects: WidgetRects, about: dict[str, Any]) -> Non
     imgui.text_colored(TARGET, Icon.CHECK)
     imgui.same_line()
     imgui.push_font(fonts.bold, 0.0)
-    imgui.text_unformatted(f"{about['title']} is ready")
+    imgui.text_unformatted(displayed(f"{about['title']} is ready"))
     imgui.pop_font()
     imgui.dummy((0.0, em(0.1)))
     imgui.push_text_wrap_pos(0.0)
-    imgui.text_unformatted(sentence_of(about))
+    imgui.text_unformatted(displayed(sentence_of(about)))
     imgui.pop_text_wrap_pos()
     imgui.dummy((0.0, em(0.1)))
     facts = facts_of(about)
@@ -146,7 +147,7 @@ def _row(label: str, text: str, colour: tuple[float, float, float, float] | None
     imgui.same_line(left + em(_LABEL))
     imgui.push_text_wrap_pos(0.0)
     # A file name may contain format specifiers.
-    imgui.text_unformatted(text)
+    imgui.text_unformatted(displayed(text))
     imgui.pop_text_wrap_pos()
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from imgui_bundle import imgui
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.geometry.picture_view import PictureView
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
@@ -224,26 +225,26 @@ class PhotoFeature(Feature):
     def ask(self) -> None:
         """Ask for a photo file and open it."""
         folder = Path(self.photos[-1].path).parent if self.photos else last_folder(self.context.settings)
-        start = folder if folder.is_dir() else last_folder(self.context.settings)
+        start = folder if paths.can_enter(folder) else last_folder(self.context.settings)
         self.context.ask_for_file(FileRequest("open", "Open photo", "Photos", PHOTO_SUFFIXES, start, self.open))
 
-    def accept_files(self, paths: tuple[str, ...]) -> bool:
+    def accept_files(self, dropped: tuple[str, ...]) -> bool:
         """Open dropped files if all of them are images."""
         suffixes = (*PHOTO_SUFFIXES, *FOREIGN_SUFFIXES)
         if (
             self.context.is_modal
             or self.context.busy
-            or not all(Path(path).suffix.lower() in suffixes for path in paths)
+            or not all(Path(path).suffix.lower() in suffixes for path in dropped)
         ):
             return False
-        for path in paths:
+        for path in dropped:
             self.open(Path(path))
         return True
 
     def open(self, path: Path) -> None:
         """Add the photo ``path`` to the session as one step of the history, look through it and start pinning."""
         context = self.context
-        path = path.expanduser().absolute()
+        path = paths.absolute(paths.expand_user(path))
         try:
             file = inspect_photo(path)
             if len(self.photos) >= MAX_PHOTOS:
@@ -326,7 +327,11 @@ class PhotoFeature(Feature):
         """Fit the camera again with the focal length ``focal`` in pixels, or estimate it if None."""
         photo, session = self.photo, self.context.session
         if photo is not None:
-            changed = aligned(replace(photo, focal=focal), session.model, session.coefficients)
+            try:
+                changed = aligned(replace(photo, focal=focal), session.model, session.coefficients)
+            except FacePoserError as error:
+                self.context.dialogs.report("The photo cannot be aligned", str(error))
+                return
             self.change(changed, "Align the photo")
 
     def remove(self, index: int) -> None:

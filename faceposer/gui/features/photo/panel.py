@@ -9,9 +9,9 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from faceposer.geometry.picture_view import PictureView
 from faceposer.gui.context import EditorContext
 from faceposer.gui.features.photo.overlay import place_title
-from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, heading
+from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, heading, wrapped_text
 from faceposer.gui.widgets.sliders import slider
-from faceposer.gui.widgets.text import shortened, wrapped
+from faceposer.gui.widgets.text import shortened, widget_id, wrapped
 from faceposer.gui.widgets.theme import FAINT, INK, WARNING, Icon, em, u32
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.photo.aligning import residuals_px
@@ -46,7 +46,7 @@ def draw_photo_tab(photos: "PhotoFeature") -> None:
         return
     if not photos.readable:
         imgui.push_style_color(imgui.Col_.text, ImVec4(*WARNING))
-        imgui.text_wrapped(f"{Icon.WARNING} The file cannot be read: {photo.path}")
+        wrapped_text(f"{Icon.WARNING} The file cannot be read: {photo.path}")
         imgui.pop_style_color()
     _draw_layers(photos, photo)
     _draw_camera(photos, photo)
@@ -205,7 +205,7 @@ def _draw_pin(photos: "PhotoFeature", photo: Photo, place: Place, residual: floa
     begin, corner, width = imgui.get_cursor_pos(), imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     lines = wrapped(place_title(context, place), width - em(1.4 + 1.9 + 4.0 * (index is not None)))
     row = round(len(lines) * imgui.get_text_line_height() + em(0.4))
-    imgui.push_id(str(place))
+    imgui.push_id(widget_id(str(place)))
     imgui.set_next_item_allow_overlap()
     choosing = context.toolbox.chosen is tool
     lit = choosing and (tool.place == place or (index is not None and tool.selected == index))

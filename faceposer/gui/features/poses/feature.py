@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
+from faceposer.files.user_folders import home_folder
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
@@ -362,10 +364,10 @@ class PosesFeature(Feature):
         library = self.library
 
         def choose(folder: Path) -> None:
-            self.context.settings.poses_folder = str(folder.resolve())
+            self.context.settings.poses_folder = str(paths.resolved(folder))
             self.category = "mine"
 
-        start = library.folder if library.folder.is_dir() else Path.home()
+        start = library.folder if paths.can_enter(library.folder) else home_folder()
         self.context.ask_for_file(FileRequest("folder", "Choose folder of poses", "Folders", (), start, choose))
 
     def _save(self, name: str, overwrite: bool) -> None:

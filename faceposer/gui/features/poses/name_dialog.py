@@ -7,6 +7,7 @@ from imgui_bundle import imgui
 from faceposer.errors import FacePoserError
 from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.modal import modal, modal_body, modal_buttons, modal_entered, modal_escaped, modal_title
+from faceposer.gui.widgets.text import displayed
 from faceposer.gui.widgets.theme import WARNING
 from faceposer.poses.library import PoseExistsError
 from faceposer.poses.pose_file import LONGEST_NAME
@@ -68,7 +69,7 @@ class NameDialog:
                 self._problem, self._exists = "", False
             # The line is always reserved, so that the dialog does not change its size.
             imgui.push_text_wrap_pos(0.0)
-            imgui.text_colored(WARNING, self._problem or " ")
+            imgui.text_colored(WARNING, displayed(self._problem) or " ")
             imgui.pop_text_wrap_pos()
         named = bool(self._name.strip()) and len(self._name.strip()) <= LONGEST_NAME
         disabled = () if named else ("accept",)

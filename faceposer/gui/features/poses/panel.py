@@ -8,7 +8,7 @@ from imgui_bundle import ImVec2, imgui
 
 from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, toggle_button
 from faceposer.gui.widgets.sliders import reset_button, slider, slider_room
-from faceposer.gui.widgets.text import shortened
+from faceposer.gui.widgets.text import shortened, widget_id
 from faceposer.gui.widgets.theme import ACCENT, ACCENT_DARK, FAINT, FIELD, INK, RAISED_MORE, WARNING, Icon, em, u32
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.gui.widgets.widget_rects import WidgetRects
@@ -106,7 +106,7 @@ class PosesPanel:
         fits = poses.weights(entry) is not None
         last = poses.applied_pose
         active = last is not None and last.pose == entry.pose
-        imgui.push_id(str(entry.path))
+        imgui.push_id(widget_id(str(entry.path)))
         low = imgui.get_cursor_screen_pos()
         size = ImVec2(side, side + imgui.get_text_line_height() + em(0.25))
         pressed = imgui.invisible_button("cell", size)
@@ -206,7 +206,7 @@ class PosesPanel:
             imgui.text_disabled("Click a pose to apply it")
         else:
             mask = f", {last.mask.description}" if last.mask.description else ""
-            imgui.text(shortened(f"{last.pose.name}{mask}", imgui.get_content_region_avail().x))
+            imgui.text_unformatted(shortened(f"{last.pose.name}{mask}", imgui.get_content_region_avail().x))
         percent = 100.0 * (1.0 if last is None else last.strength)
         imgui.begin_disabled(last is None)
         imgui.set_next_item_width(slider_room())

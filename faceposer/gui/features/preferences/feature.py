@@ -4,11 +4,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
+from faceposer.files.user_folders import home_folder
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.preferences.dialog import PreferencesDialog
-from faceposer.gui.settings import Settings, save_settings
+from faceposer.gui.settings import Settings
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.render.options import Look
 from faceposer.session.autosave import autosave_dir
@@ -66,8 +68,7 @@ class PreferencesFeature(Feature):
     def hide(self) -> None:
         """Close the dialog and save the settings."""
         self.open, self.capturing = False, ""
-        if self.context.remembers:
-            save_settings(self.context.settings)
+        self.context.save_settings()
         self.context.redraw()
 
     def draw_around_dialogs(self, draw_dialogs: Callable[[], None]) -> bool:
@@ -102,10 +103,10 @@ class PreferencesFeature(Feature):
     def ask_for_autosave_folder(self) -> None:
         """Ask for the folder for unsaved work."""
         folder = self.autosave_folder
-        start = folder if folder.is_dir() else Path.home()
+        start = folder if paths.can_enter(folder) else home_folder()
 
         def choose(path: Path) -> None:
-            self.settings.autosave_folder = str(path.absolute())
+            self.settings.autosave_folder = str(paths.absolute(path))
 
         self.context.ask_for_file(FileRequest("folder", "Choose autosave folder", "Folders", (), start, choose))
 

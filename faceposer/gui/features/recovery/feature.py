@@ -9,7 +9,7 @@ from faceposer.errors import FacePoserError
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.widgets.dialogs import Choice, Question
-from faceposer.session.autosave import Journal, Orphan, autosave_dir, find_orphans
+from faceposer.session.autosave import Journal, Orphan, autosave_dir, find_orphans, unusable
 
 
 class RecoveryFeature(Feature):
@@ -29,8 +29,7 @@ class RecoveryFeature(Feature):
         self._failure_reported = False
         if not context.keeps_journal:
             return
-        chosen = context.settings.autosave_folder
-        folder = Path(chosen) if chosen else autosave_dir()
+        folder = self._folder()
         self._journal = Journal(folder, self._clock)
         found = find_orphans(folder)
         if folder != autosave_dir():
@@ -44,6 +43,20 @@ class RecoveryFeature(Feature):
             context.dialogs.report(
                 "Earlier work cannot be recovered", f"The autosaved file is damaged. It was moved to '{path}'."
             )
+
+    def _folder(self) -> Path:
+        """Return the chosen folder for unsaved work, or the default one if it cannot be used, which is reported."""
+        chosen = self.context.settings.autosave_folder
+        if not chosen:
+            return autosave_dir()
+        if reason := unusable(Path(chosen)):
+            self.context.dialogs.report(
+                "The autosave folder cannot be used",
+                f"Unsaved work cannot be kept in '{chosen}' ({reason}). It is kept in '{autosave_dir()}' until another "
+                "folder is chosen in the preferences.",
+            )
+            return autosave_dir()
+        return Path(chosen)
 
     def _clock(self) -> float:
         # The clock may be replaced later, when recorded events are played.

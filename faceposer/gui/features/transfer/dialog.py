@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.camera import OrbitView
 from faceposer.gui.settings import last_folder
-from faceposer.gui.widgets.basic import caption, choice
+from faceposer.gui.widgets.basic import caption, choice, wrapped_text
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.gui.widgets.modal import modal, modal_body, modal_buttons, modal_entered, modal_escaped, modal_title
 from faceposer.gui.widgets.sliders import row_label
+from faceposer.gui.widgets.text import displayed, widget_id
 from faceposer.gui.widgets.theme import BAD, FAINT, INK, Icon, em
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.model.face_model import FaceModel
@@ -79,11 +80,11 @@ class TransferDialog:
         row_label("Target", "Character to which the expression is transferred", _LABEL)
         imgui.set_next_item_width(-em(2.8))
         titles = dict(state.characters)
-        opened = imgui.begin_combo("##to", titles.get(state.to, Path(state.to).stem))
+        opened = imgui.begin_combo("##to", displayed(titles.get(state.to, Path(state.to).stem)))
         marks.record("transfer:to")
         if opened:
             for name, title in state.characters:
-                if imgui.selectable(f"{title}##{name}", name == state.to)[0]:
+                if imgui.selectable(f"{displayed(title)}##{widget_id(name)}", name == state.to)[0]:
                     state.to = name
                 marks.record(f"transfer:to:{name}")
             imgui.end_combo()
@@ -107,7 +108,7 @@ class TransferDialog:
             caption("Each ARKit shape of the target gets the same weight, within the limits of both characters.")
         if state.error:
             imgui.push_style_color(imgui.Col_.text, ImVec4(*BAD))
-            imgui.text_wrapped(f"{Icon.WARNING}  {state.error}")
+            wrapped_text(f"{Icon.WARNING}  {state.error}")
             imgui.pop_style_color()
 
     def _draw_list(self) -> None:
@@ -159,7 +160,7 @@ class TransferDialog:
         imgui.push_id(index)
         imgui.table_next_row()
         imgui.table_next_column()
-        changed, on = imgui.checkbox(pair.name, pair.enabled)
+        changed, on = imgui.checkbox(displayed(pair.name), pair.enabled)
         marks.record(f"transfer:pair:{index}")
         if changed:
             state.enable(index, on)
@@ -189,11 +190,13 @@ class TransferDialog:
         width = (imgui.get_content_region_avail().x - button - 2.0 * gap) / 2.0
         for end in range(2):
             imgui.set_next_item_width(width)
-            opened = imgui.begin_combo(f"##end{end}", self._title(state.added[end]))
+            opened = imgui.begin_combo(f"##end{end}", displayed(self._title(state.added[end])))
             marks.record(f"transfer:end:{end}")
             if opened:
                 for name in points:
-                    if imgui.selectable(f"{self._title(name)}##{name}", name == state.added[end])[0]:
+                    if imgui.selectable(f"{displayed(self._title(name))}##{widget_id(name)}", name == state.added[end])[
+                        0
+                    ]:
                         state.added[end] = name
                     marks.record(f"transfer:end:{end}:{name}")
                 imgui.end_combo()

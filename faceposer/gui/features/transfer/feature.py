@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.files.atomic import write_text
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
@@ -89,7 +90,7 @@ class TransferFeature(Feature):
         library = context.characters.all(context.settings.characters)
         listed = {entry.name: entry.title for entry in library}
         # Keep files that were chosen in the dialog.
-        listed |= {name: title for name, title in self.characters if name not in listed and Path(name).is_file()}
+        listed |= {name: title for name, title in self.characters if name not in listed and paths.is_file(name)}
         self.characters = list(listed.items())
         source = context.session.document.character
         if self.to in ("", source):
