@@ -1,7 +1,6 @@
-"""Weights over time as the CSV file of Epic's app Live Link Face, and the rate of such files."""
+"""Weights over time as the CSV file of Epic's app Live Link Face."""
 
 import csv
-import re
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ Array = NDArray[np.float64]
 
 #: Timecodes count so many frames a second, whatever the rate of the take.
 TIMECODE_BASE = 60
-_DEFAULT_RATE = 30.0
 #: Radians that an eye turns at the full weight of a shape, pitch downwards and yaw towards the character's right,
 #: found by least squares in recordings of the app.
 _UP, _DOWN, _IN, _OUT = 0.45, 0.61, 0.55, 0.65
@@ -107,34 +105,3 @@ def timecode(seconds: float) -> str:
     rest, frames = divmod(whole, TIMECODE_BASE)
     minutes, second = divmod(rest, 60)
     return f"{minutes // 60 % 24:02}:{minutes % 60:02}:{second:02}:{frames:02}.{thousandths:03}"
-
-
-def rate_of_capture(path: Path) -> float:
-    """Return the frames per second of a take of Live Link Face or Face Cap, 30 where its times do not tell.
-
-    Raises:
-        OSError: If the file cannot be read.
-    """
-    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
-        times = [time for cells in csv.reader(file) if (time := _seconds(cells)) is not None]
-    steps = np.diff(times)
-    steps = steps[steps > 0]
-    if not len(steps):
-        return _DEFAULT_RATE
-    # Frames that the app left out make some steps long; of the usual ones the mean, as each is rounded.
-    usual = steps[np.abs(steps - np.median(steps)) <= 0.5 * np.median(steps)]
-    rate = round(1.0 / float(usual.mean()), 2)
-    return rate if 1.0 <= rate <= 1000.0 else _DEFAULT_RATE
-
-
-def _seconds(cells: list[str]) -> float | None:
-    """Return when the frame in a line was, or None if the line is none."""
-    if len(cells) < 2:
-        return None
-    if cells[0].strip().lower() == "k":
-        return float(cells[1]) / 1000.0 if re.fullmatch(r"\s*\d{1,12}(\.\d*)?\s*", cells[1]) else None
-    found = re.fullmatch(r"\s*(\d\d?):(\d\d?):(\d\d?):(\d{1,3}(?:\.\d*)?)\s*", cells[0])
-    if found is None:
-        return None
-    hours, minutes, seconds, frames = (float(word) for word in found.groups())
-    return 3600.0 * hours + 60.0 * minutes + seconds + frames / TIMECODE_BASE

@@ -14,8 +14,10 @@ class NamedWeights:
         names: Of the S shapes.
         frames: Shape (F, S).
         rate: Frames per second; None if the file does not say, as of a single pose.
+        notes: What was assumed, lost or left out, one sentence each.
     """
 
     names: tuple[str, ...]
     frames: NDArray[np.float64]
     rate: float | None
+    notes: tuple[str, ...] = ()

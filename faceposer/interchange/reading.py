@@ -7,24 +7,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.sample_times import USUAL_RATE, assumed_rate
 from faceposer.geometry.alignment import determines_rotation, rigid_alignment
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.polygon_mesh import PolygonMesh
 from faceposer.interchange.gltf_weights import read_gltf_weights
-from faceposer.interchange.live_link import rate_of_capture
 from faceposer.interchange.named_weights import NamedWeights
+from faceposer.interchange.takes import read_take
 from faceposer.interchange.weights_json import read_weights
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
+from faceposer.model.sampling import resampled
 from faceposer.model.shape_names import canonical_shape, halves_of, whole_of
-from faceposer.training.capture import read_capture
 
 Array = NDArray[np.float64]
 
 MESHES = (".obj", ".ply")
-WEIGHTS = (".csv", ".txt", ".json", ".glb", ".gltf")
+GLTF = (".glb", ".gltf")
+WEIGHTS = (".csv", ".txt", ".json", *GLTF)
 _MILLIMETRES = 10.0
-_DEFAULT_RATE = 30.0
 # Millimetres that nobody sees.
 _SAME = 0.01
 # Of the root mean square: a mesh that is nearer than this has not been moved as a whole.
@@ -151,15 +152,21 @@ def _root_mean_square(values: Array) -> float:
     return float(np.sqrt((values**2).mean()))
 
 
-def read_performance(path: Path, model: FaceModel) -> ReadPerformance:
-    """Return the performance in weights: of Live Link Face or Face Cap (.csv, .txt), our own .json, or glTF's targets.
+def read_performance(path: Path, model: FaceModel, rate: float | None = None) -> ReadPerformance:
+    """Return the performance in weights: a take (.csv, .txt), weights as .json, or the morph targets of glTF.
 
-    Shapes that the file lacks rest; shapes that the character lacks are passed over.
+    Shapes that the file lacks rest; shapes that the character lacks are passed over. Samples are put on frames by their
+    times; frames without any are interpolated.
+
+    Args:
+        path: The file.
+        model: The face that is to take the poses.
+        rate: Frames per second in place of those that the file states or its times give.
 
     Raises:
         FacePoserError: If the file cannot be read or has none of the character's shapes.
     """
-    named = _read_named(path)
+    named = _read_named(path, rate)
     title, shapes = model.character.title, model.character.shape_names
     # Other programs spell ARKit's names in their own ways.
     names = [name if name in shapes else canonical_shape(name) or name for name in named.names]
@@ -179,8 +186,18 @@ def read_performance(path: Path, model: FaceModel) -> ReadPerformance:
             f"'{shapes[0]}'); give weights of this face."
         )
     left = len(set(names) - used)
-    note = f"{left} of its {len(names)} shapes are none of {title}'s and were left out." if left else ""
-    return ReadPerformance(Performance.from_weights(model, weights, named.rate or _DEFAULT_RATE), note)
+    notes = list(named.notes)
+    known = rate or named.rate
+    if known is None and len(weights) > 1:
+        notes.append(assumed_rate("It does not state a rate"))
+    if left:
+        notes.append(f"{left} of its {len(names)} shapes are none of {title}'s and were left out.")
+    if rate is not None and path.suffix.lower() in GLTF:
+        # Keys of glTF are at seconds, which stay.
+        performance = resampled(Performance.from_weights(model, weights, named.rate or rate), rate)
+    else:
+        performance = Performance.from_weights(model, weights, known or USUAL_RATE)
+    return ReadPerformance(performance, " ".join(notes))
 
 
 def _check_spellings(path: Path, named: NamedWeights, names: list[str]) -> None:
@@ -195,13 +212,12 @@ def _check_spellings(path: Path, named: NamedWeights, names: list[str]) -> None:
             )
 
 
-def _read_named(path: Path) -> NamedWeights:
+def _read_named(path: Path, rate: float | None) -> NamedWeights:
     suffix = path.suffix.lower()
     if suffix not in WEIGHTS:
         raise FacePoserError(f"'{path}' is no animation; give weights that end in one of {', '.join(WEIGHTS)}.")
     if suffix == ".json":
-        return read_weights(path)
-    if suffix in (".glb", ".gltf"):
+        return read_weights(path, rate)
+    if suffix in GLTF:
         return read_gltf_weights(path)
-    capture = read_capture(path)
-    return NamedWeights(capture.shape_names, capture.weights, rate_of_capture(path))
+    return read_take(path, rate)

@@ -19,6 +19,7 @@ SPLIT_SHAPES: tuple[str, ...] = (
 #: Shapes that move the face to a side; for all other names, a side at the end is the side of the face.
 _SIDEWAYS = ("jawLeft", "jawRight", "mouthLeft", "mouthRight")
 _SEPARATORS = re.compile(r"[\W_]+")
+_PARTS = re.compile(r"[.:|/]")
 #: Boundaries between a prefix and a name: separators, or changes from lower to upper case or from digit to letter.
 _PREFIX_ENDS = re.compile(r"[\W_]+(?=[^\W_])|(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Za-z])")
 
@@ -35,6 +36,7 @@ def _spellings(shape: str) -> list[str]:
 
 
 _SHAPES = {spelling: shape for shape in (*ARKIT_SHAPES, *SPLIT_SHAPES) for spelling in _spellings(shape)}
+_LONGEST_SPELLING = max(map(len, _SHAPES))
 
 
 @dataclass(frozen=True)
@@ -95,12 +97,15 @@ def canonical_shape(name: str) -> str | None:
     Case and separators are ignored, the side may be ``L``, ``R``, ``Left`` or ``Right`` at either end, and text before
     a dot, colon, bar or slash, such as the mesh's name, is skipped.
     """
-    parts = [name, *(name[cut.end() :] for cut in re.finditer(r"[.:|/]", name))]
-    for part in parts:
-        shape = _SHAPES.get(_SEPARATORS.sub("", part).lower())
-        if shape is not None:
-            return shape
-    return None
+    # The longest end of the name that is a shape, in linear time: longer ones than any spelling are none.
+    ends: list[str] = []
+    end = ""
+    for part in reversed(_PARTS.split(name)):
+        end = _SEPARATORS.sub("", part).lower() + end
+        if len(end) > _LONGEST_SPELLING:
+            break
+        ends.append(end)
+    return next((_SHAPES[end] for end in reversed(ends) if end in _SHAPES), None)
 
 
 def match_arkit(names: Iterable[str], where: str) -> NameMatch:
