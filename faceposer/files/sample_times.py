@@ -40,6 +40,7 @@ class Frames:
         length: Number of frames.
         even: True if all places are whole.
         notes: Assumptions and losses, one sentence each.
+        assumed: True if the rate is neither stated nor measured; ``notes`` say so.
     """
 
     rate: float
@@ -47,12 +48,13 @@ class Frames:
     length: int
     even: bool
     notes: tuple[str, ...] = ()
+    assumed: bool = False
 
 
 def frames_in_order(count: int, rate: float | None, why: str = "It does not state times") -> Frames:
     """Return frames without gaps for ``count`` samples, at the assumed ``USUAL_RATE`` if ``rate`` is None."""
     notes = () if rate is not None or count < 2 else (assumed_rate(why),)
-    return Frames(rate or USUAL_RATE, np.arange(float(count)), count, True, notes)
+    return Frames(rate or USUAL_RATE, np.arange(float(count)), count, True, notes, rate is None)
 
 
 def assumed_rate(why: str) -> str:
@@ -138,7 +140,7 @@ def frames_numbered(numbers: Array, where: str, rate: float | None) -> Frames:
             "correct the numbers or split it."
         )
     notes = () if rate is not None else (assumed_rate("It states numbers of frames and no times"),)
-    return Frames(rate or USUAL_RATE, places, length, True, notes)
+    return Frames(rate or USUAL_RATE, places, length, True, notes, rate is None)
 
 
 def interpolated(frames: Frames, seen: NDArray[np.bool_], values: Array) -> tuple[Array, tuple[str, ...]]:
@@ -168,6 +170,35 @@ def interpolated(frames: Frames, seen: NDArray[np.bool_], values: Array) -> tupl
         # Between samples that are at most two steps apart, nothing is missing.
         empty = _far_from(wanted, at)
     return result, gap_notes(empty, frames.rate, int((~seen).sum()))
+
+
+def placed(frames: Frames, values: Array) -> tuple[Array, tuple[str, ...]]:
+    """Return values for every frame, shape (length, ...), NaN where no sample is near, and a sentence about gaps.
+
+    Args:
+        frames: Places of the N samples.
+        values: Values of the samples, shape (N, ...), which may be NaN.
+    """
+    if frames.even and len(values) == frames.length:
+        return values, ()
+    kept = np.isfinite(frames.places)
+    at, known = frames.places[kept], values[kept]
+    if frames.even:
+        result = np.full((frames.length, *values.shape[1:]), np.nan)
+        result[at.astype(np.intp)] = known
+        empty = np.ones(frames.length, dtype=bool)
+        empty[at.astype(np.intp)] = False
+    else:
+        wanted = np.arange(float(frames.length))
+        after = np.clip(np.searchsorted(at, wanted), 1, len(at) - 1)
+        share = np.clip((wanted - at[after - 1]) / (at[after] - at[after - 1]), 0.0, 1.0)
+        share = share.reshape(-1, *[1] * (values.ndim - 1))
+        before, later = known[after - 1], known[after]
+        # A value that is NaN must not spread to a frame at the time of the other sample.
+        result = np.where(share == 0.0, before, np.where(share == 1.0, later, (1.0 - share) * before + share * later))
+        empty = _far_from(wanted, at)
+        result[empty] = np.nan
+    return result, gap_notes(empty, frames.rate, 0, "left blank")
 
 
 def gap_notes(empty: NDArray[np.bool_], rate: float, lost: int, remedy: str = "interpolated") -> tuple[str, ...]:

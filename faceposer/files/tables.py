@@ -34,8 +34,8 @@ _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
 
 
 @contextmanager
-def open_table(path: Path, kind: str, most_bytes: int) -> Iterator[Iterator[Row]]:
-    """Open the text table ``path`` for reading; yields its rows as pairs of line number and cells, without blank rows.
+def open_table(path: Path, kind: str, most_bytes: int, blank: bool = False) -> Iterator[Iterator[Row]]:
+    """Open the text table ``path`` for reading; yields its rows as pairs of line number and cells.
 
     The encoding (UTF-8, UTF-16 and UTF-32 with or without byte order mark, else Windows-1252) and the separator (tab,
     semicolon, comma, bar or spaces) are inferred. A first line ``sep=;`` states the separator and is no row.
@@ -44,6 +44,7 @@ def open_table(path: Path, kind: str, most_bytes: int) -> Iterator[Iterator[Row]
         path: A regular file.
         kind: Noun for messages, such as "capture".
         most_bytes: Maximum size of the file.
+        blank: True to yield rows without content, too.
 
     Raises:
         FacePoserError: If the file cannot be read, is no text or too large, or a line or cell is too long.
@@ -58,7 +59,7 @@ def open_table(path: Path, kind: str, most_bytes: int) -> Iterator[Iterator[Row]
         if encoding is None:
             raise FacePoserError(f"The {kind} '{path}' cannot be read: it is not a text file; export it again.")
         with path.open(newline="", encoding=encoding, errors="replace") as file:
-            yield _rows(file, path)
+            yield _rows(file, path, blank)
     except OSError as error:
         raise FacePoserError(f"The {kind} '{path}' cannot be read: {error.strerror or error}.") from error
 
@@ -106,7 +107,7 @@ def _decodes(path: Path, encoding: str) -> bool:
 _CONTROL = re.compile(r"[\0-\x08\x0e-\x19\x1b-\x1f]")
 
 
-def _rows(file: TextIO, path: Path) -> Iterator[Row]:
+def _rows(file: TextIO, path: Path, blank: bool) -> Iterator[Row]:
     lines = _lines(file, path)
     head = list(itertools.islice(lines, _HEAD))
     stated = re.fullmatch(r'\s*"?sep=(.)"?\s*', head[0], re.IGNORECASE) if head else None
@@ -124,8 +125,8 @@ def _rows(file: TextIO, path: Path) -> Iterator[Row]:
             ) from error
         if cells is None:
             return
-        if any(cell and not cell.isspace() for cell in cells):
-            if max(map(len, cells)) > _LONGEST_CELL:
+        if blank or any(cell and not cell.isspace() for cell in cells):
+            if max(map(len, cells), default=0) > _LONGEST_CELL:
                 raise FacePoserError(
                     f"Line {skipped + reader.line_num} of '{path}' has a cell of more than {_LONGEST_CELL} characters; "
                     "check its quotation marks."
