@@ -1,13 +1,13 @@
-"""Errors that a user can cause and mend, and warnings of what may not be as it was meant."""
+"""Errors that a user can cause and fix, and warnings about possibly unintended results."""
 
 
 class FacePoserError(Exception):
-    """A problem told to the user in one sentence: what is wrong, where, and what to do about it."""
+    """A problem reported to the user in one sentence: what is wrong, where, and how to fix it."""
 
 
 class NoWindowError(FacePoserError):
-    """The system shows no window: it has no display, or no OpenGL that is up to it. All but the window still works."""
+    """The system cannot show a window, because there is no display or no sufficient OpenGL; commands still work."""
 
 
 class FacePoserWarning(UserWarning):
-    """A remark told to the user of Python's interface: what was changed, or may not be as it was meant."""
+    """A remark for users of the Python interface about changes or possibly unintended results."""

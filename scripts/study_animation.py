@@ -40,7 +40,7 @@ if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
 from faceposer.animation import following
-from faceposer.animation.following import follow
+from faceposer.animation.following import solve_trajectories
 from faceposer.animation.terms import CHANGE
 from faceposer.animation.trajectories import Trajectories
 from faceposer.evaluation.setting import StudyContext
@@ -171,7 +171,7 @@ class Case:
                 tracks = self.change(tracks)
             problem = _seen_from_neutral if self.from_neutral else _problem
             with changed(following._FrameProblems, "problem", problem):
-                rows.append(study.measures(follow(study.model, tracks, **self.options), weights))
+                rows.append(study.measures(solve_trajectories(study.model, tracks, **self.options), weights))
         totals = {key: np.array([row[key] for row in rows]) for key in rows[0]}
         return {
             key: float(
@@ -296,7 +296,7 @@ def study(folder: Path) -> dict[str, Any]:
     take = jump_free_runs(replace(setting, recipe=replace(setting.recipe, jump=1e9)), folder / TEST, N_LONG)
     tracks = studied.tracked(take[0][1], NOISE_PX)
     wall, cpu = time.perf_counter(), time.process_time()
-    follow(studied.model, tracks)
+    solve_trajectories(studied.model, tracks)
     result["seconds"] = time.perf_counter() - wall
     print(f"\n{N_LONG} frames: {result['seconds']:.1f} s, {time.process_time() - cpu:.1f} s of one core")
     return result
@@ -347,7 +347,7 @@ def filmstrip(folder: Path, path: Path, n_pictures: int = 8) -> None:
     model = studied.model
     _, weights = liveliest(studied, folder / TEST)
     tracks = studied.tracked(weights, NOISE_PX)
-    performance = follow(model, tracks)
+    performance = solve_trajectories(model, tracks)
     view = OrbitView((0.0, -0.4, 8.0), 0.0, 0.0, 72.0)
     camera = view.camera((250, 310))
     columns = []

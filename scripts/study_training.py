@@ -43,7 +43,7 @@ if str(ROOT) not in sys.path:
 from faceposer.geometry.mesh_sequence import frames_of
 from faceposer.geometry.obj_io import read_obj
 from faceposer.progress import Progress
-from faceposer.training.frames import AlignedReader, SpooledFrames, sample_of, spooled, steady_vertices
+from faceposer.training.frames import AlignedReader, SpooledFrames, sample_of, spool_frames, steady_vertices
 from faceposer.training.modes import local_metric
 from faceposer.training.streaming_pca import Region, regional_pca
 from scripts.studying.example_data import ExampleData, example_data, write_examples
@@ -163,7 +163,7 @@ def components(options: argparse.Namespace) -> Row:
         return {"seconds": round(seconds, 2), "peak_gb": round(memory.bytes / 1e9, 2)}
     n = len(neutral.vertices)
     everything = Region(np.arange(n), np.ones(n, dtype=np.float32), metric)
-    with spooled(AlignedReader(sequence, steady), Progress()) as store, PeakMemory() as memory:
+    with spool_frames(AlignedReader(sequence, steady), Progress()) as store, PeakMemory() as memory:
         began, used = time.perf_counter(), time.process_time()
         if options.method == "exact":
             basis, settled = decomposed(store, everything, count, options.folder / "exact.npz"), True

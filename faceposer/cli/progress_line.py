@@ -1,4 +1,4 @@
-"""The progress of a command on the terminal."""
+"""Progress of a command on the terminal."""
 
 import sys
 import time
@@ -7,31 +7,31 @@ from faceposer.progress import Progress
 
 
 class ProgressLine:
-    """One line on the standard error that is written over.
+    """A line on standard error that is overwritten in place.
 
-    Where the standard error is no terminal, nothing is shown, or with ``log`` a line at each tenth of the work.
+    If standard error is not a terminal, nothing is shown, or with ``log`` one line for each tenth of the work.
     """
 
     def __init__(self, log: bool = False) -> None:
-        """Show nothing yet; with ``log``, also say something where nobody is watching a terminal."""
+        """Initialise the line without showing it; ``log`` also reports when standard error is not a terminal."""
         self._live = sys.stderr.isatty()
         self._log = log
         self._shown = ""
         self.restart()
 
     def restart(self, title: str = "") -> None:
-        """Begin another piece of work, whose texts begin with ``title``."""
+        """Begin another piece of work; ``title`` is prepended to its texts."""
         self._title = title
         self._began = time.monotonic()
         self._tenth = -1
 
     @property
     def progress(self) -> Progress:
-        """What long functions report to, shown in this line."""
+        """Progress object for long functions, shown in this line."""
         return Progress(self.stage)
 
     def show(self, text: str) -> None:
-        """Show ``text`` in place of what was there."""
+        """Replace the shown text by ``text``."""
         text = self._title + text
         if self._live and text != self._shown:
             width = max(len(self._shown), len(text))
@@ -47,7 +47,13 @@ class ProgressLine:
         self.show(f"{stage} {100 * share:3.0f} %" if share else stage)
 
     def count(self, done: int, of: int, text: str) -> None:
-        """Show ``text``, with the time left once it can be told; logged at each tenth where nobody watches."""
+        """Show ``text`` with an estimate of the time left, and log it at each tenth if so configured.
+
+        Args:
+            done: Number of steps done.
+            of: Number of all steps.
+            text: Text of the line.
+        """
         if 5 <= done < of:
             left = (time.monotonic() - self._began) * (of - done) / done
             text += f", about {max(1, round(left / 60))} min to go"

@@ -16,7 +16,7 @@ from faceposer.errors import FacePoserError
 T = TypeVar("T")
 
 #: Maximum nesting depth of lists and objects.
-DEEPEST = 64
+MAX_DEPTH = 64
 _BRACKETS = b"[]{}"
 _ALL_ELSE = bytes(set(range(256)) - set(_BRACKETS + b'"'))
 _PLURALS = {bool: "flags", int: "whole numbers", float: "numbers", str: "texts", list: "lists", tuple: "lists"}
@@ -150,7 +150,7 @@ def _loads(content: bytes, unique_keys: bool) -> Any:
     plain = content.replace(b"\\\\", b"").replace(b'\\"', b"").translate(None, _ALL_ELSE)
     brackets = np.frombuffer(b"".join(plain.split(b'"')[::2]), dtype=np.uint8)
     opening = (brackets == ord("[")) | (brackets == ord("{"))
-    if np.cumsum(np.where(opening, 1, -1)).max(initial=0) > DEEPEST:
+    if np.cumsum(np.where(opening, 1, -1)).max(initial=0) > MAX_DEPTH:
         raise RecursionError
     return json.loads(text, parse_constant=_Constant, object_pairs_hook=_unique_pairs if unique_keys else None)
 

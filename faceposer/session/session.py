@@ -252,7 +252,7 @@ class Session:
 
     def set_start(self, start: NDArray[np.float64]) -> None:
         """Change the start pose of the face, shape (r,), inside an open edit, such as the drag of a shape's slider."""
-        document = self._document.starting_from(start)
+        document = self._document.with_start(start)
         if document.constraints:
             self.replace(document)
             return
@@ -269,7 +269,7 @@ class Session:
         """Make ``pose``, shape (r,), the start pose, without constraints, as one step."""
         with self.edit(label):
             self.epoch += 1
-            self._document = replace(self._document, constraints=()).starting_from(pose).posed(pose)
+            self._document = replace(self._document, constraints=()).with_start(pose).posed(pose)
             self.revision += 1
 
     def reset_pose(self) -> None:

@@ -58,7 +58,7 @@ class StrokeTool(PosingTool):
         """Return the stroke of this view whose target passes within reach of ``position``, or None."""
         for i, constraint in reversed(list(enumerate(context.session.document.constraints))):
             if isinstance(constraint, StrokeConstraint) and not constraint.locked:
-                seen = seen_pixels(constraint.target, constraint.camera, context.camera)
+                seen = pixels_in_view(constraint.target, constraint.camera, context.camera)
                 reach = _REACH * context.ui_scale + constraint.width / 2.0
                 if seen is not None and _distance_to_line(position, seen) <= reach:
                     return i
@@ -192,7 +192,7 @@ class StrokeTool(PosingTool):
         return "Draw on the part of the face to move   ·   Shift+drag a target: move it   ·   [ ]: brush width"
 
 
-def seen_pixels(pixels: Pixels, camera: Camera, view: Camera) -> NDArray[np.float64] | None:
+def pixels_in_view(pixels: Pixels, camera: Camera, view: Camera) -> NDArray[np.float64] | None:
     """Return ``pixels`` of ``camera`` in ``view``, shape (n, 2), or None unless both share a viewpoint."""
     origin = camera.transferred((0.0, 0.0), view)
     if origin is None:

@@ -22,7 +22,7 @@ from faceposer.files.sample_times import Frames, frames_at, frames_in_order, fra
 from faceposer.files.tables import Row, decimal_number, open_table
 from faceposer.files.time_columns import is_frame_number, is_time, is_timecode, numbers_of, times_of
 from faceposer.model.character import ARKIT_SHAPES
-from faceposer.model.shape_names import canonical_shape, whole_of
+from faceposer.model.shape_names import canonical_shape, whole_shape_of
 
 Array = NDArray[np.float64]
 
@@ -126,7 +126,7 @@ class Capture:
         steady = np.concatenate([[True], steps <= threshold])
         return Capture(self.shape_names, self.weights[steady])
 
-    def from_rest(self, percentile: float = 5.0) -> "Capture":
+    def relative_to_rest(self, percentile: float = 5.0) -> "Capture":
         """Return the take with the performer's rest subtracted, clipped to 0 to 1.
 
         The app is not calibrated: a relaxed face has weights of 0.1 or 0.2. The rest of a channel is estimated by a low
@@ -301,7 +301,7 @@ def _weight(cell: str, name: str, path: Path, number: int) -> float:
 def _channel(name: str) -> str | None:
     """Return the ARKit shape of a column, or None."""
     shape = canonical_shape(name)
-    return None if shape is None else whole_of(shape)
+    return None if shape is None else whole_shape_of(shape)
 
 
 def missing_shapes(captures: Iterable[Capture]) -> tuple[str, ...]:

@@ -164,7 +164,7 @@ def _compared(label: str, setting: StudyContext, methods: dict[str, Method], tri
         for method in methods.values():
             if isinstance(method, ModelMethod):
                 for constraint in trial.constraints:
-                    method.model.rows_at(constraint.points)
+                    method.model.jacobian_at(constraint.points)
         names = list(times)
         for name in (names[i] for i in rng.permutation(len(names))):
             if name in DIFFERENCES:

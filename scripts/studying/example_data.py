@@ -81,7 +81,7 @@ def example_data(n_frames: int, n_vertices: int) -> ExampleData:
     least = man.part("skin").vertices[1]
     if not least <= n_vertices <= len(man.vertices):
         sys.exit(f"The mesh can have {least} to {len(man.vertices)} vertices, not {n_vertices}.")
-    takes = [read_capture(Path(folder) / take).with_shapes(man.shape_names).from_rest() for take in TAKES]
+    takes = [read_capture(Path(folder) / take).with_shapes(man.shape_names).relative_to_rest() for take in TAKES]
     weights = np.concatenate([take.weights for take in takes])
     weights = weights[np.arange(n_frames) % len(weights)]
     polygons = man.polygons[(man.polygons < n_vertices).all(axis=1)]

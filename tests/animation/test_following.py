@@ -67,7 +67,7 @@ def jerk(model: FaceModel, poses: Array) -> float:
 def terms(model: FaceModel) -> dict[str, Term]:
     rng = np.random.default_rng(1)
     points = SurfacePoints(rng.integers(0, len(model.triangles), 5), rng.dirichlet(np.ones(3), 5))
-    rows, neutral = model.rows_at(points)
+    rows, neutral = model.jacobian_at(points)
     weights = rng.uniform(0.5, 2.0, 5)
     camera = front(model)
     poses = rng.normal(size=(2, model.n_coefficients)) * np.sqrt(model.subspace.variances)
@@ -141,7 +141,7 @@ def test_smoothness_takes_jitter_out_and_comes_nearer(model: FaceModel) -> None:
 def test_all_poses_together_are_at_a_minimum(model: FaceModel) -> None:
     poses = performed(model, 12)
     tracks = tracked(model, poses, noise_px=1.5)
-    rows, neutral = model.rows_at(tracks.points)
+    rows, neutral = model.jacobian_at(tracks.points)
     problems = [
         PoseProblem(model, [], extra_terms=[TrackTerm(rows, neutral, targets, np.ones(len(SEVEN)), tracks.camera)])
         for targets in tracks.positions
@@ -210,7 +210,7 @@ def test_weights_and_further_constraints_count(model: FaceModel) -> None:
     free, fixed = (follow(model, tracks, constraints=extra).coefficients for extra in ((), (held,)))
 
     def moved(poses: Array) -> float:
-        return float(np.linalg.norm(model.rows_at(brows)[0] @ poses[-1], axis=1).mean())
+        return float(np.linalg.norm(model.jacobian_at(brows)[0] @ poses[-1], axis=1).mean())
 
     assert moved(fixed) < 0.3 * moved(free)
 
@@ -240,7 +240,7 @@ def test_stopping_while_all_are_made_smooth(model: FaceModel) -> None:
 
 def test_other_evidence_pulls_and_is_seen_by_the_prior(model: FaceModel) -> None:
     tracks = tracked(model, performed(model, 16))
-    rows, neutral = model.rows_at(tracks.points)
+    rows, neutral = model.jacobian_at(tracks.points)
     term = TrackTerm(rows, neutral, tracks.positions[15], np.ones(len(SEVEN)), tracks.camera)
     with_it, without = PoseProblem(model, [], extra_terms=[term]), PoseProblem(model, [])
     assert not np.allclose(with_it.mixture.covariances, without.mixture.covariances)

@@ -13,7 +13,7 @@ from faceposer.gui.features.import_character.feature import ImportCharacterFeatu
 from faceposer.gui.panels.constraints import EMPTY_TEXTS
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
-from faceposer.gui.widgets.text import broken, shortened
+from faceposer.gui.widgets.text import shortened, wrapped
 from faceposer.interchange.formats import FORMATS
 
 pytestmark = pytest.mark.gl
@@ -28,7 +28,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(1100, 900), folder=str(tmp_path)))
     monkeypatch.setattr(
-        app, "picture", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
+        app, "face_image", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
     )
     yield Robot(app)
     app.close()
@@ -51,13 +51,13 @@ def test_what_is_too_long_loses_its_middle(width: int) -> None:
 
 def test_lines_hold_all_words_where_there_is_room() -> None:
     text = "inner end of the left brow"
-    assert broken(text, 30, measure=letters) == [text]
-    assert broken(text, 14, measure=letters) == ["inner end of", "the left brow"]
-    lines = broken(f"{text} to the middle of the outer upper lip", 14, measure=letters)
+    assert wrapped(text, 30, measure=letters) == [text]
+    assert wrapped(text, 14, measure=letters) == ["inner end of", "the left brow"]
+    lines = wrapped(f"{text} to the middle of the outer upper lip", 14, measure=letters)
     assert len(lines) == 2
     assert "..." in lines[1]
     assert all(len(line) <= 14 for line in lines)
-    assert broken("", 14, measure=letters) == [""]
+    assert wrapped("", 14, measure=letters) == [""]
 
 
 def test_every_name_of_a_place_is_whole_in_the_list(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -98,7 +98,7 @@ class ConstraintBase:
         self.points.check(model.triangles)
         return self
 
-    def moved_start(self, model: FaceModel, start: Array) -> Array:
+    def offset_start(self, model: FaceModel, start: Array) -> Array:
         """Return the ``start`` pose unchanged: most constraints act through their energy only."""
         return start
 
