@@ -146,7 +146,7 @@ def _character(
         "eyes_turned": turned,
         "warnings": ([_EXCHANGED] if exchanged else [])
         + misplaced_eyes(mesh.vertices, mesh.parts)
-        + (learned.choice.warnings if learned else []),
+        + (learned.warnings if learned else []),
         "prior": learned.as_json() if learned else {"from": "the shipped statistics"},
         **_measures(character),
     }
