@@ -20,13 +20,20 @@ KNOWN_RATES = (
 SLOWEST, FASTEST = 0.1, 1000.0
 # Relative uncertainty of the clocks of devices, and the largest uncertainty of rounded times.
 _CLOCK, _ROUNDED = 4e-4, 0.02
-# Frames by which a sample may be off its place in an even sequence.
-_EVEN = 0.6
+# Frames by which a sample may be off its place in an even sequence: in few samples, in many, and with rounded times.
+_EVEN_FEW, _EVEN, _EVEN_ROUNDED = 0.1, 0.25, 0.6
+_FEW = 10
+# Share of samples at the time of another one from which times are rounded rather than repeated.
+_MANY_EQUAL = 0.05
+# Frames per second below which uneven samples are keys rather than frames.
+_SLOWEST_CAMERA = 10.0
 # Part of a step by which most steps may be off a whole number of steps.
 _NEARLY_EVEN = 0.15
 _MOST_FRAMES = 1_000_000
 # Empty frames per sample, beyond which times cannot be right.
 _MOST_EMPTY, _SMALL = 100, 100_000
+# Frames beyond which numbers of frames and times are not exact.
+_FARTHEST = 1e12
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,13 +88,22 @@ def frames_at(seconds: Array, where: str, rate: float | None = None) -> Frames:
         return frames_in_order(count, rate, "Its times do not change")
     if len(positive) < 0.5 * len(steps):
         # Several samples at one time, as of a clock in whole seconds or a slower timecode.
-        times, steps = _spread(times)
-        positive = steps[steps > 0.0]
+        times = _spread(times)
+    elif len(positive) < (1.0 - _MANY_EQUAL) * len(steps):
+        times = _on_a_line(times)
+    steps = np.diff(times)
+    positive = steps[steps > 0.0]
     usual = float(np.median(positive))
     repeated = np.concatenate([steps <= 0.0, [False]])
     kept = np.flatnonzero(~repeated)
     if repeated.any():
-        notes = (*notes, f"{counted(int(repeated.sum()), 'sample')} at the time of another one, left out.")
+        number = int(repeated.sum())
+        many = f"{number} samples at the times of others were left out."
+        notes = (*notes, many if number > 1 else "1 sample at the time of another one was left out.")
+    if not (times[-1] - times[0]) / usual < _FARTHEST:
+        if rate is not None:
+            return frames_in_order(count, rate)
+        raise _mostly_empty(where, count, times[-1] - times[0])
     order, measured = _counted(times[kept], usual)
     if not SLOWEST <= measured <= FASTEST:
         why = f"Its times give {measured:.3g} frames per second, which is not plausible"
@@ -99,33 +115,46 @@ def frames_at(seconds: Array, where: str, rate: float | None = None) -> Frames:
         if _too_empty(length, count):
             return frames_in_order(count, rate)
         return Frames(rate, places, length, True, notes)
-    off = np.abs((times[kept] - times[kept][0]) * measured - order)
+    since = times[kept] - times[kept][0]
+    tolerated = _tolerance(times[kept], measured)
+    off = _off(since * measured - order)
+    if off > tolerated and len(kept) > 2:
+        # The rate that fits all rounded times best.
+        slope, start = np.polyfit(since, order, 1).tolist()
+        if _off(slope * since + start - order) <= tolerated:
+            measured, off = slope, _off(slope * since + start - order)
     apart = np.diff(times[kept]) * measured
     uneven = np.percentile(np.abs(apart - np.rint(apart)), 95.0) if len(apart) else 0.0
-    even = bool(off.max() <= _EVEN or uneven <= _NEARLY_EVEN)
+    even = bool(off <= tolerated or uneven <= _NEARLY_EVEN)
     if even:
-        tolerance = max(_CLOCK, min(2.0 * float(off.max()) / max(float(order[-1]), 1.0), _ROUNDED))
+        tolerance = max(_CLOCK, min(2.0 * off / max(float(order[-1]), 1.0), _ROUNDED))
         found = nearest_known(measured, tolerance)
     else:
-        found = nearest_known(measured, _ROUNDED)
+        found = nearest_known(measured, _ROUNDED) if measured >= _SLOWEST_CAMERA else USUAL_RATE
         places[kept] = (times[kept] - times[kept][0]) * found
         length = int(places[kept][-1] + 0.5) + 1
-        slowest, fastest = np.percentile(positive, [95.0, 5.0])
+        shortest, longest = np.percentile(1e3 * positive, [5.0, 95.0])
         notes = (
             *notes,
-            f"Its samples are {1e3 * fastest:.3g} to {1e3 * slowest:.3g} ms apart and were interpolated at {found:.5g} "
-            "frames per second.",
+            f"Its samples are {shortest:.0f} to {longest:.0f} ms apart; they were interpolated at {found:.5g} frames "
+            "per second.",
         )
     if _too_empty(length, count):
-        raise FacePoserError(
-            f"'{where}' has {count} frames in {length / found:.6g} seconds, most of which are empty; correct its times "
-            "or split it."
-        )
+        raise _mostly_empty(where, count, length / found)
     return Frames(found, places, length, even, notes)
+
+
+def _mostly_empty(where: str, count: int, seconds: float) -> FacePoserError:
+    return FacePoserError(
+        f"'{where}' has {count} samples in {seconds:.6g} seconds, most of which are empty; correct its times or split "
+        "it."
+    )
 
 
 def frames_numbered(numbers: Array, where: str, rate: float | None) -> Frames:
     """Return frames for samples with frame ``numbers``, shape (N,), whose rate is ``rate`` or assumed."""
+    if not len(numbers) or np.abs(numbers).max() > _FARTHEST:
+        return frames_in_order(len(numbers), rate)
     steps = np.diff(numbers)
     if not len(steps) or (steps <= 0.0).any() or not (np.mod(steps, 1.0) == 0.0).all():
         return frames_in_order(len(numbers), rate)
@@ -168,8 +197,15 @@ def interpolated(frames: Frames, seen: NDArray[np.bool_], values: Array) -> tupl
     else:
         result = np.stack([np.interp(wanted, at, known[:, column]) for column in range(values.shape[1])], axis=1)
         # Between samples that are at most two steps apart, nothing is missing.
-        empty = _far_from(wanted, at)
-    return result, gap_notes(empty, frames.rate, int((~seen).sum()))
+        empty = _far_from(wanted, at) if len(at) * 2 > frames.length else np.zeros(frames.length, dtype=bool)
+    outside = (wanted < at[0]) | (wanted > at[-1])
+    remedies = []
+    if (empty & ~outside).any():
+        remedies.append("they were interpolated")
+    if (empty & outside).any():
+        remedies.append("the nearest pose is held at the ends")
+    remedy = ", and ".join(remedies)
+    return result, gap_notes(empty, frames.rate, int((~seen).sum()), remedy)
 
 
 def placed(frames: Frames, values: Array) -> tuple[Array, tuple[str, ...]]:
@@ -198,10 +234,10 @@ def placed(frames: Frames, values: Array) -> tuple[Array, tuple[str, ...]]:
         result = np.where(share == 0.0, before, np.where(share == 1.0, later, (1.0 - share) * before + share * later))
         empty = _far_from(wanted, at)
         result[empty] = np.nan
-    return result, gap_notes(empty, frames.rate, 0, "left blank")
+    return result, gap_notes(empty, frames.rate, 0, "they were left blank")
 
 
-def gap_notes(empty: NDArray[np.bool_], rate: float, lost: int, remedy: str = "interpolated") -> tuple[str, ...]:
+def gap_notes(empty: NDArray[np.bool_], rate: float, lost: int, remedy: str) -> tuple[str, ...]:
     """Return the sentence about the frames that are ``empty``, shape (F,); ``lost`` is how many rows had no values."""
     if not empty.any():
         return ()
@@ -210,18 +246,13 @@ def gap_notes(empty: NDArray[np.bool_], rate: float, lost: int, remedy: str = "i
     count = int(empty.sum())
     why = "are missing" if not lost else "have no face" if lost >= count else "are missing or have no face"
     where = f"the first at {edges[0] / rate:.2f} s, at most {longest / rate:.2f} s at once"
-    return (f"{count} of its {len(empty)} frames {why} ({where}) and were {remedy}.",)
+    return (f"{count} of its {len(empty)} frames {why} ({where}); {remedy}.",)
 
 
 def nearest_known(rate: float, tolerance: float) -> float:
     """Return the rate in ``KNOWN_RATES`` within the relative ``tolerance``, whole ones first, or ``rate``."""
     within = [known for known in KNOWN_RATES if abs(known - rate) <= tolerance * known]
     return min(within, key=lambda known: (known % 1.0 != 0.0, abs(known - rate)), default=round(rate, 3))
-
-
-def counted(number: int, noun: str) -> str:
-    """Return ``number`` and ``noun``, with the verb "is" or "are"."""
-    return f"{number} {noun} is" if number == 1 else f"{number} {noun}s are"
 
 
 def _complete(seconds: Array) -> Array:
@@ -248,17 +279,32 @@ def _rising(times: Array) -> tuple[Array, tuple[str, ...]]:
         return times, ()
     usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     first = int(np.flatnonzero(back)[0]) + 2
-    note = f"Its times go back {counted_times(int(back.sum()))}, first at frame {first}, which follows one frame later."
+    how_often = "" if back.sum() == 1 else f" {int(back.sum())} times, first"
+    note = f"Its times go back{how_often} at sample {first}; samples there were put one frame after the one before."
     return np.concatenate([[times[0]], times[0] + np.cumsum(np.where(back, usual, steps))]), (note,)
 
 
-def counted_times(number: int) -> str:
-    """Return ``number`` as "once" or "3 times"."""
-    return "once" if number == 1 else f"{number} times"
+def _tolerance(times: Array, rate: float) -> float:
+    """Return the frames by which samples at ``times`` may be off their places, by how many and how rounded they are."""
+    if len(times) < _FEW:
+        return _EVEN_FEW
+    since = times - times[0]
+    for quantum in (1.0, 0.1, 0.01, 0.001):
+        if np.abs(since / quantum - np.rint(since / quantum)).max() < 1e-3:
+            return float(np.clip(0.55 * quantum * rate, _EVEN, _EVEN_ROUNDED))
+    return _EVEN
 
 
-def _spread(times: Array) -> tuple[Array, Array]:
-    """Return ``times`` of which several are equal, spread evenly, and their steps."""
+def _on_a_line(times: Array) -> Array:
+    """Return even times for ``times`` that are equal because they are rounded, else ``times``."""
+    rows = np.arange(float(len(times)))
+    line = np.polyval(np.polyfit(rows, times, 1), rows)
+    quantum = float(np.diff(times)[np.diff(times) > 0.0].min())
+    return line if np.abs(times - line).max() <= 1.05 * quantum else times
+
+
+def _spread(times: Array) -> Array:
+    """Return ``times`` of which several are equal, spread evenly."""
     starts = np.concatenate([[0], np.flatnonzero(np.diff(times) > 0.0) + 1])
     sizes = np.diff(np.concatenate([starts, [len(times)]]))
     gaps = np.diff(times[starts])
@@ -269,7 +315,7 @@ def _spread(times: Array) -> tuple[Array, Array]:
         # The first samples of a take may begin within a tick.
         offset = max(size - n, 0) if i == 0 else 0
         spread[start : start + n] = times[start] + usual * (np.arange(n) + offset) / max(size, n)
-    return spread, np.diff(spread)
+    return spread
 
 
 def _counted(times: Array, usual: float) -> tuple[Array, float]:
@@ -288,6 +334,11 @@ def _counted(times: Array, usual: float) -> tuple[Array, float]:
         # Gaps of parts of frames must not add up.
         order[after:] += max(round((times[after] - times[0]) * rate) - order[after], 0.0)
     return order, rate
+
+
+def _off(difference: Array) -> float:
+    """Return the largest of the differences from their middle."""
+    return float(np.ptp(difference)) / 2.0
 
 
 def _too_empty(length: int, count: int) -> bool:

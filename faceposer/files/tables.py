@@ -152,7 +152,7 @@ def _separator(lines: list[str]) -> str:
     def size(separator: str) -> int:
         counts: dict[int, int] = {}
         try:
-            for cells in csv.reader(lines, delimiter=separator):
+            for cells in csv.reader(lines, delimiter=separator, skipinitialspace=separator == " "):
                 if len(cells) > 1:
                     counts[len(cells)] = counts.get(len(cells), 0) + len(cells)
         except csv.Error:
@@ -161,7 +161,5 @@ def _separator(lines: list[str]) -> str:
 
     # Timecodes may have semicolons of their own, headers do not.
     first = next((line for line in lines if line.strip()), "")
-    best = max([s for s in _SEPARATORS if s in first] or _SEPARATORS, key=size)
-    if size(best):
-        return best
-    return " " if any(" " in line.strip() for line in lines) else ","
+    best = max([separator for separator in _SEPARATORS if separator in first] or [*_SEPARATORS, " "], key=size)
+    return best if size(best) else ","

@@ -34,6 +34,8 @@ _DROPPING = (30, 60)
 _DAY = 86_400.0
 # Steps of samples in seconds, from 240 to 5 a second.
 _PLAUSIBLE = (1.0 / 260.0, 0.21)
+# Nanoseconds since 1970 in the year 5138.
+_LATEST = 1e20
 _SCALES = (1.0, 1e-3, 1e-6, 1e-9)
 _SCALE_NAMES = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
 
@@ -112,6 +114,7 @@ def _time_heading(heading: str) -> tuple[float | None] | None:
 
 
 def _of_numbers(heading: str, values: Array) -> ColumnTimes | None:
+    values = np.where(np.abs(values) <= _LATEST, values, np.nan)
     steps = np.diff(values[np.isfinite(values)])
     steps = steps[steps > 0.0]
     stated = _time_heading(heading)
@@ -125,7 +128,9 @@ def _of_numbers(heading: str, values: Array) -> ColumnTimes | None:
     fitting = [scale for scale in _SCALES if _PLAUSIBLE[0] <= usual * scale <= _PLAUSIBLE[1]]
     if not fitting:
         return None
-    note = f"The times in its column '{heading[:40]}' were read as {_SCALE_NAMES[fitting[0]]}."
+    note = ""
+    if unit is not None or fitting[0] != 1.0:
+        note = f"The times in its column '{heading[:40]}' were read as {_SCALE_NAMES[fitting[0]]}."
     return ColumnTimes(values * fitting[0], note)
 
 
@@ -193,17 +198,18 @@ def _base(seconds: Array, frames: Array) -> tuple[int, bool]:
         # A take of less than a second; the apps count 60.
         return max(least, _BASE_OF_APPS) if least <= _BASE_OF_APPS else least, False
     step = float(np.median(steps))
-    lasts = _last_counts(seconds, frames)
-    if np.count_nonzero(lasts + step >= least) >= 2 and least <= most + 1.01 * step:
-        # The count goes up to one step below the base before seconds end.
-        return least, True
     found = frames[:-1][over] + step - frames[1:][over]
-    middle = float(np.median(found)) if len(found) else np.inf
-    nearest = min(above, key=lambda base: abs(base - middle), default=least)
-    if abs(nearest - middle) <= max(1.0, 0.25 * step):
-        return nearest, True
-    if len(found) >= 3 and np.median(np.abs(found - middle)) < 0.5 and round(middle) > most:
-        return round(middle), True
+    if len(found):
+        middle = float(np.median(found))
+        nearest = min(above, key=lambda base: abs(base - middle), default=least)
+        if abs(nearest - middle) <= max(1.0, 0.25 * step):
+            return nearest, True
+        if len(found) > 1 and np.abs(found - middle).max() < 0.5 and round(middle) > most:
+            return round(middle), True
+    # Where each second is followed by a gap, its last count is still less than a step below the base.
+    possible = [base for base in above if base <= most + 1.01 * step]
+    if len(possible) == 1 and np.count_nonzero(_last_counts(seconds, frames) + 1.01 * step >= possible[0]) > 1:
+        return possible[0], True
     return least, False
 
 

@@ -89,7 +89,7 @@ def _placed(found: _Found, path: Path, rate: float | None) -> NamedWeights:
         if times is not None:
             # Times of frames are more exact than a rate around them.
             frames = frames_at(times.seconds, str(path), rate)
-            notes += (times.note,) if times.note and rate is None else ()
+            notes += (times.note,) if times.note and rate is None and not frames.assumed else ()
             break
     weights, gaps = interpolated(frames, seen, values)
     known = frames.rate if count > 1 or stated else None

@@ -75,7 +75,7 @@ class Clock:
                 why = f"The times in its column '{self.heading[:40]}' are not understood"
                 return frames_in_order(count, rate or self.rate, why)
             placed = frames_at(times.seconds, str(path), rate)
-            said = times.note and rate is None and count > 1
+            said = times.note and rate is None and count > 1 and not placed.assumed
             return replace(placed, notes=(times.note, *placed.notes)) if said else placed
         numbers = numbers_of(self.cells)
         if numbers is None:
@@ -273,7 +273,7 @@ def _frame(
     if all(column >= len(cells) or not cells[column].strip() for column in used):
         return None
     if len(cells) < len(header) or any(cell.strip() for cell in cells[len(header) :]):
-        commas = " (decimal commas need another separator)" if len(cells) > 1.5 * len(header) else ""
+        commas = " (decimal commas need another separator)" if len(cells) > len(header) else ""
         raise FacePoserError(
             f"Line {number} of '{path}' has {len(cells)} values instead of {len(header)}; fix or delete "
             f"the line{commas}."

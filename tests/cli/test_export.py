@@ -58,7 +58,7 @@ def test_a_session_goes_out_in_every_format(low: FaceModel, session: Path, tmp_p
 @pytest.mark.gl
 def test_an_animation_goes_out_at_another_rate(low: FaceModel, take: Path, tmp_path: Path, capsys: Capture) -> None:
     assert run("export", "low", "--animation", take, "--fps", 10, "-o", tmp_path / "a.json") == 0
-    assert "16 frames at 30 fps." in capsys.readouterr().out
+    assert "16 frames at 30 fps" in capsys.readouterr().out
     data = json.loads((tmp_path / "a.json").read_text())
     assert (data["rate"], len(data["frames"])) == (10, 6)
     assert run("export", "low", "--animation", take, "--fps", 8, "--size", "48x48", "-o", tmp_path / "a.gif") == 0

@@ -28,7 +28,7 @@ def smile(tmp_path: Path, model: FaceModel) -> Path:
 @pytest.fixture
 def take(tmp_path: Path) -> Path:
     lines = ["Timecode,BlendShapeCount,JawOpen,MouthSmileLeft,MouthSmileRight"]
-    lines += [f"00:00:0{i // 4}:{i % 4}.0,61,{0.1 * i:.2f},0.5,0.5" for i in range(8)]
+    lines += [f"00:00:0{i // 4}:{15 * (i % 4)}.0,61,{0.1 * i:.2f},0.5,0.5" for i in range(8)]
     path = tmp_path / "take.csv"
     path.write_text("\n".join(lines))
     return path
