@@ -82,24 +82,13 @@ def frames_at(seconds: Array, where: str, rate: float | None = None) -> Frames:
     """
     count = len(seconds)
     times, notes = _rising(_complete(seconds))
-    steps = np.diff(times)
-    positive = steps[steps > 0.0]
-    if not len(positive):
+    if not (np.diff(times) > 0.0).any():
         return frames_in_order(count, rate, "Its times do not change")
-    if len(positive) < 0.5 * len(steps):
-        # Several samples at one time, as of a clock in whole seconds or a slower timecode.
-        times = _spread(times)
-    elif len(positive) < (1.0 - _MANY_EQUAL) * len(steps):
-        times = _on_a_line(times)
+    times = _apart(times)
     steps = np.diff(times)
-    positive = steps[steps > 0.0]
-    usual = float(np.median(positive))
-    repeated = np.concatenate([steps <= 0.0, [False]])
-    kept = np.flatnonzero(~repeated)
-    if repeated.any():
-        number = int(repeated.sum())
-        many = f"{number} samples at the times of others were left out."
-        notes = (*notes, many if number > 1 else "1 sample at the time of another one was left out.")
+    usual = float(np.median(steps[steps > 0.0]))
+    kept = np.flatnonzero(np.concatenate([steps > 0.0, [True]]))
+    notes += _repeated_notes(count - len(kept))
     if not (times[-1] - times[0]) / usual < _FARTHEST:
         if rate is not None:
             return frames_in_order(count, rate)
@@ -133,7 +122,7 @@ def frames_at(seconds: Array, where: str, rate: float | None = None) -> Frames:
         found = nearest_known(measured, _ROUNDED) if measured >= _SLOWEST_CAMERA else USUAL_RATE
         places[kept] = (times[kept] - times[kept][0]) * found
         length = int(places[kept][-1] + 0.5) + 1
-        shortest, longest = np.percentile(1e3 * positive, [5.0, 95.0])
+        shortest, longest = np.percentile(1e3 * np.diff(times[kept]), [5.0, 95.0])
         notes = (
             *notes,
             f"Its samples are {shortest:.0f} to {longest:.0f} ms apart; they were interpolated at {found:.5g} frames "
@@ -142,6 +131,25 @@ def frames_at(seconds: Array, where: str, rate: float | None = None) -> Frames:
     if _too_empty(length, count):
         raise _mostly_empty(where, count, length / found)
     return Frames(found, places, length, even, notes)
+
+
+def _apart(times: Array) -> Array:
+    """Return ``times`` of which many are equal, because they are rounded, as different ones."""
+    steps = np.diff(times)
+    different = np.count_nonzero(steps > 0.0) / len(steps)
+    if different < 0.5:
+        # Several samples at each time, as of a clock in whole seconds or a slower timecode.
+        return _spread(times)
+    return _on_a_line(times) if different < 1.0 - _MANY_EQUAL else times
+
+
+def _repeated_notes(number: int) -> tuple[str, ...]:
+    """Return the sentence about samples at the time of another one."""
+    if number == 0:
+        return ()
+    if number == 1:
+        return ("1 sample at the time of another one was left out.",)
+    return (f"{number} samples at the times of others were left out.",)
 
 
 def _mostly_empty(where: str, count: int, seconds: float) -> FacePoserError:
@@ -158,10 +166,8 @@ def frames_numbered(numbers: Array, where: str, rate: float | None) -> Frames:
     steps = np.diff(numbers)
     if not len(steps) or (steps <= 0.0).any() or not (np.mod(steps, 1.0) == 0.0).all():
         return frames_in_order(len(numbers), rate)
-    step = float(np.median(steps))
-    places = np.round((numbers - numbers[0]) / step)
-    if (np.diff(places) <= 0.0).any():
-        return frames_in_order(len(numbers), rate)
+    # Takes may have every second number or fewer.
+    places = (numbers - numbers[0]) / float(np.gcd.reduce(steps.astype(np.int64)))
     length = int(places[-1]) + 1
     if _too_empty(length, len(numbers)):
         raise FacePoserError(

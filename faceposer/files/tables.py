@@ -30,7 +30,7 @@ _MARKS = (
 )
 # Spreadsheets of Western Windows write this where they do not write UTF-8.
 _FALLBACK = "cp1252"
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
 
 
 @contextmanager
