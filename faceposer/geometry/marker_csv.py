@@ -46,7 +46,17 @@ class MarkerTable:
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """Layout of a table: the column of each axis of each marker, the width of its lines, and the columns of times."""
+    """Layout of a table.
+
+    Attributes:
+        columns: Columns of the axes of each marker.
+        width: Number of cells in a row.
+        header: Headings of the columns.
+        rate: Frames per second that are stated, or None.
+        unit: Unit that is stated; NUL if the first row has it.
+        clock: Columns of the times and of the numbers of frames, or None.
+        sections: True if other sections, such as forces or joints, may follow after an empty line.
+    """
 
     columns: dict[str, list[int]]
     width: int
@@ -54,6 +64,7 @@ class _Layout:
     rate: float | None = None
     unit: str = ""
     clock: tuple[int | None, int | None] = (None, None)
+    sections: bool = True
 
 
 def parse_marker_csv(path: Path, pixels: bool = False, rate: float | None = None) -> MarkerTable:
@@ -108,7 +119,7 @@ def _layout(cells: list[str], preamble: list[list[str]], path: Path, number: int
             raise FacePoserError(f"Line {number} of '{path}' has no column {name}.{lacking}; a marker needs {axes}.")
     if not columns:
         return None
-    return _Layout(columns, len(cells), cells, clock=_clock(cells))
+    return _Layout(columns, len(cells), cells, clock=_clock(cells), sections=False)
 
 
 def _clock(cells: list[str]) -> tuple[int | None, int | None]:
@@ -170,21 +181,24 @@ def _table(layout: _Layout, lines: Iterator[Row], path: Path, rate: float | None
     frames: list[NDArray[np.float64]] = []
     times: list[str] = []
     numbers: list[float] = []
-    last = -math.inf
+    last, unseen = -math.inf, 0
     time_column, frame_column = layout.clock
     for number, cells in lines:
         if unit == "\0":
             unit = next((cell.strip() for cell in cells[2:] if cell.strip()), "")
             continue
         if not any(cell.strip() for cell in cells):
-            if frames:
-                # Other sections, such as forces or joints, may follow.
+            if layout.sections and frames:
                 break
+            # A row of the full width is a frame in which no marker was seen, unless nothing follows.
+            unseen += not layout.sections and layout.clock == (None, None) and len(cells) >= layout.width
             continue
         if len(cells) < layout.width or any(cell.strip() for cell in cells[layout.width :]):
             raise FacePoserError(
                 f"Line {number} of '{path}' has {len(cells)} values instead of {layout.width}; correct or delete it."
             )
+        frames += unseen * [np.full(len(used), np.nan)]
+        unseen = 0
         frames.append(np.array([_coordinate(cells[c], layout.header[c], path, number) for c in used]))
         if time_column is not None:
             times.append(cells[time_column])

@@ -38,9 +38,7 @@ _FACE_CAP_LINES = ("info", "bs", "k")
 _FACE_CAP_TIME = "time (ms)"
 # Lines above a header: comments, or facts about the take.
 _LONGEST_PREAMBLE = 12
-_RATE = re.compile(
-    r"\W*(?:fps|frame[ _-]?rate|frames[ _-]?per[ _-]?second|sample[ _-]?rate|rate)\W*(?:hz)?\W*", re.IGNORECASE
-)
+_RATE = re.compile(r"\W*(?:fps|(?:frame|sample)?[ _-]?rate|frames[ _-]?per[ _-]?second)\W*(?:hz)?\W*", re.IGNORECASE)
 _FASTEST = 1000.0
 #: Two-sided shapes that some apps split into sides; their mean is used.
 _SPLIT = ("browInnerUp", "cheekPuff")
