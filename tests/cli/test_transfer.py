@@ -162,3 +162,14 @@ def test_errors_are_sentences(
     assert said in shown
     assert shown.count("\n") == 1
     assert not list(tmp_path.glob("o.*"))
+
+
+def test_weights_of_another_tool_are_no_session(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, out = tmp_path / "mp.json", tmp_path / "out.json"
+    source.write_text(json.dumps([{"jawOpen": i / 10} for i in range(10)]))
+    assert run("transfer", source, "low", "-o", out, "--method", "weights") == 0
+    assert "30 frames per second were assumed" in capsys.readouterr().err
+    assert run("transfer", source, "low", "-o", out, "--method", "weights", "--rate", "24") == 0
+    assert capsys.readouterr().err == ""
+    animation = json.loads(out.read_text())
+    assert (animation["rate"], len(animation["frames"])) == (24.0, 10)
