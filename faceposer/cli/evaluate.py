@@ -4,22 +4,20 @@ import argparse
 import os
 import shlex
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from faceposer.cli import evaluate_values as values
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
+from faceposer.progress import Progress
 
 NAME = "evaluate"
 
-_KINDS = ("point", "distance", "stroke")
 _TRAIN, _TEST = "alex_rom_3.csv", "alex_rom_4.csv"
 _CAPTURES = "FACEPOSER_CAPTURES"
-_MOST = 100_000
-
-Counts = tuple[str, tuple[int, ...]]
 
 
 def add_parser(commands: Any) -> None:
@@ -55,7 +53,7 @@ def add_parser(commands: Any) -> None:
     )
     takes.add_argument(
         "--performer",
-        type=_performer,
+        type=values.performer,
         metavar="NAME=CSV,CSV",
         action="append",
         help="leave-one-performer-out instead: a performer and all of their takes; give at least two. Each is tested "
@@ -76,20 +74,22 @@ def add_parser(commands: Any) -> None:
         default="auto",
         help="frames are far apart in time, so that jumps between them are valid (default: from the takes' timestamps)",
     )
-    takes.add_argument("--examples", type=_count, metavar="N", help="number of augmented examples to learn from")
+    takes.add_argument("--examples", type=values.count, metavar="N", help="number of augmented examples to learn from")
     cells = parser.add_argument_group("conditions")
-    cells.add_argument("--methods", type=_names, metavar="A,B", help="techniques (default: all of the comparison)")
+    cells.add_argument(
+        "--methods", type=values.names, metavar="A,B", help="techniques (default: all of the comparison)"
+    )
     cells.add_argument(
         "--kinds",
-        type=_kinds,
+        type=values.kinds,
         metavar="A,B",
-        default=_KINDS,
+        default=values.KINDS,
         help="kinds of constraints (default: point,distance,stroke)",
     )
     for option, where in (("--counts", ""), ("--region-counts", " within one region")):
         cells.add_argument(
             option,
-            type=_counts,
+            type=values.counts,
             metavar="KIND=N,N",
             nargs="+",
             action="extend",
@@ -98,7 +98,7 @@ def add_parser(commands: Any) -> None:
         )
     cells.add_argument(
         "--trials",
-        type=_trials,
+        type=values.trials,
         metavar="N|KIND=N",
         nargs="+",
         action="extend",
@@ -106,14 +106,14 @@ def add_parser(commands: Any) -> None:
         help="number of trials per condition and seed",
     )
     cells.add_argument(
-        "--seed", "--seeds", type=_seeds, metavar="N,N", default=(0,), help="seeds of the trials (default: 0)"
+        "--seed", "--seeds", type=values.seeds, metavar="N,N", default=(0,), help="seeds of the trials (default: 0)"
     )
     cells.add_argument(
-        "--noise", type=_noises, metavar="PX,PX", help="noise of the targets, in pixels (default: 1.5,0)"
+        "--noise", type=values.noises, metavar="PX,PX", help="noise of the targets, in pixels (default: 1.5,0)"
     )
     cells.add_argument(
         "--regions",
-        type=_names,
+        type=values.names,
         metavar="all|none|A,B",
         default=("all",),
         help="regions with conditions in which only they have constraints (default: all)",
@@ -124,7 +124,7 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="measure posed and true faces after the contact step (docs/contact.md)",
     )
-    work.add_argument("--jobs", type=_count, metavar="N", help="processes (default: one per core)")
+    work.add_argument("--jobs", type=values.count, metavar="N", help="processes (default: one per core)")
     work.add_argument("--restart", action="store_true", help="discard the trials in the folder")
     work.add_argument(
         "--figures", action=argparse.BooleanOptionalAction, default=True, help="draw figures (default: yes)"
@@ -162,7 +162,7 @@ def run(options: argparse.Namespace) -> int:
     settings = [source.load()[0] for source in sources.values()]
     setting = settings[0]
     jobs = options.jobs or os.cpu_count() or 1
-    trials = TRIALS | {kind: n for which, n in options.trials for kind in (_KINDS if which is None else (which,))}
+    trials = TRIALS | {kind: n for which, n in options.trials for kind in (values.KINDS if which is None else (which,))}
     command = shlex.join(["faceposer", *options.words])
     if options.tune:
         # Raises an error if the face has no place for any of the conditions.
@@ -181,22 +181,26 @@ def run(options: argparse.Namespace) -> int:
     for sentence in lacking:
         print(sentence, file=sys.stderr)
     plan = Plan(methods, cells, trials, options.seed)
-    progress = _StudyProgress()
+    line = ProgressLine(log=True)
     try:
         if options.performer:
             from faceposer.evaluation.performers import PerformersStudy
 
+            def begin_performer(name: str) -> Progress:
+                line.restart(f"{name} left out: ")
+                return line.progress
+
             performers_study = PerformersStudy(sources, plan, options.output, command)
-            result = performers_study.run(setting.character, jobs, progress.begin_performer, options.restart)
+            result = performers_study.run(setting.character, jobs, begin_performer, options.restart)
         else:
             study = Study(sources[""], plan, options.output, command)
-            outcome = study.run(setting.character, jobs, progress.show, options.restart)
+            outcome = study.run(setting.character, jobs, line.progress, options.restart)
     except KeyboardInterrupt:
-        progress.clear()
+        line.clear()
         print(f"Stopped; repeat the command to continue the study in '{options.output}'.", file=sys.stderr)
         raise
     finally:
-        progress.clear()
+        line.clear()
     if not options.performer:
         return _report([study], [outcome], outcome.rows, _tables(outcome.rows), outcome.left_out, options)
     studies = [performers_study.study(name) for name in result.outcomes]
@@ -309,94 +313,3 @@ def _known_take(name: str, option: str) -> Path:
     if not folder:
         raise FacePoserError(f"No take is given: use {option}, or set {_CAPTURES} to the folder that contains {name}.")
     return Path(folder) / name
-
-
-class _StudyProgress:
-    """Progress of the studies, one for each performer who is left out."""
-
-    def __init__(self) -> None:
-        self._line = ProgressLine(log=True)
-        self.clear = self._line.clear
-
-    def begin_performer(self, performer: str) -> Callable[[int, int], None]:
-        """Begin the study in which ``performer`` is left out, and return the callback for its progress."""
-        self._line.restart(f"{performer} left out: ")
-        return self.show
-
-    def show(self, done: int, of: int) -> None:
-        """Show that ``done`` of the trials are done, ``of`` being their number."""
-        if of in (0, done):
-            text = "all trials are done"
-        elif done == 0:
-            text = "training the techniques, about a minute"
-        else:
-            text = f"{100 * done // of} % of the remaining trials"
-        self._line.count(done, of, text)
-
-
-def _performer(text: str) -> tuple[str, tuple[Path, ...]]:
-    name, equals, files = text.partition("=")
-    paths = tuple(dict.fromkeys(Path(file.strip()) for file in files.split(",") if file.strip()))
-    if not equals or not name.strip() or not paths:
-        raise argparse.ArgumentTypeError(f"'{text}' must have the form NAME=CSV,CSV, for example anna=one.csv,two.csv")
-    return name.strip(), paths
-
-
-def _names(text: str) -> tuple[str, ...]:
-    names = tuple(name for name in (part.strip() for part in text.split(",")) if name)
-    if not names:
-        raise argparse.ArgumentTypeError("give at least one name; separate several by commas")
-    return names
-
-
-def _kinds(text: str) -> tuple[str, ...]:
-    for name in _names(text):
-        _kind(name)
-    return tuple(dict.fromkeys(_names(text)))
-
-
-def _kind(name: str) -> str:
-    if name not in _KINDS:
-        raise argparse.ArgumentTypeError(f"'{name}' is not a kind of constraint; choose from {', '.join(_KINDS)}")
-    return name
-
-
-def _count(text: str) -> int:
-    if not (text.isascii() and text.isdigit()) or not 1 <= int(text) <= _MOST:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number from 1 to {_MOST}")
-    return int(text)
-
-
-def _counts(text: str) -> Counts:
-    kind, equals, numbers = text.partition("=")
-    if not equals:
-        raise argparse.ArgumentTypeError(f"'{text}' must have the form KIND=N,N, for example point=1,4")
-    return _kind(kind.strip()), tuple(
-        dict.fromkeys(_count(part.strip()) for part in numbers.split(",") if part.strip())
-    )
-
-
-def _trials(text: str) -> tuple[str | None, int]:
-    kind, equals, number = text.rpartition("=")
-    return (_kind(kind.strip()) if equals else None, _count(number.strip()))
-
-
-def _seeds(text: str) -> tuple[int, ...]:
-    seeds = _names(text)
-    for seed in seeds:
-        if not (seed.isascii() and seed.isdigit()) or int(seed) > _MOST:
-            raise argparse.ArgumentTypeError(f"'{seed}' is not a seed, a number from 0 to {_MOST}")
-    return tuple(dict.fromkeys(int(seed) for seed in seeds))
-
-
-def _noises(text: str) -> tuple[float, ...]:
-    noises = []
-    for part in _names(text):
-        try:
-            noise = float(part)
-        except ValueError:
-            noise = -1.0
-        if not 0.0 <= noise <= 100.0:
-            raise argparse.ArgumentTypeError(f"'{part}' is not a number of pixels from 0 to 100")
-        noises.append(noise)
-    return tuple(dict.fromkeys(noises))

@@ -11,7 +11,6 @@ from faceposer.files.atomic import check_not_input, check_output, write_text
 
 NAME = "solve"
 # Longest time for a solve, in seconds.
-_TIMEOUT = 600.0
 
 
 def add_parser(commands: Any) -> None:
@@ -49,9 +48,10 @@ def run(options: argparse.Namespace) -> int:
         document = replace(document, spread=options.spread)
     session = session_for(document, options.session)
     print_remark(session)
-    if session.solution is None:
+    session.wait()
+    if session.solution is None:  # without constraints, opening solves nothing
         session.apply()
-    session.wait(timeout=_TIMEOUT)
+        session.wait()
     solution = session.solution
     assert solution is not None
     contact = document.contact and options.contact

@@ -11,12 +11,12 @@ from pathlib import Path
 from faceposer.errors import FacePoserError
 from faceposer.evaluation.plan import Plan
 from faceposer.evaluation.rows import Row, csv_of, pooled_rows_of
-from faceposer.evaluation.running import Show
 from faceposer.evaluation.study import FORMAT, RESULTS, TABLE, TABLES, VERSION, Outcome, Study, machine
 from faceposer.evaluation.tables import error_tables, share_tables, time_table
 from faceposer.evaluation.takes import Source, Sparse
 from faceposer.files.atomic import write_text
 from faceposer.model.character import Character
+from faceposer.progress import Progress
 from faceposer.training.expressions import Recipe
 
 #: The name of the rows over all performers.
@@ -135,14 +135,14 @@ class PerformersStudy:
         return Study(self.sources[name], self.plan, self.folder / name, self.command)
 
     def run(
-        self, character: Character, jobs: int, show: Callable[[str], Show], restart: bool = False
+        self, character: Character, jobs: int, progress_of: Callable[[str], Progress], restart: bool = False
     ) -> PerformersOutcome:
         """Run the remaining trials and write the results.
 
         Args:
             character: The face.
             jobs: Number of processes.
-            show: Returns the callback for the progress of a performer's study.
+            progress_of: Returns the progress of the study in which a performer is left out.
             restart: Discard all trials.
 
         Raises:
@@ -151,7 +151,7 @@ class PerformersStudy:
         """
         outcomes = {}
         for name in self.sources:
-            outcomes[name] = self.study(name).run(character, jobs, show(name), restart)
+            outcomes[name] = self.study(name).run(character, jobs, progress_of(name), restart)
             if not outcomes[name].rows:
                 raise FacePoserError(
                     f"The takes of the performer '{name}' have too few frames in which the face moves; give longer "

@@ -2,7 +2,7 @@
 
 import importlib.util
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass, field
 from itertools import islice
@@ -20,10 +20,10 @@ from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.takes import Source
 from faceposer.evaluation.trial_log import TrialLog
 from faceposer.evaluation.trials import Cell, Trial, TrialMaker
+from faceposer.progress import Progress
 
 Array = NDArray[np.float64]
 #: Callback for the progress, with the number of finished tasks and the number of all tasks.
-Show = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def unavailable(name: str) -> str | None:
     return f"'{name}' is left out, because it needs the package '{package}': pip install 'faceposer[bench]'."
 
 
-def run_plan(source: Source, plan: Plan, log: TrialLog, jobs: int, show: Show) -> dict[str, str]:
+def run_plan(source: Source, plan: Plan, log: TrialLog, jobs: int, progress: Progress) -> dict[str, str]:
     """Run the trials of ``plan`` that ``log`` lacks, and return the methods that were left out, with the reasons.
 
     Args:
@@ -124,23 +124,26 @@ def run_plan(source: Source, plan: Plan, log: TrialLog, jobs: int, show: Show) -
         plan: The plan.
         log: Log of finished trials, to which new ones are added.
         jobs: Number of processes; results do not depend on it.
-        show: Callback for the progress.
+        progress: Progress; a cancelled study keeps its finished trials.
 
     Raises:
+        CancelledError: If the user has cancelled the work.
         FacePoserError: If a file cannot be used, or a process was killed.
     """
     skipped = {name: sentence for name in plan.methods if (sentence := unavailable(name)) is not None}
     available = Plan(tuple(name for name in plan.methods if name not in skipped), plan.cells, plan.trials, plan.seeds)
     tasks = list(available.tasks(log.scores))
-    show(0, len(tasks))
     if not tasks:
         return skipped
+    progress.at("Training the techniques, about a minute")
     done = _run_serially(source, tasks) if jobs == 1 or len(tasks) == 1 else _run_in_pool(source, tasks, jobs)
     for number, result in enumerate(done, start=1):
         for method, scores in result.scores.items():
             log.add(method, result.task.cell, result.task.seed, scores)
         skipped |= result.skipped
-        show(number, len(tasks))
+        if number < len(tasks):
+            progress.at("Trials", number / len(tasks))
+    progress.at("All trials are done.", 1.0)
     return skipped
 
 

@@ -17,13 +17,14 @@ from faceposer.errors import FacePoserError
 from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.plan import Plan
 from faceposer.evaluation.rows import Row, csv_of, rows_of
-from faceposer.evaluation.running import Show, run_plan
+from faceposer.evaluation.running import run_plan
 from faceposer.evaluation.setting import SIZE
 from faceposer.evaluation.tables import error_tables, other_tables, time_table
 from faceposer.evaluation.takes import Source
 from faceposer.evaluation.trial_log import Scores, TrialLog
 from faceposer.files.atomic import write_text
 from faceposer.model.character import Character
+from faceposer.progress import Progress
 
 #: File names of a study.
 LOG, RESULTS, TABLE, TABLES = "trials.jsonl", "results.json", "results.csv", "tables.md"
@@ -75,13 +76,13 @@ class Study:
             "program_sha256": program_checksum(),
         }
 
-    def run(self, character: Character, jobs: int, show: Show, restart: bool = False) -> Outcome:
+    def run(self, character: Character, jobs: int, progress: Progress, restart: bool = False) -> Outcome:
         """Run the remaining trials and write the results.
 
         Args:
             character: The face.
             jobs: Number of processes.
-            show: Callback for the progress.
+            progress: Progress; a cancelled study keeps its finished trials.
             restart: Discard the trials in the folder.
 
         Raises:
@@ -95,7 +96,7 @@ class Study:
             ) from error
         settings = self.settings(character)
         log = TrialLog(self.folder / LOG, settings, restart)
-        skipped = run_plan(self.source, self.plan, log, jobs, show)
+        skipped = run_plan(self.source, self.plan, log, jobs, progress)
         rows = rows_of(log.scores, self.plan)
         about = {
             "format": FORMAT,

@@ -6,7 +6,7 @@ from functools import partial
 from faceposer.gui.actions import Action, Actions, Submenu
 from faceposer.gui.commands import Commands
 from faceposer.gui.shell import Shell
-from faceposer.tools.gaze_tool import eye_centres_of
+from faceposer.tools.tool import PosingTool
 
 # Name of the view, label, key; Ctrl gives the opposite side, as in Blender.
 _VIEWS = (
@@ -19,17 +19,6 @@ _VIEWS = (
     ("bottom", "Bottom", "Ctrl+7"),
 )
 
-# Name of the tool, label, key, help text.
-_TOOLS = (
-    ("point", "Points", "Q", "Drag points of the face and the handles of all constraints"),
-    ("distance", "Distance", "D", "Set the distance between two points in the view, such as the height of the mouth"),
-    ("stroke", "Stroke", "S", "Draw a stroke on the face, then draw its target"),
-    ("curve", "Curve", "K", "Click points of a curve on the face, then drag its control points"),
-    ("fix", "Fix", "H", "Fix vertices in place"),
-    ("gaze", "Gaze", "G", "Drag anywhere in the view to turn both eyes"),
-    ("trajectory", "Trajectories", "J", "Draw the paths of points over time; the face follows them"),
-)
-
 
 def _tool_actions(context: Shell, do: Commands, idle: Callable[[], bool]) -> list[Action]:
     """Return the actions that choose tools and change their settings."""
@@ -37,14 +26,21 @@ def _tool_actions(context: Shell, do: Commands, idle: Callable[[], bool]) -> lis
     def chosen(name: str) -> Callable[[], bool]:
         return lambda: context.toolbox.chosen.name == name
 
-    def usable(name: str) -> Callable[[], bool]:
-        return lambda: idle() and (name != "gaze" or eye_centres_of(context.session.model.character) is not None)
+    def usable(tool: PosingTool) -> Callable[[], bool]:
+        return lambda: idle() and tool.usable(context.session.model.character)
 
     tools = [
         Action(
-            f"tool-{name}", label, "Tools", partial(do.choose_tool, name), (key,), usable(name), chosen(name), help=text
+            f"tool-{tool.name}",
+            tool.label,
+            "Tools",
+            partial(do.choose_tool, tool.name),
+            (tool.key,) if tool.key else (),
+            usable(tool),
+            chosen(tool.name),
+            help=tool.help,
         )
-        for name, label, key, text in _TOOLS
+        for tool in context.toolbox.tools.values()
     ]
     nudges = [
         Action(
@@ -79,11 +75,6 @@ def _tool_actions(context: Shell, do: Commands, idle: Callable[[], bool]) -> lis
     return [*tools, symmetry, *brushes, *nudges]
 
 
-def _has_trajectories(context: Shell) -> bool:
-    tool = context.toolbox.trajectory_tool
-    return context.toolbox.chosen is tool and bool(tool.drawn)
-
-
 def build_actions(context: Shell) -> Actions:
     """Return the actions of ``context``, in the order of its menus."""
     do = Commands(context)
@@ -93,19 +84,13 @@ def build_actions(context: Shell) -> Actions:
 
     def can_apply() -> bool:
         solvable = context.session.mode == "apply" and bool(context.session.document.constraints)
-        unfinished = bool(context.toolbox.curve_tool.points) or _has_trajectories(context)
-        return idle() and (solvable or unfinished)
+        return idle() and (solvable or context.toolbox.chosen.can_accept)
 
     def can_undo() -> bool:
-        toolbox = context.toolbox
-        unfinished = toolbox.curve_tool.points or toolbox.stroke_tool.draws_target or toolbox.distance_tool.first
-        drawn = toolbox.chosen is toolbox.trajectory_tool and toolbox.trajectory_tool.can_step_back
-        return idle() and (bool(unfinished) or drawn or context.session.can_undo)
+        return idle() and (context.toolbox.chosen.can_step_back or context.session.can_undo)
 
     def can_redo() -> bool:
-        toolbox = context.toolbox
-        drawn = toolbox.chosen is toolbox.trajectory_tool and toolbox.trajectory_tool.can_step_forward
-        return idle() and (drawn or context.session.can_redo)
+        return idle() and (context.toolbox.chosen.can_step_forward or context.session.can_redo)
 
     entries = context.features.actions()
     # These two have a fixed place in the menus.

@@ -20,7 +20,7 @@ from faceposer.session.animating import AnimationController
 from faceposer.session.document import Document
 from faceposer.session.history import History
 from faceposer.session.saved_state import SavedState
-from faceposer.session.solver_worker import InlineWorker, Job, Worker
+from faceposer.session.solver_worker import InlineWorker, SolveRequest, Worker
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import Solution
 from faceposer.solve.priors import Prior
@@ -339,7 +339,9 @@ class Session:
             self._submit()
 
     def _submit(self, warm_start: bool = True) -> None:
-        job = Job(self.epoch, self.revision, self.model, self._document, self.coefficients if warm_start else None)
+        job = SolveRequest(
+            self.epoch, self.revision, self.model, self._document, self.coefficients if warm_start else None
+        )
         self.worker.submit(job)
 
     def poll(self) -> bool:

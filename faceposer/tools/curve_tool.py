@@ -26,6 +26,10 @@ class CurveTool(PosingTool):
     """
 
     name = "curve"
+    label = "Curve"
+    key = "K"
+    help = "Click points of a curve on the face, then drag its control points"
+    empty_text = "Click points of a curve on the face and accept it, then drag its control points."
     cursor = "pick"
     handle_order = 3
 
@@ -238,6 +242,16 @@ class CurveTool(PosingTool):
             document = session.document.with_constraint(index, shorter)
             session.replace(mirroring.with_images(document, [index]))
         return True
+
+    @property
+    def can_accept(self) -> bool:
+        """True if there is a source."""
+        return bool(self.points)
+
+    @property
+    def can_step_back(self) -> bool:
+        """True if the source can be stepped back."""
+        return bool(self._steps)
 
     def step_back(self) -> bool:
         """Undo the last change of the source; return True if there was one."""

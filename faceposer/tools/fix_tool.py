@@ -24,6 +24,10 @@ class FixTool(PosingTool):
     """
 
     name = "fix"
+    label = "Fix"
+    key = "H"
+    help = "Fix vertices in place"
+    empty_text = "Paint the area to hold in place, or choose a region above."
     cursor = "draw"
 
     def __init__(self, tool_settings: ToolSettings) -> None:

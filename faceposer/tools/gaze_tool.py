@@ -85,9 +85,17 @@ class GazeTool(PosingTool):
     """Turns both eyes to a handle."""
 
     name = "gaze"
+    label = "Gaze"
+    key = "G"
+    help = "Drag anywhere in the view to turn both eyes"
+    empty_text = "Drag in the view to turn both eyes to the ring."
     cursor = "press"
     drag_cursor = "grab"
     handle_order = 0
+
+    def usable(self, character: Character) -> bool:
+        """Return True if the eyes of ``character`` can turn."""
+        return eye_centres_of(character) is not None
 
     def constraint(self, context: ToolContext) -> tuple[int, GazeConstraint] | None:
         """Return the gaze constraint of the session with its index, or None."""

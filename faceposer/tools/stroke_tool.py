@@ -36,6 +36,10 @@ class StrokeTool(PosingTool):
     """
 
     name = "stroke"
+    label = "Stroke"
+    key = "S"
+    help = "Draw a stroke on the face, then draw its target"
+    empty_text = "Draw a stroke on the face, then draw its target."
     cursor = "draw"
 
     def __init__(self, tool_settings: ToolSettings) -> None:
@@ -174,6 +178,11 @@ class StrokeTool(PosingTool):
             return False
         self._remove(index, "Remove a stroke", context)
         return True
+
+    @property
+    def can_step_back(self) -> bool:
+        """True if the source is drawn and the target is not."""
+        return self.draws_target
 
     def step_back(self) -> bool:
         """Discard the source; return True if there was one."""

@@ -107,8 +107,8 @@ def test_a_study_of_performers_goes_on_where_it_was_stopped(
     (tmp_path / "cleo" / "trials.jsonl").write_bytes(b"".join(logs["cleo"].splitlines(keepends=True)[:2]))
     status, _, err = run(capsys, *words)
     assert status == 0
-    assert [line for line in err.splitlines() if "training" in line] == [
-        "cleo left out: training the techniques, about a minute"
+    assert [line for line in err.splitlines() if "Training" in line] == [
+        "cleo left out: Training the techniques, about a minute"
     ]
     after = json.loads((tmp_path / "results.json").read_text())["rows"]
     assert [{k: v for k, v in row.items() if not k.startswith("ms")} for row in after] == [

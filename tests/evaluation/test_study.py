@@ -80,7 +80,7 @@ def test_a_study_leaves_rows_tables_and_figures(
     words = ("--trials", "3", "--counts", "point=2,4", "distance=4", "stroke=450", "--regions", "mouth")
     words += ("--region-counts", "distance=2", "stroke=300")
     status, out, err = run(capsys, *given(takes, folder), *words)
-    assert (status, err.splitlines()[-1]) == (0, "all trials are done")
+    assert (status, err.splitlines()[-1]) == (0, "All trials are done.")
     assert "**" in out
     about = results(folder)
     rows = about["rows"]

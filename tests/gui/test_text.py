@@ -10,7 +10,6 @@ from faceposer.gui.app import App
 from faceposer.gui.commands import about_text
 from faceposer.gui.features.export.feature import ExportFeature
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
-from faceposer.gui.panels.constraints import EMPTY_TEXTS
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.text import shortened, wrapped
@@ -118,13 +117,14 @@ def test_the_empty_list_speaks_of_the_tool(robot: Robot, monkeypatch: pytest.Mon
     said: list[str] = []
     wrapped = imgui.text_wrapped
     monkeypatch.setattr(imgui, "text_wrapped", lambda text: (said.append(text), wrapped(text))[1])
-    assert set(EMPTY_TEXTS) == {*app.toolbox.tools, "photo"}
-    assert len(set(EMPTY_TEXTS.values())) == len(EMPTY_TEXTS)
+    texts = {name: tool.empty_text for name, tool in app.toolbox.tools.items()}
+    assert all(texts.values())
+    assert len({*texts.values(), app.toolbox.photo_tool.empty_text}) == len(texts) + 1
     for tool in app.toolbox.tools:
         app.toolbox.choose(tool)
         said.clear()
         robot.frames(1)
-        assert EMPTY_TEXTS[tool] in said
+        assert texts[tool] in said
 
 
 def test_about_has_version_and_licence() -> None:

@@ -17,17 +17,6 @@ from faceposer.solve.constraints.registry import Constraint
 _MAX_ROWS = 8
 # In units of the font size: side of a row's buttons, width of the icon, padding above and below the text.
 _BUTTON, _ICON, _PAD = 1.45, 1.4, 0.3
-#: Text of the empty list, by the chosen tool.
-EMPTY_TEXTS = {
-    "point": "Drag a point of the face: it is pinned where you release it, and the face follows.",
-    "distance": "Drag from one point of the face to another, or choose a distance above, then set it with its slider.",
-    "stroke": "Draw a stroke on the face, then draw its target.",
-    "curve": "Click points of a curve on the face and accept it, then drag its control points.",
-    "fix": "Paint the area to hold in place, or choose a region above.",
-    "gaze": "Drag in the view to turn both eyes to the ring.",
-    "trajectory": "Draw the paths of points. Solving turns them into keys of the timeline, not into constraints.",
-    "photo": "Set pins on the photo; the Photo tab lists them. Posing from the photo turns them into constraints.",
-}
 
 
 @dataclass(frozen=True)
@@ -49,7 +38,7 @@ class ConstraintsPanel:
         count = len(context.session.document.constraints)
         heading(context.fonts, f"Constraints   {count}" if count else "Constraints")
         if not count:
-            caption(EMPTY_TEXTS[context.toolbox.chosen.name])
+            caption(context.toolbox.chosen.empty_text)
             return
         self._draw_rows(context)
         imgui.spacing()

@@ -13,7 +13,6 @@ from faceposer.session.place_names import MEASURES
 from faceposer.solve.constraints.stroke import STROKE_ENERGIES
 from faceposer.tools.distance_tool import add_distance
 from faceposer.tools.fix_tool import fixed_region_index, toggle_fixed_region
-from faceposer.tools.gaze_tool import eye_centres_of
 
 STRIP_WIDTH = 3.2
 TOOL_ICONS = {
@@ -34,30 +33,19 @@ HELD_REGIONS: dict[str, tuple[str, ...]] = {
     "Cheeks": ("cheek_left", "cheek_right"),
     "Jaw": ("jaw",),
 }
-_TITLES = {
-    "point": "Points",
-    "distance": "Distance",
-    "stroke": "Stroke",
-    "curve": "Curve",
-    "fix": "Fixed vertices",
-    "gaze": "Gaze",
-    "trajectory": "Trajectories",
-}
 
 
 def draw_tool_strip(context: EditorContext) -> None:
     """Draw the buttons of the tools in a column, and that of symmetry."""
-    usable = [
-        name
-        for name in context.toolbox.tools
-        if name != "gaze" or eye_centres_of(context.session.model.character) is not None
-    ]
+    usable = [tool.name for tool in context.toolbox.usable_tools]
     # Smaller buttons if the window is too low for all of them.
     spacing = imgui.get_style().item_spacing.y
     room = imgui.get_content_region_avail().y - em(0.4) - (len(usable) + 2) * spacing
     side = max(min(em(2.3), room / (len(usable) + 1)), em(1.0))
     for name in usable:
-        _strip_button(context, f"tool-{name}", TOOL_ICONS[name], side, context.toolbox.chosen.name == name)
+        _strip_button(
+            context, f"tool-{name}", TOOL_ICONS.get(name, Icon.POINT), side, context.toolbox.chosen.name == name
+        )
     imgui.dummy((0.0, em(0.4)))
     _strip_button(context, "symmetry", Icon.SYMMETRY, side, context.toolbox.tool_settings.symmetry.on)
 
@@ -86,7 +74,7 @@ def draw_tool_options(context: EditorContext) -> None:
         "fix": _fix,
     }.get(name)
     if draw is not None:
-        heading(context.fonts, _TITLES[name])
+        heading(context.fonts, context.toolbox.chosen.label)
         draw(context)
 
 
