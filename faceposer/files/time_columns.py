@@ -88,6 +88,12 @@ def times_of(heading: str, cells: Sequence[str]) -> ColumnTimes | None:
     return None
 
 
+def shown_heading(heading: str) -> str:
+    """Return ``heading`` for display: at most 40 characters, those that do not print escaped."""
+    text = heading[:40]
+    return text if text.isprintable() else text.encode("unicode_escape").decode("ascii")
+
+
 def numbers_of(cells: Sequence[str]) -> Array | None:
     """Return the numbers in the ``cells`` of a column of frame numbers, or None if some are none."""
     values = [decimal_number(cell) for cell in cells]
@@ -130,7 +136,7 @@ def _of_numbers(heading: str, values: Array) -> ColumnTimes | None:
         return None
     note = ""
     if unit is not None or fitting[0] != 1.0:
-        note = f"The times in its column '{heading[:40]}' were read as {_SCALE_NAMES[fitting[0]]}."
+        note = f"The times in its column '{shown_heading(heading)}' were read as {_SCALE_NAMES[fitting[0]]}."
     return ColumnTimes(values * fitting[0], note)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.files.sample_times import Frames, frames_at, frames_in_order, frames_numbered, placed
 from faceposer.files.tables import Row, decimal_number, open_table
-from faceposer.files.time_columns import is_frame_number, is_time, times_of
+from faceposer.files.time_columns import is_frame_number, is_time, shown_heading, times_of
 
 #: Limits of a plausible motion of a face.
 MAX_MARKERS = 2_000
@@ -237,7 +237,7 @@ def _frames(
         clock = None if found is None else frames_at(found.seconds, str(path), rate)
         if clock is not None and found is not None and not clock.assumed:
             return clock, (found.note,) if found.note and rate is None else ()
-        return frames_in_order(count, stated), (f"The times in its column '{heading[:40]}' tell no rate.",)
+        return frames_in_order(count, stated), (f"The times in its column '{shown_heading(heading)}' tell no rate.",)
     if numbers and np.isfinite(numbers).all():
         return frames_numbered(np.array(numbers), str(path), stated), ()
     return frames_in_order(count, stated), ()

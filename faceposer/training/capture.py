@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.files.sample_times import Frames, frames_at, frames_in_order, frames_numbered
 from faceposer.files.tables import Row, decimal_number, open_table
-from faceposer.files.time_columns import is_frame_number, is_time, is_timecode, numbers_of, times_of
+from faceposer.files.time_columns import is_frame_number, is_time, is_timecode, numbers_of, shown_heading, times_of
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.shape_names import canonical_shape, whole_shape_of
 
@@ -72,7 +72,7 @@ class Clock:
         if not is_frame_number(self.heading):
             times = times_of(self.heading, self.cells)
             if times is None:
-                why = f"The times in its column '{self.heading[:40]}' are not understood"
+                why = f"The times in its column '{shown_heading(self.heading)}' are not understood"
                 return frames_in_order(count, rate or self.rate, why)
             placed = frames_at(times.seconds, str(path), rate)
             said = times.note and rate is None and count > 1 and not placed.assumed
