@@ -18,7 +18,8 @@ Row = tuple[int, list[str]]
 _SEPARATORS = ("\t", ";", ",", "|")
 # Lines from which the separator is determined.
 _HEAD = 40
-_LONGEST_LINE = 4 * 2**20
+_LONGEST_LINE = 2**20
+_MOST_CELLS = 20_000
 _LONGEST_CELL = 2**16
 _CHUNK = 2**20
 _MARKS = (
@@ -126,6 +127,11 @@ def _rows(file: TextIO, path: Path, blank: bool) -> Iterator[Row]:
         if cells is None:
             return
         if blank or any(cell and not cell.isspace() for cell in cells):
+            if len(cells) > _MOST_CELLS:
+                raise FacePoserError(
+                    f"Line {skipped + reader.line_num} of '{path}' has {len(cells):,} cells, more than "
+                    f"{_MOST_CELLS:,}; check the file."
+                )
             if max(map(len, cells), default=0) > _LONGEST_CELL:
                 raise FacePoserError(
                     f"Line {skipped + reader.line_num} of '{path}' has a cell of more than {_LONGEST_CELL} characters; "

@@ -29,7 +29,7 @@ _PERCENT_SHARE = 0.2
 
 @dataclass(frozen=True, eq=False)
 class _Frame:
-    """Weights by ARKit's names, none where the face was lost; and the values of the keys that state times."""
+    """Weights by the names of shapes as the file spells them, none where the face was lost; and the values of times."""
 
     weights: dict[str, float]
     times: dict[str, str]
@@ -167,9 +167,9 @@ def _frame(value: Any, names: tuple[str, ...], depth: int) -> _Frame | None:
     if isinstance(value, list):
         if names and len(value) == len(names) and _numbers(value):
             return _by_names(names, value)
-        found = {shape: number for name, number in _named(value) if _number(number) and (shape := _shape(name))}
+        found = {name: float(number) for name, number in _named(value) if _number(number) and _shape(name)}
         if found:
-            return _Frame({name: float(number) for name, number in found.items()}, {})
+            return _Frame(found, {})
         return _frame(value[0], names, depth + 1) if len(value) == 1 else None
     if not isinstance(value, dict):
         return None
@@ -182,7 +182,7 @@ def _frame(value: Any, names: tuple[str, ...], depth: int) -> _Frame | None:
 
 def _plain(data: dict[Any, Any]) -> _Frame | None:
     """Return the frame of an object with a number for each name."""
-    weights = {shape: float(value) for key, value in data.items() if _number(value) and (shape := _shape(key))}
+    weights = {key: float(value) for key, value in data.items() if _number(value) and _shape(key)}
     return _Frame(weights, _times(data)) if weights else None
 
 
@@ -200,7 +200,7 @@ def _lost(value: Any) -> _Frame | None:
 
 def _columns(pairs: list[tuple[str, Any]], around: dict[Any, Any]) -> list[_Frame] | None:
     """Return the frames of ``pairs`` of a name and its weights over time; ``around`` may have the times."""
-    columns = {shape: value for name, value in pairs if _numbers(value) and (shape := _shape(name))}
+    columns = {name: value for name, value in pairs if _numbers(value) and _shape(name)}
     lengths = {len(column) for column in columns.values()}
     if len(lengths) != 1 or lengths == {0}:
         return None
@@ -243,7 +243,7 @@ def _names(value: Any) -> tuple[str, ...]:
 
 
 def _by_names(names: tuple[str, ...], values: Any) -> _Frame | None:
-    weights = {shape: float(value) for name, value in zip(names, values, strict=True) if (shape := _shape(name))}
+    weights = {name: float(value) for name, value in zip(names, values, strict=True) if _shape(name)}
     return _Frame(weights, {}) if weights else None
 
 

@@ -62,7 +62,8 @@ def test_blank_rows_are_left_out_unless_wanted(tmp_path: Path) -> None:
     [
         (bytes(range(256)), "not a text file"),
         (b"\xff\xfe\x00", "not a text file"),
-        (b"a,b\n" + b"1" * 5_000_000, "more than 4,194,303 characters"),
+        (b"a,b\n" + b"1" * 5_000_000, "more than 1,048,575 characters"),
+        (b"a," * 30_000, "has 30,001 cells, more than 20,000"),
         (b'a,b\n1,"' + b"x" * 200_000, "check its quotation marks"),
         (b"a,b\n1," + b"x" * 100_000, "cell of more than"),
         (b"a" * 10_000_001, "too large for a capture"),

@@ -60,6 +60,12 @@ def test_forms_that_are_clear_are_read(form: str, tmp_path: Path) -> None:
     assert read_weights(tmp_path / "a.json", 50.0).rate == 50.0
 
 
+def test_two_spellings_with_different_weights_are_refused(low: FaceModel, tmp_path: Path) -> None:
+    for data in ({"jawOpen": 0.5, "JawOpen": 0.4}, [["eyeBlink_L", 1.0], ["eyeBlinkLeft", 0.0]]):
+        with pytest.raises(FacePoserError, match="twice"):
+            read_performance(write(tmp_path / "a.json", data), low)
+
+
 def test_a_pose_is_one_frame(low: FaceModel, tmp_path: Path) -> None:
     for data in (by_name(0.5), [{"name": "jawOpen", "value": 0.5}], {"names": NAMES, "weights": ROWS[10]}):
         read = read_weights(write(tmp_path / "a.json", data))
