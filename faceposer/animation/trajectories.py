@@ -31,6 +31,7 @@ class Trajectories:
         rate: Frames per second.
         camera: Camera of the image; None in space.
         weights: Factors on the energy of each point, at least 0, shape (P,) or (F, P); None for 1.
+        notes: What was assumed or is missing in a file, one sentence each.
 
     Raises:
         ValueError: If the arrays do not fit together.
@@ -42,6 +43,7 @@ class Trajectories:
     rate: float
     camera: Camera | None = None
     weights: Array | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         positions = np.array(self.positions, dtype=np.float64)

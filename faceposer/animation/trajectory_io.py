@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from faceposer.animation.trajectories import Trajectories
 from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import JsonDocument, JsonObject, check_header, convert, read_json, shown
+from faceposer.files.sample_times import USUAL_RATE, assumed_rate, nearest_known
 from faceposer.geometry.camera import Camera, OrbitView, ViewName
 from faceposer.geometry.marker_csv import MAX_MARKERS, MarkerTable, parse_marker_csv
 from faceposer.geometry.marker_io import MarkerMotion, read_markers
@@ -25,10 +26,7 @@ from faceposer.solve.constraints import codec
 FORMAT = "faceposer.trajectories"
 VERSION = 1
 SUFFIXES = (".csv", ".json", ".c3d")
-#: Frames per second if neither the file nor the user states a rate.
-USUAL_RATE = 30.0
-# A rate computed from rounded times is replaced by the nearest of these.
-_KNOWN_RATES = (24000 / 1001, 24.0, 25.0, 30000 / 1001, 30.0, 48.0, 50.0, 60000 / 1001, 60.0, 100.0, 120.0, 240.0)
+# Relative rounding of the rates in C3D files.
 _ROUNDED = 4e-4
 
 _MAX_BYTES = 2**28
@@ -64,7 +62,7 @@ class _FeatureJson(JsonObject):
 
 
 class _TrajectoriesFile(JsonDocument, kw_only=True):
-    rate: Annotated[float, Meta(ge=_SLOWEST, le=_MAX_RATE)] = USUAL_RATE
+    rate: Annotated[float, Meta(ge=_SLOWEST, le=_MAX_RATE)] | None = None
     # A ``CameraJson`` or a ``_ViewJson``.
     camera: Any = None
     points: Annotated[list[Annotated[_PointJson, Meta(title="points")]], Meta(min_length=1, max_length=MAX_MARKERS)]
@@ -125,10 +123,10 @@ def read_trajectories(
             _check_in_front(path, trajectories.camera, character)
         return trajectories if points is None else trajectories.subset(_known(points, trajectories.names, path))
     if suffix == ".csv":
-        table = _pixel_table(path)
+        table = _pixel_table(path, rate)
         if table is not None:
             return _trajectories_in_image(path, table, options)
-    return _trajectories_in_space(path, read_markers(path), options)
+    return _trajectories_in_space(path, read_markers(path, rate), options)
 
 
 def read_camera(path: Path, character: Character) -> Camera:
@@ -194,7 +192,9 @@ def trajectories_from_json(
     except ValueError as error:
         raise FacePoserError(f"points: {error}.") from error
     weights = np.array([point.weight for point in form.points])
-    return Trajectories(tuple(names), points, positions, rate or form.rate, camera, weights)
+    known = rate or form.rate
+    notes = () if known is not None or len(positions) < 2 else (assumed_rate("It does not state a rate"),)
+    return Trajectories(tuple(names), points, positions, known or USUAL_RATE, camera, weights, notes)
 
 
 def trajectories_to_json(trajectories: Trajectories) -> dict[str, Any]:
@@ -273,13 +273,9 @@ def _known(requested: Sequence[str], names: Sequence[str], path: Path) -> tuple[
     return tuple(dict.fromkeys(requested))
 
 
-def _pixel_table(path: Path) -> MarkerTable | None:
+def _pixel_table(path: Path, rate: float | None) -> MarkerTable | None:
     """Return the table of pixels in ``path``, or None if its points have three coordinates."""
-    try:
-        table = parse_marker_csv(path, pixels=True)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise FacePoserError(f"The trajectories in '{path}' cannot be read ({reason}); check the file.") from error
+    table = parse_marker_csv(path, pixels=True, rate=rate)
     return table if table.positions.shape[2] == 2 else None
 
 
@@ -289,7 +285,7 @@ def _trajectories_in_image(path: Path, table: MarkerTable, options: "_Options") 
     _check_in_front(path, options.camera, options.character)
     names, anchors = _places(path, table.names, options)
     positions = table.positions[:, [table.names.index(name) for name in names]]
-    return _checked(path, names, anchors, positions, options.rate or _known_rate(table.rate), options.camera)
+    return _checked(path, names, anchors, positions, table, options)
 
 
 def _trajectories_in_space(path: Path, motion: MarkerMotion, options: "_Options") -> Trajectories:
@@ -307,14 +303,7 @@ def _trajectories_in_space(path: Path, motion: MarkerMotion, options: "_Options"
         mapped = options.marker_map.subset(names)
         displacements, _ = displacements_of_markers(motion, mapped, places, find_held)
         positions = places + displacements
-    return _checked(path, names, anchors, positions, options.rate or _known_rate(motion.rate), None)
-
-
-def _known_rate(rate: float | None) -> float | None:
-    if rate is None:
-        return None
-    nearest = min(_KNOWN_RATES, key=lambda known: abs(known - rate))
-    return nearest if abs(nearest - rate) < _ROUNDED * nearest else rate
+    return _checked(path, names, anchors, positions, motion, replace(options, camera=None))
 
 
 def _check_in_front(path: Path, camera: Camera, character: Character) -> None:
@@ -354,8 +343,8 @@ def _checked(
     names: tuple[str, ...],
     anchors: SurfacePoints,
     positions: Array,
-    rate: float | None,
-    camera: Camera | None,
+    source: MarkerTable | MarkerMotion,
+    options: "_Options",
 ) -> Trajectories:
     if len(positions) > _MAX_FRAMES:
         raise FacePoserError(f"'{path}' has {len(positions)} frames, more than the maximum of {_MAX_FRAMES}; split it.")
@@ -368,11 +357,15 @@ def _checked(
             f"'{path}' has {names[point]} at {positions[frame, point, axis]:.6g} in frame {frame + 1}, beyond the "
             f"limit of {_FARTHEST:.0e}; correct the value or leave the cell blank."
         )
+    rate = options.rate or (None if source.rate is None else nearest_known(source.rate, _ROUNDED))
+    notes = source.notes
+    if rate is None and len(positions) > 1:
+        notes = (*notes, assumed_rate("It does not state a rate"))
     if rate is not None and not _SLOWEST <= rate <= _MAX_RATE:
         raise FacePoserError(
             f"The times in '{path}' give {rate:.6g} frames per second; they must be in seconds, or give --rate."
         )
     try:
-        return Trajectories(names, anchors, positions, rate or USUAL_RATE, camera)
+        return Trajectories(names, anchors, positions, rate or USUAL_RATE, options.camera, notes=notes)
     except ValueError as error:
         raise FacePoserError(f"The trajectories in '{path}' cannot be used: {error}.") from error

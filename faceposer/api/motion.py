@@ -1,5 +1,6 @@
 """Animation, transfer and export for ``Face``."""
 
+import warnings
 from collections.abc import Sequence
 from os import PathLike, fspath
 from pathlib import Path
@@ -10,7 +11,7 @@ from faceposer.animation.keyframes import Keyframes
 from faceposer.animation.trajectories import Trajectories
 from faceposer.animation.trajectory_io import read_trajectories
 from faceposer.api import checks
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, FacePoserWarning
 from faceposer.geometry.camera import Camera
 from faceposer.model.performance import Performance
 from faceposer.session.opening import load_model, session_for
@@ -22,6 +23,13 @@ from faceposer.transfer.transfer import Method, make_transfer
 
 _LARGEST_SMOOTHNESS = 1e6
 _LONGEST_TURN = 3600.0
+_LOWEST_RATE, _HIGHEST_RATE = 1e-3, 1e3
+
+
+def _warn(notes: str) -> None:
+    """Warn the caller of a method about ``notes``, if there are any."""
+    if notes:
+        warnings.warn(notes, FacePoserWarning, stacklevel=3)
 
 
 class MotionMixin:
@@ -55,12 +63,32 @@ class MotionMixin:
         self.session.animation.load(Keyframes.of_performance(performance), "Take an animation")
         self.session.wait()
 
+    def take_animation(self, path: str | PathLike[str], rate: float | None = None) -> Performance:
+        """Replace the animation by that in a file of weights, with a key at every frame, and return it.
+
+        Args:
+            path: A capture (.csv, .txt), weights (.json), or the morph targets of .glb.
+            rate: Frames per second in place of those that the file states or its times give.
+
+        Warns:
+            FacePoserWarning: About a frame rate that was assumed, missing frames and ignored shapes.
+        """
+        from faceposer.interchange.reading import read_performance
+
+        if rate is not None:
+            checks.number(rate, _LOWEST_RATE, _HIGHEST_RATE, "The rate")
+        read = read_performance(Path(path), self.session.model, rate)
+        _warn(read.note)
+        self.play(read.performance)
+        return read.performance
+
     def follow(
         self,
         trajectories: Trajectories | str | PathLike[str],
         camera: Camera | None = None,
         smoothness: float = 1.0,
         spread: float = RECORDED_SPREAD,
+        rate: float | None = None,
     ) -> Performance:
         """Solve for the motion in which points of the face follow ``trajectories`` (docs/animation.md).
 
@@ -69,6 +97,10 @@ class MotionMixin:
             camera: Camera of a table of pixels.
             smoothness: Weight of changes of velocity.
             spread: Extent of the face that follows, 0 to 1; by default the whole face, which suits recordings.
+            rate: Frames per second in place of those of the file.
+
+        Warns:
+            FacePoserWarning: About a frame rate that was assumed and frames that are missing in the file.
         """
         model, document = self.session.model, self.session.document
         checks.number(smoothness, 0.0, _LARGEST_SMOOTHNESS, "The smoothness")
@@ -76,7 +108,10 @@ class MotionMixin:
         if camera is not None:
             checks.known_camera(camera)
         if not isinstance(trajectories, Trajectories):
-            read = read_trajectories(Path(trajectories), model.character, camera=camera)
+            if rate is not None:
+                checks.number(rate, _LOWEST_RATE, _HIGHEST_RATE, "The rate")
+            read = read_trajectories(Path(trajectories), model.character, camera=camera, rate=rate)
+            _warn(" ".join(read.notes))
             trajectories, _ = read.without_jumps()
         return solve_trajectories(
             model,

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from faceposer.cli.arguments import add_contact_option, add_spread, number_between
+from faceposer.cli.arguments import add_contact_option, add_rate_option, add_spread, number_between
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.files.atomic import check_not_input
 
@@ -35,7 +35,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--points", type=_names, metavar="A,B", help="points to follow (default: all)")
     parser.add_argument("--keep-jumps", action="store_true", help="keep positions that jump away for a frame or two")
     add_contact_option(parser)
-    parser.add_argument("--rate", type=_rate, metavar="FPS", help="frames per second (default: that of the file)")
+    add_rate_option(parser, "the trajectories")
     parser.add_argument(
         "--smoothness", type=_weight, metavar="W", default=1.0, help="weight of changes of velocity (default: 1)"
     )
@@ -61,6 +61,7 @@ def run(options: argparse.Namespace) -> int:
 
     from faceposer.animation.following import residuals, solve_trajectories
     from faceposer.animation.trajectory_io import read_camera, read_trajectories
+    from faceposer.cli.opening import print_notes
     from faceposer.geometry.marker_map import read_marker_map
     from faceposer.interchange.formats import write
     from faceposer.render.options import OutputOptions
@@ -76,6 +77,7 @@ def run(options: argparse.Namespace) -> int:
         points=options.points,
         rate=options.rate,
     )
+    print_notes(options.trajectories, " ".join(trajectories.notes))
     jumps = 0
     if not options.keep_jumps:
         trajectories, jumps = trajectories.without_jumps()
@@ -114,7 +116,3 @@ def _names(text: str) -> tuple[str, ...]:
 
 def _weight(text: str) -> float:
     return number_between(text, 0.0, 1e6)
-
-
-def _rate(text: str) -> float:
-    return number_between(text, 1e-3, 1e3)

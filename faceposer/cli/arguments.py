@@ -30,6 +30,16 @@ def add_spread(parser: argparse.ArgumentParser, default: str) -> None:
     )
 
 
+def add_rate_option(parser: argparse.ArgumentParser, subject: str) -> None:
+    """Add ``--rate`` to ``parser``, the frame rate of ``subject`` in place of that of its file."""
+    parser.add_argument(
+        "--rate",
+        type=lambda text: number_between(text, 1e-3, 1e3),
+        metavar="FPS",
+        help=f"frame rate of {subject}, in place of the one that the file states or its times give",
+    )
+
+
 def add_contact_option(parser: argparse.ArgumentParser) -> None:
     """Add ``--no-contact`` to ``parser``."""
     parser.add_argument(

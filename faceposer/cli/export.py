@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from faceposer.cli.arguments import add_contact_option, add_materials_option, image_size
+from faceposer.cli.arguments import add_contact_option, add_materials_option, add_rate_option, image_size
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import check_folder_of, check_not_input
@@ -80,6 +80,7 @@ def add_parser(commands: Any) -> None:
         metavar="obj|ply|png",
         help="write the animation to the new folder OUT, one file per frame",
     )
+    add_rate_option(parser, "the weights in --animation")
     parser.add_argument(
         "--fps",
         type=_rate,
@@ -172,16 +173,18 @@ def run(options: argparse.Namespace) -> int:
 
 def _motion(options: argparse.Namespace, session: "Session") -> "NDArray[np.float64] | Performance":
     """Return the pose, shape (r,), or the performance to write."""
+    from faceposer.cli.opening import print_notes
     from faceposer.interchange.formats import format_of
     from faceposer.interchange.reading import read_performance, read_pose
 
     model = session.model
 
     if options.animation is not None:
-        animation = read_performance(options.animation, model)
+        animation = read_performance(options.animation, model, options.rate)
         count, rate = len(animation.performance), animation.performance.rate
         length = f"{count} frames at {rate:g} fps" if count > 1 else "a single frame"
-        print(f"{options.animation}: {length}. {animation.note}".strip())
+        print(f"{options.animation}: {length}")
+        print_notes(options.animation, animation.note)
         return animation.performance
     if options.pose is not None:
         read = read_pose(options.pose, model, (options.frame or 1) - 1)
@@ -208,6 +211,8 @@ def _check_options(options: argparse.Namespace) -> None:
     suffix = path.suffix.lower()
     if options.frame is not None and options.pose is None:
         raise FacePoserError("--frame selects a frame of the weights in --pose; give --pose as well.")
+    if options.rate is not None and options.animation is None:
+        raise FacePoserError("--rate is the frame rate of the weights in --animation; give --animation as well.")
     if options.sequence is not None:
         kinds = [kind[1:] for kind in suffixes(lambda form: form.sequence is not None)]
         if options.sequence not in kinds:

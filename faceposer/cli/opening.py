@@ -21,3 +21,9 @@ def print_remark(session: Session) -> None:
     """Print the remark about changes made on opening ``session`` to standard error, if there is one."""
     if session.remark:
         print(session.remark, file=sys.stderr)
+
+
+def print_notes(source: object, notes: str) -> None:
+    """Print ``notes`` about what was assumed or lost in reading ``source`` to standard error, if there are any."""
+    if notes:
+        print(f"{source}: {notes}", file=sys.stderr)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from faceposer.cli.arguments import add_contact_option, add_materials_option
+from faceposer.cli.arguments import add_contact_option, add_materials_option, add_rate_option
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import check_not_input
@@ -77,9 +77,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--frames", type=_frames, metavar="I|I:J", help="one frame, or frames I to J - 1, counted from 0"
     )
-    parser.add_argument(
-        "--rate", type=_rate, metavar="HZ", help="frames per second of a capture (default: from its timestamps)"
-    )
+    add_rate_option(parser, "a capture or weights")
 
 
 def _frames(text: str) -> slice:
@@ -91,16 +89,6 @@ def _frames(text: str) -> slice:
     if last is not None and last <= first:
         raise argparse.ArgumentTypeError(f"the range '{text}' is empty")
     return slice(first, last)
-
-
-def _rate(text: str) -> float:
-    try:
-        rate = float(text)
-    except ValueError:
-        rate = 0.0
-    if not 0.0 < rate <= 1000.0:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number of frames per second above 0 and up to 1000")
-    return rate
 
 
 def run(options: argparse.Namespace) -> int:
@@ -165,7 +153,7 @@ class _Source:
 
 
 def _source(options: argparse.Namespace) -> _Source:
-    from faceposer.cli.opening import open_with_remark
+    from faceposer.cli.opening import open_with_remark, print_notes
     from faceposer.interchange.reading import MESHES, WEIGHTS, read_performance, read_pose
     from faceposer.model.performance import Performance
     from faceposer.session.opening import load_model
@@ -193,26 +181,28 @@ def _source(options: argparse.Namespace) -> _Source:
         print(f"{path}: {pose.note}")
         still = Performance(pose.coefficients[None], _DEFAULT_RATE)
         return _Source(model, still, still)
-    read = read_performance(path, model)
-    if read.note:
-        print(f"{path}: {read.note}")
+    read = read_performance(path, model, options.rate)
+    print_notes(path, read.note)
     poses = read.performance.coefficients
     chosen = poses[options.frames] if options.frames is not None else poses
     if not len(chosen):
         raise FacePoserError(f"'{path}' has {len(poses)} frames, none of them in the range of --frames.")
-    performance = Performance(chosen, options.rate or read.performance.rate)
+    performance = Performance(chosen, read.performance.rate)
     return _Source(model, performance, performance)
 
 
 def _holds_weights(path: Path) -> bool:
-    """Return True if ``path`` is a file of weights; anything else is left to the reader of sessions."""
+    """Return True if ``path`` has weights, of the program or another tool; all else is left to the session reader."""
     from faceposer.interchange.weights_json import FORMAT
 
     try:
-        with path.open(encoding="utf-8") as file:
-            return f'"{FORMAT}"' in file.read(_HEAD)
+        if not path.is_file():
+            return False
+        with path.open(encoding="utf-8-sig") as file:
+            head = file.read(_HEAD)
     except (OSError, ValueError):
         return False
+    return f'"{FORMAT}"' in head or '"faceposer.' not in head
 
 
 def _write_session(options: argparse.Namespace, source: _Source, transfer: "Transfer", target: "FaceModel") -> None:

@@ -1,6 +1,5 @@
 """CSV tables of marker motion: plain tables with a header, and exports of Vicon Nexus and OptiTrack Motive."""
 
-import csv
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -11,11 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.sample_times import Frames, frames_at, frames_in_order, frames_numbered, placed
+from faceposer.files.tables import Row, decimal_number, open_table
+from faceposer.files.time_columns import is_frame_number, is_time, shown_heading, times_of
 
 #: Limits of a plausible motion of a face.
 MAX_MARKERS = 2_000
 MAX_FRAMES = 1_000_000
-_MAX_VALUES = 200_000_000
+MAX_BYTES = 256 * 2**20
+_MAX_VALUES = 50_000_000
 
 _AXES = "xyz"
 _PLAIN_COLUMN = re.compile(r"^(.*?)[ ._:]([xyz])$", re.IGNORECASE)
@@ -31,53 +34,61 @@ class MarkerTable:
         positions: Positions, shape (F, M, 3), or (F, M, 2) in a table of pixels; NaN for blank cells.
         rate: Frames per second, or None if unknown.
         unit: Name of the unit, or "" if unknown.
+        notes: What was assumed or is missing, one sentence each.
     """
 
     names: list[str]
     positions: NDArray[np.float64]
     rate: float | None
     unit: str
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """Layout of a table: the column of each axis of each marker, and the width of its lines."""
+    """Layout of a table.
+
+    Attributes:
+        columns: Columns of the axes of each marker.
+        width: Number of cells in a row.
+        header: Headings of the columns.
+        rate: Frames per second that are stated, or None.
+        unit: Unit that is stated; NUL if the first row has it.
+        clock: Columns of the times and of the numbers of frames, or None.
+        sections: True if other sections, such as forces or joints, may follow after an empty line.
+    """
 
     columns: dict[str, list[int]]
     width: int
     header: list[str]
     rate: float | None = None
     unit: str = ""
-    time: int | None = None
+    clock: tuple[int | None, int | None] = (None, None)
+    sections: bool = True
 
 
-def parse_marker_csv(path: Path, pixels: bool = False) -> MarkerTable:
-    """Read the table in the file ``path``.
+def parse_marker_csv(path: Path, pixels: bool = False, rate: float | None = None) -> MarkerTable:
+    """Read the table in the file ``path``; its rows are put on frames by their times or frame numbers.
 
     Args:
         path: Path of the file.
         pixels: True to accept plain tables of pixels, with x and y only.
+        rate: Frames per second in place of those of the file.
 
     Raises:
-        OSError: If the file cannot be opened.
-        UnicodeDecodeError: If it is not text.
-        FacePoserError: If it is not a table of markers, or a line has the wrong number of values or a value that is not
-            a number.
+        FacePoserError: If it cannot be read, is not a table of markers, or a line has the wrong number of values or a
+            value that is not a number.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = enumerate(csv.reader(file), start=1)
-            preamble: list[list[str]] = []
-            for number, cells in lines:
-                stripped = [cell.strip() for cell in cells]
-                layout = _layout(stripped, preamble, path, number, pixels)
-                if layout is not None:
-                    return _table(layout, lines, path)
-                preamble.append(stripped)
-                if number > _LONGEST_PREAMBLE:
-                    break
-    except csv.Error as error:
-        raise FacePoserError(f"The table '{path}' cannot be read ({error}); export it again.") from error
+    with open_table(path, "table", MAX_BYTES, blank=True) as lines:
+        preamble: list[list[str]] = []
+        for number, cells in lines:
+            stripped = [cell.strip() for cell in cells] or [""]
+            layout = _layout(stripped, preamble, path, number, pixels)
+            if layout is not None:
+                return _table(layout, lines, path, rate)
+            preamble.append(stripped)
+            if number > _LONGEST_PREAMBLE:
+                break
     raise FacePoserError(
         f"'{path}' has no header of markers in its first lines; name the columns LipLeft.x, LipLeft.y, LipLeft.z, ..."
     )
@@ -108,14 +119,22 @@ def _layout(cells: list[str], preamble: list[list[str]], path: Path, number: int
             raise FacePoserError(f"Line {number} of '{path}' has no column {name}.{lacking}; a marker needs {axes}.")
     if not columns:
         return None
-    return _Layout(columns, len(cells), cells, time=lower.index("time") if "time" in lower else None)
+    return _Layout(columns, len(cells), cells, clock=_clock(cells), sections=False)
+
+
+def _clock(cells: list[str]) -> tuple[int | None, int | None]:
+    """Return the columns of the times and of the numbers of frames."""
+    time = next((i for i, cell in enumerate(cells) if is_time(cell)), None)
+    return time, next((i for i, cell in enumerate(cells) if is_frame_number(cell)), None)
 
 
 def _vicon(cells: list[str], preamble: list[list[str]], path: Path) -> _Layout:
     """Return the layout of Vicon Nexus: lines for section, rate, names above the x columns, axes and units."""
     names = preamble[-1] if preamble else []
-    rate = next((value for line in reversed(preamble[:-1]) if line and (value := _number(line[0])) is not None), None)
-    return _Layout(_triples(cells, names, path), len(cells), cells, rate, unit="\0")
+    rate = next(
+        (value for line in reversed(preamble[:-1]) if line and (value := decimal_number(line[0])) is not None), None
+    )
+    return _Layout(_triples(cells, names, path), len(cells), cells, rate, "\0", _clock(cells))
 
 
 def _motive(cells: list[str], preamble: list[list[str]], path: Path) -> _Layout:
@@ -129,8 +148,9 @@ def _motive(cells: list[str], preamble: list[list[str]], path: Path) -> _Layout:
         quantity = quantities[column].lower() if column < len(quantities) else ""
         if kind != "marker" or quantity != "position" or names[column].split(":")[-1].lower().startswith("unlabeled"):
             names[column] = ""
-    rate = _number(facts.get("Export Frame Rate", "")) or _number(facts.get("Capture Frame Rate", ""))
-    return _Layout(_triples(cells, names, path), len(cells), cells, rate, facts.get("Length Units", ""))
+    rate = decimal_number(facts.get("Export Frame Rate", "")) or decimal_number(facts.get("Capture Frame Rate", ""))
+    unit = facts.get("Length Units", "")
+    return _Layout(_triples(cells, names, path), len(cells), cells, rate, unit, _clock(cells))
 
 
 def _row(preamble: list[list[str]], kind: str) -> list[str]:
@@ -153,62 +173,84 @@ def _triples(cells: list[str], names: Sequence[str], path: Path) -> dict[str, li
     return columns
 
 
-def _table(layout: _Layout, lines: Iterator[tuple[int, list[str]]], path: Path) -> MarkerTable:
+def _table(layout: _Layout, lines: Iterator[Row], path: Path, rate: float | None) -> MarkerTable:
     names, unit = list(layout.columns), layout.unit
     used = [column for places in layout.columns.values() for column in places]
     if len(names) > MAX_MARKERS:
         raise FacePoserError(f"'{path}' has {len(names)} markers; at most {MAX_MARKERS} are read.")
     frames: list[NDArray[np.float64]] = []
-    times: list[float] = []
+    times: list[str] = []
+    numbers: list[float] = []
+    last, unseen = -math.inf, 0
+    time_column, frame_column = layout.clock
     for number, cells in lines:
         if unit == "\0":
             unit = next((cell.strip() for cell in cells[2:] if cell.strip()), "")
             continue
         if not any(cell.strip() for cell in cells):
-            if frames:
-                # Other sections, such as forces or joints, may follow.
+            if layout.sections and frames:
                 break
+            # A row of the full width is a frame in which no marker was seen, unless nothing follows.
+            unseen += not layout.sections and layout.clock == (None, None) and len(cells) >= layout.width
             continue
         if len(cells) < layout.width or any(cell.strip() for cell in cells[layout.width :]):
             raise FacePoserError(
                 f"Line {number} of '{path}' has {len(cells)} values instead of {layout.width}; correct or delete it."
             )
+        frames += unseen * [np.full(len(used), np.nan)]
+        unseen = 0
         frames.append(np.array([_coordinate(cells[c], layout.header[c], path, number) for c in used]))
-        if layout.time is not None:
-            times.append(_coordinate(cells[layout.time], layout.header[layout.time], path, number))
-            if len(times) > 1 and times[-1] < times[-2]:
+        if time_column is not None:
+            times.append(cells[time_column])
+            time = decimal_number(cells[time_column])
+            if time is not None and time < last:
                 raise FacePoserError(
-                    f"Line {number} of '{path}' has the time {times[-1]:g} after {times[-2]:g}; times must not "
-                    "decrease."
+                    f"Line {number} of '{path}' has the time {time:g} after {last:g}; times must not decrease."
                 )
+            last = last if time is None else time
+        elif frame_column is not None:
+            found = decimal_number(cells[frame_column])
+            numbers.append(math.nan if found is None else found)
         if len(frames) > MAX_FRAMES or len(frames) * len(used) > _MAX_VALUES:
             raise FacePoserError(f"'{path}' is too large for motion of a face; split it into shorter takes.")
     if not frames:
         raise FacePoserError(f"The table '{path}' has no frames below its header; export it again.")
-    steps = np.diff(np.array(times)[np.isfinite(times)])
-    step = float(np.median(steps)) if len(steps) else 0.0
-    # Times are rounded, so that all steps are averaged; longer steps skip frames.
-    rate = float(np.rint(steps / step).sum() / steps.sum()) if step > 0.0 and steps.min() > 0.0 else layout.rate
     n_axes = len(layout.columns[names[0]]) if names else len(_AXES)
-    return MarkerTable(names, np.array(frames).reshape(len(frames), len(names), n_axes), rate, unit.strip("\0"))
+    positions = np.array(frames).reshape(len(frames), len(names), n_axes)
+    clock, said = _frames(layout, times, numbers, len(frames), path, rate)
+    if clock.length * len(used) > _MAX_VALUES:
+        raise FacePoserError(f"'{path}' is too large for motion of a face; split it into shorter takes.")
+    positions, gaps = placed(clock, positions)
+    # That a rate is assumed is said where one is needed.
+    notes = (*said, *(() if clock.assumed else clock.notes), *gaps)
+    return MarkerTable(names, positions, None if clock.assumed else clock.rate, unit.strip("\0"), notes)
+
+
+def _frames(
+    layout: _Layout, times: list[str], numbers: list[float], count: int, path: Path, rate: float | None
+) -> tuple[Frames, tuple[str, ...]]:
+    """Return the frames of the ``count`` rows of a table, and what was assumed of their times."""
+    stated = rate or layout.rate
+    if layout.clock[0] is not None and count > 1:
+        heading = layout.header[layout.clock[0]]
+        found = times_of(heading, times)
+        clock = None if found is None else frames_at(found.seconds, str(path), rate)
+        if clock is not None and found is not None and not clock.assumed:
+            return clock, (found.note,) if found.note and rate is None else ()
+        return frames_in_order(count, stated), (f"The times in its column '{shown_heading(heading)}' tell no rate.",)
+    if numbers and np.isfinite(numbers).all():
+        return frames_numbered(np.array(numbers), str(path), stated), ()
+    return frames_in_order(count, stated), ()
 
 
 def _coordinate(cell: str, name: str, path: Path, number: int) -> float:
     cell = cell.strip()
     if not cell or cell.lower() == "nan":
         return math.nan
-    value = _number(cell)
+    value = decimal_number(cell)
     if value is None:
         raise FacePoserError(
             f"Line {number} of '{path}' has '{cell[:20]}' in column {name}, which is not a number; correct it, or "
             "leave the cell blank for a missing marker."
         )
     return value
-
-
-def _number(text: str) -> float | None:
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None

@@ -2,6 +2,7 @@
 
 import importlib
 import re
+import stat
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -12,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.geometry.marker_csv import MAX_FRAMES, MAX_MARKERS, parse_marker_csv
+from faceposer.geometry.marker_csv import MAX_BYTES, MAX_FRAMES, MAX_MARKERS, parse_marker_csv
 
 Array = NDArray[np.float64]
 
-_MAX_BYTES = 2**30
 #: Centimetres per unit.
 _UNITS = {
     **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 0.1),
@@ -24,6 +24,8 @@ _UNITS = {
     **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 100.0),
     **dict.fromkeys(("in", "inch", "inches"), 2.54),
 }
+_FASTEST = 100_000.0
+_FULL_WORD = 65_535
 # Vicon's quantities among the points of a C3D file that are not positions.
 _NO_POINTS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
 
@@ -37,12 +39,14 @@ class MarkerMotion:
         positions: Positions in the unit of the file, shape (F, M, 3); NaN for missing markers.
         rate: Frames per second, or None if unknown.
         unit_scale: Centimetres per unit of the positions, or None if unknown.
+        notes: What was assumed or is missing, one sentence each.
     """
 
     names: tuple[str, ...]
     positions: Array
     rate: float | None = None
     unit_scale: float | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.positions.ndim != 3 or self.positions.shape[1:] != (len(self.names), 3):
@@ -61,11 +65,15 @@ class MarkerMotion:
         return replace(self, names=tuple(names), positions=self.positions[:, columns])
 
 
-def read_markers(path: Path) -> MarkerMotion:
+def read_markers(path: Path, rate: float | None = None) -> MarkerMotion:
     """Read the motion in a C3D or CSV file, by its suffix; docs/training.md describes the CSV layouts.
 
     A prefix of marker names that ends in a colon is removed if the names remain unique. Unlabelled points are left out.
     A marker exactly at the origin is missing, as several programs write that.
+
+    Args:
+        path: The file.
+        rate: Frames per second in place of those of the file.
 
     Raises:
         FacePoserError: If the file is of another type, cannot be read, is damaged or too large, or has no markers; or
@@ -75,16 +83,18 @@ def read_markers(path: Path) -> MarkerMotion:
     try:
         if suffix not in (".c3d", ".csv"):
             raise FacePoserError(f"Markers cannot be read from '{path}'; choose a .c3d or .csv file.")
-        if path.stat().st_size > _MAX_BYTES:
-            raise FacePoserError(f"'{path}' is too large for motion of a face; split it into shorter takes.")
         if suffix == ".csv":
-            table = parse_marker_csv(path)
-            return _motion(table.names, table.positions, table.rate, table.unit, path)
+            table = parse_marker_csv(path, rate=rate)
+            return _motion(table.names, table.positions, table.rate, table.unit, path, table.notes)
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            raise FacePoserError(f"The markers in '{path}' cannot be read: it is not a regular file.")
+        if status.st_size > MAX_BYTES:
+            raise FacePoserError(f"'{path}' is too large for motion of a face; split it into shorter takes.")
         with path.open("rb") as file:
-            return _read_c3d(file, path)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise FacePoserError(f"The markers in '{path}' cannot be read ({reason}); check the file.") from error
+            return _read_c3d(file, path, rate)
+    except OSError as error:
+        raise FacePoserError(f"The markers in '{path}' cannot be read: {error.strerror or error}.") from error
 
 
 def fill_gaps(motion: MarkerMotion, longest: int = 12) -> tuple[MarkerMotion, int]:
@@ -112,7 +122,7 @@ def fill_gaps(motion: MarkerMotion, longest: int = 12) -> tuple[MarkerMotion, in
     return replace(motion, positions=positions), n_filled
 
 
-def _read_c3d(file: BinaryIO, path: Path) -> MarkerMotion:
+def _read_c3d(file: BinaryIO, path: Path, rate: float | None) -> MarkerMotion:
     try:
         library = importlib.import_module("c3d")
     except ImportError:
@@ -130,24 +140,49 @@ def _read_c3d(file: BinaryIO, path: Path) -> MarkerMotion:
             labels = _labels(reader)
             left_out = {name for kind in _NO_POINTS for name in _strings(reader, f"POINT:{kind}")}
             units = _strings(reader, "POINT:UNITS")
-            rate = float(reader.point_rate)
+            stated = float(reader.point_rate)
+            counts = _stated_counts(reader)
     except FacePoserError:
         raise
     except Exception as error:
         # The package's parser raises many exceptions for damaged files: struct.error, AssertionError, ...
         raise FacePoserError(
-            f"The C3D file '{path}' is damaged or not supported ({str(error)[:80] or type(error).__name__}); "
-            "export it again, or as CSV."
+            f"The C3D file '{path}' is damaged or not supported; export it again, or as CSV."
         ) from error
-    if len(frames) < expected:
-        raise FacePoserError(f"The C3D file '{path}' ends after frame {len(frames)} of {expected}; copy it again.")
-    data = np.array(frames, dtype=np.float64)
+    if not frames or len(frames) < min(counts, default=expected):
+        count = max(counts, default=expected)
+        raise FacePoserError(f"The C3D file '{path}' ends after frame {len(frames)} of {count}; copy it again.")
+    # The header counts from its first frame, which may be 0; the rest of the last block is no frame.
+    count = max((count for count in counts if count <= len(frames)), default=len(frames))
+    notes: tuple[str, ...] = ()
+    if len(counts) > 1:
+        listed = " and ".join(map(str, sorted(counts)))
+        notes = (f"Its header and parameters state {listed} frames; {count} were read.",)
+    data = np.array(frames[:count], dtype=np.float64)
     points, residuals = data[:, :, :3], data[:, :, 3]
     points[residuals < 0.0] = np.nan
     labels = [*labels, *(len(points[0]) - len(labels)) * [""]][: len(points[0])]
     real = [i for i, name in enumerate(labels) if name and not name.startswith("*") and name not in left_out]
     unit = units[0] if units else ""
-    return _motion([labels[i] for i in real], points[:, real], rate if rate > 0.0 else None, unit, path)
+    known = rate or (stated if 0.0 < stated <= _FASTEST else None)
+    return _motion([labels[i] for i in real], points[:, real], known, unit, path, notes)
+
+
+def _stated_counts(reader: Any) -> set[int]:
+    """Return the numbers of frames that the header and the parameters of a C3D file state."""
+    header = reader.header
+    counts = {int(header.last_frame) - int(header.first_frame) + 1}
+    start, end = reader.get("TRIAL:ACTUAL_START_FIELD"), reader.get("TRIAL:ACTUAL_END_FIELD")
+    if start is not None and end is not None:
+        first, last = (int(words[0]) + 65536 * int(words[1]) for words in (start.uint16_array, end.uint16_array))
+        counts.add(last - first + 1)
+    for name in ("POINT:LONG_FRAMES", "POINT:FRAMES"):
+        found = reader.get(name)
+        if found is not None:
+            counts.add(int(found.float_value if found.bytes_per_element >= 4 else found.uint16_value))
+    # Words of 16 bits end at 65,535, which longer takes have in place of their number.
+    plausible = {count for count in counts if 0 < count <= MAX_FRAMES and count != _FULL_WORD}
+    return plausible if max(plausible, default=0) <= _FULL_WORD else {max(plausible)}
 
 
 def _labels(reader: Any) -> list[str]:
@@ -168,7 +203,9 @@ def _strings(reader: Any, parameter: str) -> list[str]:
     return [str(text).strip().strip("\0") for text in found.string_array]
 
 
-def _motion(names: Iterable[str], positions: Array, rate: float | None, unit: str, path: Path) -> MarkerMotion:
+def _motion(
+    names: Iterable[str], positions: Array, rate: float | None, unit: str, path: Path, notes: tuple[str, ...]
+) -> MarkerMotion:
     full = list(names)
     if not full:
         raise FacePoserError(f"'{path}' has no named markers; label the markers and export it again.")
@@ -180,4 +217,4 @@ def _motion(names: Iterable[str], positions: Array, rate: float | None, unit: st
     positions = np.where((positions == 0.0).all(axis=2, keepdims=True), np.nan, positions)
     if not np.isfinite(positions).any():
         raise FacePoserError(f"'{path}' has no position of any marker; export it again.")
-    return MarkerMotion(tuple(names), positions, rate, _UNITS.get(unit.strip().lower()))
+    return MarkerMotion(tuple(names), positions, rate, _UNITS.get(unit.strip().lower()), notes)

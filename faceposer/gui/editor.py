@@ -40,7 +40,8 @@ from faceposer.session.session import Mode, Session
 from faceposer.session.solver_worker import InlineWorker, SolverWorker, Worker
 from faceposer.tools.toolbox import Toolbox
 
-_NOTICE_SECONDS = 3.5
+# Shortest time of a notice, and the time that reading takes for each letter.
+_NOTICE_SECONDS, _SECONDS_PER_LETTER = 3.5, 0.06
 _SAMPLES = 4
 
 
@@ -218,9 +219,9 @@ class Editor:
         return self.actions.with_current_keys(hint)
 
     def notify(self, text: str) -> None:
-        """Show ``text`` over the view for a few seconds."""
+        """Show ``text`` over the view for a few seconds, longer texts longer."""
         self.notice = text
-        self._notice_until = time.perf_counter() + _NOTICE_SECONDS
+        self._notice_until = time.perf_counter() + max(_NOTICE_SECONDS, _SECONDS_PER_LETTER * len(text))
         self.redraw()
 
     def ask_for_file(self, request: FileRequest) -> None:

@@ -1,7 +1,6 @@
-"""Animation as CSV files of Epic's app Live Link Face, and the frame rate of such files."""
+"""Animation as CSV files of Epic's app Live Link Face."""
 
 import csv
-import re
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ Array = NDArray[np.float64]
 
 #: Frames per second of timecodes, independent of the rate of the take.
 TIMECODE_BASE = 60
-_DEFAULT_RATE = 30.0
 #: Rotation of an eye in radians at full weight of a shape, pitch downwards and yaw towards the character's right;
 #: least squares over recordings of the app.
 _UP, _DOWN, _IN, _OUT = 0.45, 0.61, 0.55, 0.65
@@ -108,34 +106,3 @@ def timecode(seconds: float) -> str:
     total_seconds, frames = divmod(whole, TIMECODE_BASE)
     minutes, second = divmod(total_seconds, 60)
     return f"{minutes // 60 % 24:02}:{minutes % 60:02}:{second:02}:{frames:02}.{thousandths:03}"
-
-
-def rate_of_capture(path: Path) -> float:
-    """Return the frame rate of a take of Live Link Face or Face Cap; 30 if it does not follow from its timestamps.
-
-    Raises:
-        OSError: If the file cannot be read.
-    """
-    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
-        times = [time for cells in csv.reader(file) if (time := _seconds(cells)) is not None]
-    steps = np.diff(times)
-    steps = steps[steps > 0]
-    if not len(steps):
-        return _DEFAULT_RATE
-    # Dropped frames make some steps longer; timestamps are rounded, so the mean of the regular steps is taken.
-    regular = steps[np.abs(steps - np.median(steps)) <= 0.5 * np.median(steps)]
-    rate = round(1.0 / float(regular.mean()), 2)
-    return rate if 1.0 <= rate <= 1000.0 else _DEFAULT_RATE
-
-
-def _seconds(cells: list[str]) -> float | None:
-    """Return the time of the frame in a line of ``cells``, in seconds, or None if the line is not a frame."""
-    if len(cells) < 2:
-        return None
-    if cells[0].strip().lower() == "k":
-        return float(cells[1]) / 1000.0 if re.fullmatch(r"\s*\d{1,12}(\.\d*)?\s*", cells[1]) else None
-    match = re.fullmatch(r"\s*(\d\d?):(\d\d?):(\d\d?):(\d{1,3}(?:\.\d*)?)\s*", cells[0])
-    if match is None:
-        return None
-    hours, minutes, seconds, frames = (float(group) for group in match.groups())
-    return 3600.0 * hours + 60.0 * minutes + seconds + frames / TIMECODE_BASE

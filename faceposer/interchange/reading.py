@@ -8,26 +8,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.sample_times import USUAL_RATE, assumed_rate
 from faceposer.geometry.alignment import determines_rotation, rigid_alignment
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.polygon_mesh import PolygonMesh
 from faceposer.interchange.gltf_weights import read_gltf_weights
-from faceposer.interchange.live_link import rate_of_capture
 from faceposer.interchange.named_weights import NamedWeights
+from faceposer.interchange.takes import read_take
 from faceposer.interchange.weights_json import read_weights
 from faceposer.model.face_model import FaceModel
 from faceposer.model.name_matching import match_with_ties
 from faceposer.model.performance import Performance
+from faceposer.model.sampling import resampled
 from faceposer.model.shape_names import half_shapes_of, whole_shape_of
-from faceposer.training.capture import read_capture
 
 Array = NDArray[np.float64]
 
 MESHES = (".obj", ".ply")
-WEIGHTS = (".csv", ".txt", ".json", ".glb", ".gltf")
+GLTF = (".glb", ".gltf")
+WEIGHTS = (".csv", ".txt", ".json", *GLTF)
 # Millimetres per unit of a mesh.
 _MILLIMETRES = 10.0
-_DEFAULT_RATE = 30.0
 # Largest error that is invisible, in millimetres.
 _INVISIBLE_ERROR = 0.01
 # Root mean square error, in millimetres, above which a rigid motion of the mesh is estimated.
@@ -177,15 +178,21 @@ def _root_mean_square(values: Array) -> float:
     return float(np.sqrt((values**2).mean()))
 
 
-def read_performance(path: Path, model: FaceModel) -> ReadPerformance:
-    """Read a performance from weights: of Live Link Face or Face Cap (.csv, .txt), ``weights_json`` or glTF targets.
+def read_performance(path: Path, model: FaceModel, rate: float | None = None) -> ReadPerformance:
+    """Read a performance from weights: a take (.csv, .txt), weights as .json, or the morph targets of glTF.
 
-    Shapes that the file lacks have the weight 0; shapes that the character lacks are ignored.
+    Shapes that the file lacks have the weight 0; shapes that the character lacks are ignored. Samples are put on frames
+    by their times; frames without a sample are interpolated.
+
+    Args:
+        path: The file.
+        model: Model of the face.
+        rate: Frames per second in place of those that the file states or its times give.
 
     Raises:
         FacePoserError: If the file cannot be read or has none of the character's shapes.
     """
-    named = _read_named(path)
+    named = _read_named(path, rate)
     title, shapes = model.character.title, model.character.shape_names
     # Other programs spell ARKit's names differently.
     names, spelling = _known_names(named.names, shapes)
@@ -206,9 +213,17 @@ def read_performance(path: Path, model: FaceModel) -> ReadPerformance:
         )
     ignored = len(set(names) - used)
     notes = [*named.notes, *([spelling] if spelling else [])]
+    known = rate or named.rate
+    if known is None and len(weights) > 1:
+        notes.append(assumed_rate("It does not state a rate"))
     if ignored:
         notes.append(f"{ignored} of its {len(names)} shapes were ignored, because {title} does not have them.")
-    return ReadPerformance(Performance.from_weights(model, weights, named.rate or _DEFAULT_RATE), " ".join(notes))
+    if rate is not None and path.suffix.lower() in GLTF:
+        # Keys of glTF are at seconds, which stay.
+        performance = resampled(Performance.from_weights(model, weights, named.rate or rate), rate)
+    else:
+        performance = Performance.from_weights(model, weights, known or USUAL_RATE)
+    return ReadPerformance(performance, " ".join(notes))
 
 
 def _known_names(names: Sequence[str], shapes: Sequence[str]) -> tuple[list[str], str]:
@@ -230,13 +245,12 @@ def _check_spellings(path: Path, named: NamedWeights, names: list[str]) -> None:
             )
 
 
-def _read_named(path: Path) -> NamedWeights:
+def _read_named(path: Path, rate: float | None) -> NamedWeights:
     suffix = path.suffix.lower()
     if suffix not in WEIGHTS:
         raise FacePoserError(f"'{path}' is not an animation; give weights that end in one of {', '.join(WEIGHTS)}.")
     if suffix == ".json":
-        return read_weights(path)
-    if suffix in (".glb", ".gltf"):
+        return read_weights(path, rate)
+    if suffix in GLTF:
         return read_gltf_weights(path)
-    capture = read_capture(path)
-    return NamedWeights(capture.shape_names, capture.weights, rate_of_capture(path))
+    return read_take(path, rate)

@@ -1,6 +1,7 @@
 """Rig weights over time as JSON (docs/interchange.md)."""
 
 import json
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,15 +9,17 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonError, check_header, convert, read_json, shown
+from faceposer.interchange.foreign_weights import foreign_weights
 from faceposer.interchange.named_weights import NamedWeights
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 
 FORMAT = "faceposer.weights"
 VERSION = 1
-_MAX_BYTES = 256 * 2**20
+_MAX_BYTES = 64 * 2**20
 _MAX_NAMES = 10_000
 # Modes of examples reach several units; far larger values are errors.
 _LARGEST_WEIGHT = 1000.0
@@ -34,7 +37,7 @@ class _WeightsFile(Struct):
 
     def __post_init__(self) -> None:
         if len(set(self.names)) < len(self.names):
-            duplicate = next(name for i, name in enumerate(self.names) if name in self.names[:i])
+            duplicate = Counter(self.names).most_common(1)[0][0]
             raise JsonError(f"has {shown(duplicate)} twice", "names")
         for i, frame in enumerate(self.frames):
             if len(frame) != len(self.names):
@@ -67,16 +70,25 @@ def write_weights(path: Path, model: FaceModel, motion: NDArray[np.float64] | Pe
     write_text(path, text, "weights")
 
 
-def read_weights(path: Path) -> NamedWeights:
-    """Read the weights in the file ``path``.
+def read_weights(path: Path, rate: float | None = None) -> NamedWeights:
+    """Read the weights in the file ``path``, in the program's own form or in that of another tool.
+
+    Args:
+        path: The file.
+        rate: Frames per second in place of those of the file.
 
     Raises:
         FacePoserError: If the file cannot be read or is invalid; the message names the place.
     """
-    return read_json(path, "weights", _weights_from_json, _MAX_BYTES)
+    return read_json(path, "weights", lambda data: _weights_from_json(data, path, rate), _MAX_BYTES)
 
 
-def _weights_from_json(data: Any) -> NamedWeights:
+def _weights_from_json(data: Any, path: Path, rate: float | None) -> NamedWeights:
+    if not (isinstance(data, dict) and str(data.get("format", "")).startswith("faceposer.")):
+        found = foreign_weights(data, path, rate)
+        if found is not None:
+            return found
+        raise FacePoserError(f'the file has no "format": "{FORMAT}", and no weights of ARKit\'s shapes by their names.')
     check_header(data, FORMAT, VERSION)
     form = convert(data, _WeightsFile)
-    return NamedWeights(form.names, np.array(form.frames), form.rate)
+    return NamedWeights(form.names, np.array(form.frames), rate or form.rate)

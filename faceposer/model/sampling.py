@@ -11,6 +11,8 @@ _MOST_FRAMES = 100_000
 def resampled(performance: Performance, rate: float) -> Performance:
     """Return ``performance`` at ``rate`` frames per second, interpolated linearly from the first frame to the last.
 
+    The last pose is held as far as needed for the performance to last as long as before.
+
     Raises:
         FacePoserError: If the result would have too many frames.
     """
@@ -22,7 +24,7 @@ def resampled(performance: Performance, rate: float) -> Performance:
             f"{seconds:.6g} seconds at {rate:g} frames per second give more than {_MOST_FRAMES} frames; "
             "choose a lower rate."
         )
-    count = int(np.floor(seconds * rate + 1e-6)) + 1
+    count = max(int(np.floor(seconds * rate + 1e-6)) + 1, round(performance.seconds * rate))
     at = np.minimum(np.arange(count) * performance.rate / rate, len(performance) - 1)
     before = np.minimum(at.astype(np.intp), len(performance) - 2)
     share = (at - before)[:, None]

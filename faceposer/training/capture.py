@@ -1,37 +1,86 @@
 """Facial capture: ARKit weights over time, from Epic's app Live Link Face or Bannaflak's app Face Cap.
 
-Both write comma-separated text. Live Link Face writes a header with the names of the channels, and one line per frame.
-In Face Cap's text export the first word of a line is its type: ``info`` is a comment, ``bs`` lists the names of the
-channels, and ``k`` is a frame: milliseconds, the head's position (3) and rotation (3), the left and right eye's
-rotation (2 each), then a weight for each name.
+Both write text tables. Live Link Face writes a header with the names of the channels, and one line per frame; so do
+other programs, with other separators, decimal signs and spellings (``faceposer.files.tables``). In Face Cap's text
+export the first word of a line is its type: ``info`` is a comment, ``bs`` lists the names of the channels, and ``k`` is
+a frame: milliseconds, the head's position (3) and rotation (3), the left and right eye's rotation (2 each), then a
+weight for each name.
 """
 
-import csv
+import itertools
+import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.sample_times import Frames, frames_at, frames_in_order, frames_numbered
+from faceposer.files.tables import Row, decimal_number, open_table
+from faceposer.files.time_columns import is_frame_number, is_time, is_timecode, numbers_of, shown_heading, times_of
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.shape_names import canonical_shape, whole_shape_of
 
 Array = NDArray[np.float64]
 
-_Lines = Iterable[tuple[int, list[str]]]
+_Lines = Iterable[Row]
 
 _MAX_BYTES = 256 * 2**20
+_MOST_ROWS = 250_000
 # Channels range from 0 to 1, and tracking exceeds this slightly; values beyond these are percentages or invalid.
 _LOWEST, _HIGHEST = -1.0, 2.0
 # Columns before the weights in a Face Cap frame: "k", the time, and the poses of the head and the eyes.
 _FACE_CAP_WEIGHTS = 12
 _FACE_CAP_LINES = ("info", "bs", "k")
+_FACE_CAP_TIME = "time (ms)"
+# Lines above a header: comments, or facts about the take.
+_LONGEST_PREAMBLE = 12
+_RATE = re.compile(r"\W*(?:fps|(?:frame|sample)?[ _-]?rate|frames[ _-]?per[ _-]?second)\W*(?:hz)?\W*", re.IGNORECASE)
+_FASTEST = 1000.0
 #: Two-sided shapes that some apps split into sides; their mean is used.
 _SPLIT = ("browInnerUp", "cheekPuff")
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """Times of a take as its file has them.
+
+    Attributes:
+        seen: Which of the N rows of the file have values, shape (N,).
+        heading: Heading of the column of times or frame numbers, "" if there is none.
+        cells: Its N cells, or none.
+        rate: Frames per second stated above the header, or None.
+    """
+
+    seen: NDArray[np.bool_]
+    heading: str = ""
+    cells: tuple[str, ...] = ()
+    rate: float | None = None
+
+    def frames(self, path: Path, rate: float | None = None) -> Frames:
+        """Return the frames of the rows of the file ``path``, at ``rate`` frames per second if it is given.
+
+        Raises:
+            FacePoserError: If most of the time is empty.
+        """
+        count = len(self.seen)
+        if not self.cells:
+            return frames_in_order(count, rate or self.rate)
+        if not is_frame_number(self.heading):
+            times = times_of(self.heading, self.cells)
+            if times is None:
+                why = f"The times in its column '{shown_heading(self.heading)}' are not understood"
+                return frames_in_order(count, rate or self.rate, why)
+            placed = frames_at(times.seconds, str(path), rate)
+            said = times.note and rate is None and count > 1 and not placed.assumed
+            return replace(placed, notes=(times.note, *placed.notes)) if said else placed
+        numbers = numbers_of(self.cells)
+        if numbers is None:
+            return frames_in_order(count, rate or self.rate)
+        return frames_numbered(numbers, str(path), rate or self.rate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +91,17 @@ class Capture:
         shape_names: ARKit's names of the S channels.
         weights: Shape (frames, S), from 0 for a relaxed muscle to 1 for a full contraction; apps may slightly exceed
             this range.
+        clock: Times of a take as it was read, None after frames were left out.
     """
 
     shape_names: tuple[str, ...]
     weights: Array
+    clock: Clock | None = None
+
+    @property
+    def lost(self) -> int:
+        """Number of frames in which the app had lost the face."""
+        return 0 if self.clock is None else int((~self.clock.seen).sum())
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -68,7 +124,7 @@ class Capture:
         watched = [not name.startswith("eyeBlink") for name in self.shape_names]
         steps = np.abs(np.diff(self.weights[:, watched], axis=0)).max(axis=1, initial=0.0)
         steady = np.concatenate([[True], steps <= threshold])
-        return replace(self, weights=self.weights[steady])
+        return Capture(self.shape_names, self.weights[steady])
 
     def relative_to_rest(self, percentile: float = 5.0) -> "Capture":
         """Return the take with the performer's rest subtracted, clipped to 0 to 1.
@@ -85,38 +141,85 @@ def read_capture(path: Path) -> Capture:
 
     Channels are identified by their names, in any order, spelling and number; other columns are ignored. The take has
     the file's channels of ARKit's shapes, in ARKit's order. Frames without values, in which the app lost the face, are
-    skipped.
+    skipped; ``Capture.clock`` has the times of all.
 
     Raises:
         FacePoserError: If the file cannot be read or is too large, has no known channel, a duplicate channel or no
             frame with a face, or has a line with too few or too many cells or a value that is not a weight.
     """
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise FacePoserError(f"'{path}' is too large for a capture; split it into shorter takes.")
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            return _parse(csv.reader(file), path)
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise FacePoserError(
-            f"The capture '{path}' cannot be read ({error}); use a CSV file of Live Link Face or a text export of "
-            "Face Cap."
-        ) from error
+    with open_table(path, "capture", _MAX_BYTES) as rows:
+        return _parse(rows, path)
 
 
-def _parse(lines: Iterator[list[str]], path: Path) -> Capture:
+def _parse(lines: Iterator[Row], path: Path) -> Capture:
     header: list[str]
     rows: _Lines
-    numbered = ((number, cells) for number, cells in enumerate(lines, start=1) if any(cell.strip() for cell in cells))
-    number, first = next(numbered, (1, [""]))
+    rate: float | None = None
+    number, first = next(lines, (1, [""]))
     if first[0].strip().lower() in _FACE_CAP_LINES:
-        header, rows = _face_cap(chain([(number, first)], numbered), path)
+        header, rows = _face_cap(itertools.chain([(number, first)], lines), path)
     else:
-        header, rows = [name.strip() for name in first], numbered
+        header, rate = _header(first, lines, path)
+        rows = lines
     columns = _columns(header, path)
-    frames = [frame for number, cells in rows if (frame := _frame(cells, header, columns, path, number))]
+    frames: list[list[float]] = []
+    seen: list[bool] = []
+    times: list[str] = []
+    clock: int | None = None
+    for number, cells in rows:
+        if len(seen) == _MOST_ROWS:
+            raise FacePoserError(f"'{path}' has more than {_MOST_ROWS:,} frames; split it into shorter takes.")
+        if not seen:
+            clock = _time_column(header, cells)
+        frame = _frame(cells, header, columns, path, number)
+        seen.append(frame is not None)
+        if frame is not None:
+            frames.append(frame)
+        if clock is not None:
+            times.append(cells[clock] if clock < len(cells) else "")
     if not frames:
         raise FacePoserError(f"The capture '{path}' has no frame with a face; record it again.")
-    return Capture(tuple(columns), np.array(frames))
+    heading = "" if clock is None else header[clock]
+    return Capture(tuple(columns), np.array(frames), Clock(np.array(seen), heading, tuple(times), rate))
+
+
+def _header(first: list[str], lines: Iterator[Row], path: Path) -> tuple[list[str], float | None]:
+    """Return the header, which comments and facts may precede, and the rate among these."""
+    rate: float | None = None
+    cells = first
+    for _ in range(_LONGEST_PREAMBLE):
+        header = [cell.strip() for cell in cells]
+        if any(_channel(name) for name in header):
+            return header, rate
+        rate = rate or _stated_rate(header)
+        following = next(lines, None)
+        if following is None:
+            break
+        cells = following[1]
+    raise FacePoserError(
+        f"The header of '{path}' has no name of a shape such as JawOpen or eyeBlink_L; use a CSV file of Live Link "
+        "Face or a text export of Face Cap."
+    )
+
+
+def _stated_rate(cells: list[str]) -> float | None:
+    """Return the frames per second in a line such as "fps: 25", or None."""
+    words = [word for cell in cells for word in re.split(r"[:=]", cell[:80]) if word.strip()]
+    for name, value in itertools.pairwise(words):
+        number = decimal_number(value)
+        if _RATE.fullmatch(name) and number is not None and 0.0 < number <= _FASTEST:
+            return number
+    return None
+
+
+def _time_column(header: list[str], cells: list[str]) -> int | None:
+    """Return the column of times, else of frame numbers, by the ``header`` and the ``cells`` of the first row."""
+    filled = [i for i in range(min(len(header), len(cells))) if cells[i].strip()]
+    named = [i for i in filled if is_time(header[i]) and times_of(header[i], [cells[i]]) is not None]
+    # Of several columns, timecodes of the take are preferred to the time of the day as a number.
+    by_cells = [i for i in named or filled if is_timecode(cells[i])]
+    numbered = [i for i in filled if is_frame_number(header[i])]
+    return next(iter([*by_cells, *named, *numbered]), None)
 
 
 def _face_cap(lines: _Lines, path: Path) -> tuple[list[str], _Lines]:
@@ -140,7 +243,7 @@ def _face_cap(lines: _Lines, path: Path) -> tuple[list[str], _Lines]:
                 f"Line {number} of '{path}' begins with '{cells[0][:20]}' instead of 'info', 'bs' or 'k', which Face "
                 "Cap writes; export the take again."
             )
-    return ["k", "time", *(_FACE_CAP_WEIGHTS - 2) * [""], *(names or [])], rows
+    return ["k", _FACE_CAP_TIME, *(_FACE_CAP_WEIGHTS - 2) * [""], *(names or [])], rows
 
 
 def _columns(header: list[str], path: Path) -> dict[str, list[int]]:
@@ -157,8 +260,7 @@ def _columns(header: list[str], path: Path) -> dict[str, list[int]]:
             raise FacePoserError(f"'{path}' has {len(columns)} columns for {shape} ({listed}); keep one.")
     if not found:
         raise FacePoserError(
-            f"The header of '{path}' has no name of a shape such as JawOpen or eyeBlink_L; use a CSV file of Live Link "
-            "Face or a text export of Face Cap."
+            f"'{path}' names no shape such as jawOpen or eyeBlink_L; export it with the names of its shapes."
         )
     return {shape: found[shape] for shape in ARKIT_SHAPES if shape in found}
 
@@ -171,19 +273,24 @@ def _frame(
     if all(column >= len(cells) or not cells[column].strip() for column in used):
         return None
     if len(cells) < len(header) or any(cell.strip() for cell in cells[len(header) :]):
+        commas = " (decimal commas need another separator)" if len(cells) > len(header) else ""
         raise FacePoserError(
-            f"Line {number} of '{path}' has {len(cells)} values instead of {len(header)}; fix or delete the line."
+            f"Line {number} of '{path}' has {len(cells)} values instead of {len(header)}; fix or delete "
+            f"the line{commas}."
         )
-    values = {column: _weight(cells[column], header[column], path, number) for column in used}
+    try:
+        values = {column: float(cells[column]) for column in used}
+        plain = all(_LOWEST <= value <= _HIGHEST for value in values.values())
+    except ValueError:
+        plain = False
+    if not plain:
+        values = {column: _weight(cells[column], header[column], path, number) for column in used}
     return [sum(values[column] for column in group) / len(group) for group in columns.values()]
 
 
 def _weight(cell: str, name: str, path: Path, number: int) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = np.nan
-    if not _LOWEST <= value <= _HIGHEST:
+    value = decimal_number(cell)
+    if value is None or not _LOWEST <= value <= _HIGHEST:
         raise FacePoserError(
             f"Line {number} of '{path}' has '{cell.strip()[:20]}' in column {name}, which is not a weight from 0 to 1; "
             "fix or delete the line."

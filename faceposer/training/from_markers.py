@@ -42,9 +42,8 @@ def character_from_markers(
         known = load_character(scan)
         mesh = mesh_of(known)
     points = dict(known.feature_points) if known else None
-    moved = meshes_from_markers(
-        read_markers(motion), read_marker_map(marker_map), mesh.vertices, mesh.triangles(), points
-    )
+    markers = read_markers(motion)
+    moved = meshes_from_markers(markers, read_marker_map(marker_map), mesh.vertices, mesh.triangles(), points)
     character = character_from_frames(
         _with_progress(moved, progress), len(moved), mesh, known, motion.name, options, progress
     )
@@ -62,6 +61,7 @@ def character_from_markers(
             "held": list(report.held),
             "misfit": round(report.misfit, 4),
         },
+        "warnings": [*character.summary.get("warnings", []), *markers.notes],
     }
     return replace(character, summary=summary)
 

@@ -36,12 +36,24 @@ class LearnedStatistics:
         choice: The size of the mixture.
         takes: Name and number of frames of each take.
         missing: ARKit's shapes without a channel in any take.
+        lost: Number of frames without a face in each take, which were ignored.
     """
 
     statistics: ExpressionStatistics
     choice: Choice
     takes: tuple[tuple[str, int], ...]
     missing: tuple[str, ...]
+    lost: tuple[int, ...] = ()
+
+    @property
+    def warnings(self) -> list[str]:
+        """Shortcomings of the takes and of the choice, one sentence each."""
+        lost = [
+            f"The capture '{name}' has {count} frames without a face, which were ignored."
+            for (name, _), count in zip(self.takes, self.lost, strict=False)
+            if count
+        ]
+        return lost + self.choice.warnings
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON form for the summary of a character."""
@@ -87,7 +99,8 @@ def learn_from_captures(
         statistics = learn(captures, recipe, "Learned from the user's performances.", _metric(names))
     missing = tuple(name for name in captures[0].missing if all(name in capture.missing for capture in captures))
     takes = tuple((path.name, len(capture.weights)) for path, capture in zip(paths, captures, strict=True))
-    return LearnedStatistics(statistics, replace(choice, converged=not messages), takes, missing)
+    lost = tuple(capture.lost for capture in captures)
+    return LearnedStatistics(statistics, replace(choice, converged=not messages), takes, missing, lost)
 
 
 def _metric(names: Sequence[str]) -> Array:

@@ -210,7 +210,7 @@ def _character(
         "eyes_turned": turned,
         "warnings": [*facts.notes, *_sides(facts.exchanged, character)]
         + misplaced_eyes(mesh.vertices, mesh.parts)
-        + (learned.choice.warnings if learned else []),
+        + (learned.warnings if learned else []),
         "prior": learned.as_json() if learned else {"from": "the shipped statistics"},
         **_measures(character),
     }

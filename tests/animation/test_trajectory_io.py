@@ -253,7 +253,6 @@ def test_wrong_json_is_refused_with_its_file_and_place(
         ("a.csv", "frame,8.3.x,8.3.y\n0,,\n", "No point is visible"),
         ("a.csv", "frame,8.3.x,8.3.y\n0,1,2\n1,1e30,2\n", r"has 8.3 at 1e\+30 in frame 2"),
         ("a.csv", "time,8.3.x,8.3.y\n1,1,2\n0,1,2\n", "Line 3 of .* has the time 0 after 1"),
-        ("a.csv", "time,8.3.x,8.3.y\n0,1,2\n1e-9,1,2\n", r"give 1e\+09 frames per second"),
         ("a.csv", "frame,lip.x,lip.y\n0,1,2\n", "lip, which is not a feature point of man"),
         ("a.csv", "frame,8.3.x,8.3.y\n", "no frames? below its header"),
         ("a.csv", "", "no header"),
@@ -271,6 +270,42 @@ def test_bad_files_are_refused_in_one_sentence(
     assert str(path) in str(caught.value)
     with pytest.raises(FacePoserError, match=r"No such file|cannot be read"):
         read_trajectories(tmp_path / f"none{path.suffix}", character, camera=camera)
+
+
+@pytest.mark.parametrize(
+    ("table", "rate", "said"),
+    [
+        ("time,8.3.x,8.3.y\n0,1,2\n40,1,2\n80,1,2\n160,1,2\n", 25.0, "read as milliseconds"),
+        ("Time (s);8.3.x;8.3.y\n0;1,5;2\n0,04;1,5;2\n0,08;1,5;2\n0,16;1;2\n", 25.0, "1 of its 5 frames are missing"),
+        ("frame,8.3.x,8.3.y\n0,1,2\n1,1,2\n2,1,2\n4,1,2\n", 30.0, "30 frames per second were assumed"),
+        ("8.3.x,8.3.y\n1,2\n1,2\n1,2\n,\n1,2\n", 30.0, "30 frames per second were assumed"),
+        ("time,8.3.x,8.3.y\n0,1,2\n1e-9,1,2\n2e-9,1,2\n3e-9,1,2\n4e-9,1,2\n", 30.0, "'time' tell no rate"),
+    ],
+)
+def test_frames_are_at_their_times_and_assumptions_are_said(
+    character: Character, tmp_path: Path, table: str, rate: float, said: str
+) -> None:
+    camera = read_camera(camera_file(tmp_path / "camera.json"), character)
+    path = tmp_path / "a.csv"
+    path.write_text(table, encoding="utf-8")
+    read = read_trajectories(path, character, camera=camera)
+    assert (len(read), read.rate) == (5, rate)
+    assert said in " ".join(read.notes)
+    assert ("assumed" in " ".join(read.notes)) == (rate == 30.0)
+    stated = read_trajectories(path, character, camera=camera, rate=50.0)
+    assert (len(stated), stated.rate) == (5, 50.0)
+    assert "assumed" not in " ".join(stated.notes)
+    assert stated.without_jumps()[0].notes == stated.notes
+
+
+def test_json_without_a_rate_says_so(character: Character, tmp_path: Path) -> None:
+    data = document(character)
+    positions = data["points"][0]["positions"]
+    assert len(positions) > 1
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps({key: value for key, value in data.items() if key != "rate"}), encoding="utf-8")
+    assert "assumed" in read_trajectories(path, character).notes[0]
+    assert read_trajectories(path, character, rate=50.0).notes == ()
 
 
 def test_damaged_files_never_end_otherwise(character: Character, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from PIL import Image
 
 import faceposer
 from faceposer.api import Face
+from faceposer.errors import FacePoserError, FacePoserWarning
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.session.document import read_document
@@ -358,3 +359,24 @@ def test_pictures_without_background_and_sequences(tmp_path: Path) -> None:
 def test_without_ffmpeg_python_says_so(tmp_path: Path) -> None:
     with pytest.raises(faceposer.FacePoserError, match=r"MP4 needs ffmpeg.*faceposer\[films\]"):
         faceposer.load("low").export(tmp_path / "a.mp4")
+
+
+def test_what_was_assumed_of_an_animation_is_a_warning(tmp_path: Path) -> None:
+    face = faceposer.load("low")
+    rows = [f"{40 * i},{i / 50}" for i in range(50) if not 20 <= i < 30]
+    (tmp_path / "a.csv").write_text("\n".join(["time_ms,jawOpen", *rows]))
+    with pytest.warns(FacePoserWarning, match="10 of its 50 frames are missing") as caught:
+        performance = face.take_animation(tmp_path / "a.csv")
+    assert caught[0].filename == __file__
+    assert (len(performance), performance.rate, performance.seconds) == (50, 25.0, 2.0)
+    assert face.performance is not None
+    assert face.performance.seconds == 2.0
+    (tmp_path / "b.csv").write_text("jawOpen\n0\n0.5\n1\n")
+    assert face.take_animation(tmp_path / "b.csv", rate=24.0).rate == 24.0
+    with pytest.raises(FacePoserError, match="The rate"):
+        face.take_animation(tmp_path / "b.csv", rate=0.0)
+    places = face.character.vertices[face.character.feature_points["8.3"]].tolist()
+    (tmp_path / "c.csv").write_text("8.3.x,8.3.y,8.3.z\n" + 3 * (",".join(map(str, places)) + "\n"))
+    with pytest.warns(FacePoserWarning, match="30 frames per second were assumed"):
+        assert face.follow(tmp_path / "c.csv").rate == 30.0
+    assert face.follow(tmp_path / "c.csv", rate=24.0).rate == 24.0

@@ -121,3 +121,16 @@ def test_an_interrupt_leaves_what_was_there(jaw: Path, tmp_path: Path, monkeypat
     assert run("animate", "man", jaw, "--camera", tmp_path / "camera.json", "-o", out) == 130
     assert out.read_text(encoding="utf-8") == "old"
     assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+def test_times_in_milliseconds_and_missing_rows_are_said(jaw: Path, tmp_path: Path, capsys: Capture) -> None:
+    header, *lines = jaw.read_text().splitlines()
+    rows = [f"{40 * i}{line[line.index(',') :]}" for i, line in enumerate(lines) if i not in (9, 10)]
+    jaw.write_text("\n".join([header, *rows]))
+    out = tmp_path / "jaw.json"
+    assert run("animate", "man", jaw, "--camera", tmp_path / "camera.json", "-o", out) == 0
+    said = capsys.readouterr()
+    assert "15 frames at 25 fps" in said.out
+    assert "read as milliseconds" in said.err
+    assert "2 of its 15 frames are missing" in said.err
+    assert json.loads(out.read_text())["rate"] == 25.0

@@ -58,7 +58,7 @@ def test_a_session_goes_out_in_every_format(low: FaceModel, session: Path, tmp_p
 @pytest.mark.gl
 def test_an_animation_goes_out_at_another_rate(low: FaceModel, take: Path, tmp_path: Path, capsys: Capture) -> None:
     assert run("export", "low", "--animation", take, "--fps", 10, "-o", tmp_path / "a.json") == 0
-    assert "16 frames at 30 fps." in capsys.readouterr().out
+    assert "16 frames at 30 fps" in capsys.readouterr().out
     data = json.loads((tmp_path / "a.json").read_text())
     assert (data["rate"], len(data["frames"])) == (10, 6)
     assert run("export", "low", "--animation", take, "--fps", 8, "--size", "48x48", "-o", tmp_path / "a.gif") == 0
@@ -204,3 +204,30 @@ def test_without_ffmpeg_commands_say_so_before_any_work(take: Path, tmp_path: Pa
         assert ".gif" in said
         assert ".mp4" not in said
     assert not [*tmp_path.iterdir()]
+
+
+def test_what_was_assumed_is_said_on_standard_error_and_can_be_stated(
+    take: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    out = tmp_path / "a.json"
+    assert run("export", "low", "--animation", take, "-o", out) == 0
+    said = capsys.readouterr()
+    assert said.out == f"{take}: 16 frames at 30 fps\n{out} written\n"
+    assert said.err.startswith(f"{take}: Its timecodes do not tell how many frames they count per second")
+    assert run("export", "low", "--animation", take, "--rate", "12", "-o", out) == 0
+    said = capsys.readouterr()
+    assert "16 frames at 12 fps" in said.out
+    assert said.err == ""
+    assert json.loads(out.read_text())["rate"] == 12
+    assert run("export", "low", "--rate", "12", "-o", out) == 2
+    assert "give --animation as well" in capsys.readouterr().err
+
+
+def test_weights_of_another_tool_go_out(tmp_path: Path, capsys: Capture) -> None:
+    frames = [{"timestamp_ms": 40 * i, "blendShapes": {"jawOpen": i / 50}} for i in range(50) if not 20 <= i < 30]
+    (tmp_path / "mp.json").write_text(json.dumps(frames))
+    assert run("export", "low", "--animation", tmp_path / "mp.json", "-o", tmp_path / "a.csv") == 0
+    said = capsys.readouterr()
+    assert "50 frames at 25 fps" in said.out
+    assert "10 of its 50 frames are missing" in said.err
+    np.testing.assert_allclose(read_capture(tmp_path / "a.csv").weights.max(axis=1), np.arange(50) / 50, atol=0.02)

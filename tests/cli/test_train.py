@@ -116,6 +116,18 @@ def test_a_prior_that_did_not_converge_is_reported(
         assert sum("did not converge" in warning for warning in summary["warnings"]) == 1
 
 
+def test_lost_faces_in_captures_are_in_the_summary(
+    rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    take = write_capture(tmp_path / "take.csv", 120)
+    with take.open("a") as file:
+        file.write("00:00:00:01,0\n" * 30)
+    words = ("train", "--rig", rig, "--capture", take, "--components", 2, "--factors", 2, "-o", tmp_path / "me.npz")
+    status, out, _ = run_captured(capsys, *words)
+    assert status == 0
+    assert "Note: The capture 'take.csv' has 30 frames without a face, which were ignored." in out
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -28,7 +28,7 @@ def smile(tmp_path: Path, model: FaceModel) -> Path:
 @pytest.fixture
 def take(tmp_path: Path) -> Path:
     lines = ["Timecode,BlendShapeCount,JawOpen,MouthSmileLeft,MouthSmileRight"]
-    lines += [f"00:00:0{i // 4}:{i % 4}.0,61,{0.1 * i:.2f},0.5,0.5" for i in range(8)]
+    lines += [f"00:00:0{i // 4}:{15 * (i % 4)}.0,61,{0.1 * i:.2f},0.5,0.5" for i in range(8)]
     path = tmp_path / "take.csv"
     path.write_text("\n".join(lines))
     return path
@@ -162,3 +162,14 @@ def test_errors_are_sentences(
     assert said in shown
     assert shown.count("\n") == 1
     assert not list(tmp_path.glob("o.*"))
+
+
+def test_weights_of_another_tool_are_no_session(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, out = tmp_path / "mp.json", tmp_path / "out.json"
+    source.write_text(json.dumps([{"jawOpen": i / 10} for i in range(10)]))
+    assert run("transfer", source, "low", "-o", out, "--method", "weights") == 0
+    assert "30 frames per second were assumed" in capsys.readouterr().err
+    assert run("transfer", source, "low", "-o", out, "--method", "weights", "--rate", "24") == 0
+    assert capsys.readouterr().err == ""
+    animation = json.loads(out.read_text())
+    assert (animation["rate"], len(animation["frames"])) == (24.0, 10)

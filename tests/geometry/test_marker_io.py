@@ -216,3 +216,85 @@ def test_motion_checks_its_shape() -> None:
         MarkerMotion(("A",), np.zeros((3, 2, 3)))
     with pytest.raises(ValueError, match="same name"):
         MarkerMotion(("A", "A"), np.zeros((3, 2, 3)))
+
+
+def without_trial(path: Path, first: int, last: int, count: int | None = None) -> Path:
+    """Let the header of a C3D file state the frames ``first`` to ``last``, POINT:FRAMES ``count``, and nothing else."""
+    data = bytearray(path.read_bytes().replace(b"TRIAL", b"TRIAX"))
+    data[6:10] = first.to_bytes(2, "little") + last.to_bytes(2, "little")
+    if count is not None:
+        # Name, offset, kind of two bytes, no dimensions, value.
+        place = data.index(b"FRAMES") + 6 + 4
+        data[place : place + 2] = count.to_bytes(2, "little")
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize("n_markers", [3, 40])
+@pytest.mark.parametrize("first", [0, 1, 7])
+def test_c3d_headers_may_count_from_any_frame(tmp_path: Path, first: int, n_markers: int) -> None:
+    n = 67
+    positions = moving(n, n_markers)
+    path = write_c3d(tmp_path / "a.c3d", positions, tuple(f"M{i}" for i in range(n_markers)))
+    motion = read_markers(without_trial(path, first, first + n - 1))
+    assert len(motion.positions) == n
+    np.testing.assert_allclose(motion.positions, positions, rtol=1e-5)
+    assert motion.notes == ()
+    # Cut within the last frame.
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) - 512 * (1 + n_markers * 16 // 512)])
+    with pytest.raises(FacePoserError, match=rf"ends after frame \d+ of {n}"):
+        read_markers(path)
+
+
+def test_c3d_counts_that_differ_are_said(tmp_path: Path) -> None:
+    path = write_c3d(tmp_path / "a.c3d", moving(67, 40), tuple(f"M{i}" for i in range(40)))
+    motion = read_markers(without_trial(path, 1, 67, 60))
+    assert len(motion.positions) == 67
+    assert motion.notes == ("Its header and parameters state 60 and 67 frames; 67 were read.",)
+    assert read_markers(path, 50.0).rate == 50.0
+
+
+@pytest.mark.parametrize("heading", ["Time (s)", "time", "Time [ms]", "timestamp_ms", "Timecode"])
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_rows_of_tables_are_at_their_times(tmp_path: Path, heading: str, separator: str) -> None:
+    positions = moving(90, 3)[:, :2]
+    frames = [i for i in range(90) if not 30 <= i < 60]
+
+    def time(i: int) -> str:
+        if heading == "Timecode":
+            return f"00:00:{i // 25:02}:{i % 25:02}"
+        return f"{40 * i}" if "ms" in heading else f"{i / 25:.3f}"
+
+    lines = [separator.join([heading, "A.x", "A.y", "A.z", "B.x", "B.y", "B.z"])]
+    for i in frames:
+        values = ["" if np.isnan(x) else f"{x:.6f}" for x in positions[i].ravel()]
+        row = separator.join([time(i), *values])
+        lines.append(row.replace(".", ",") if separator != "," else row)
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(lines), encoding="utf-16")
+    motion = read_markers(path)
+    assert motion.rate == 25.0
+    assert motion.positions.shape == (90, 2, 3)
+    np.testing.assert_allclose(motion.positions[frames], positions[frames])
+    assert not motion.seen[30:60].any()
+    assert motion.notes == (
+        "30 of its 90 frames are missing (the first at 1.20 s, at most 1.20 s at once); they were left blank.",
+    )
+
+
+def test_empty_rows_are_frames_and_empty_lines_are_not(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("A.x,A.y,A.z\n1,2,3\n\n,,\n1,2,4\n,,\n,,\n")
+    assert read_markers(path).seen[:, 0].tolist() == [True, False, True]
+
+
+def test_frame_numbers_of_programs_keep_gaps(tmp_path: Path) -> None:
+    lines = ["Trajectories", "100", ",,A,,", "Frame,Sub Frame,X,Y,Z", ",,mm,mm,mm"]
+    lines += [f"{i},0,1,2,{i}" for i in (11, 12, 13, 16)]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(lines))
+    motion = read_markers(path)
+    assert motion.rate == 100.0
+    assert motion.seen[:, 0].tolist() == [True, True, True, False, False, True]
+    assert "2 of its 6 frames are missing" in motion.notes[0]

@@ -10,7 +10,8 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.interchange.formats import write
-from faceposer.interchange.live_link import HEADER, rate_of_capture, timecode, write_live_link
+from faceposer.interchange.live_link import HEADER, timecode, write_live_link
+from faceposer.interchange.takes import read_take
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel, build_face_model
@@ -48,7 +49,7 @@ def test_it_is_read_back_as_the_weights_that_fit(low: FaceModel, performance: Pe
     )
     assert capture.weights.min() >= 0
     assert capture.weights.max() <= 1
-    assert rate_of_capture(tmp_path / "a.csv") == pytest.approx(24.0)
+    assert read_take(tmp_path / "a.csv").rate == pytest.approx(24.0)
 
 
 def test_other_programs_find_names_counts_and_times(low: FaceModel, smile: Performance, tmp_path: Path) -> None:
@@ -74,7 +75,7 @@ def test_a_pose_is_one_frame(low: FaceModel, tmp_path: Path) -> None:
     write(tmp_path / "a.csv", low, low.coefficients_of({"jawOpen": 1.0}))
     (row,) = rows_of(tmp_path / "a.csv")
     assert float(row["JawOpen"]) == pytest.approx(1.0, abs=0.02)
-    assert rate_of_capture(tmp_path / "a.csv") == 30.0
+    assert read_take(tmp_path / "a.csv").rate == 30.0
 
 
 def test_eyes_turn_as_the_weights_of_their_gaze_say(model: FaceModel, tmp_path: Path) -> None:
@@ -96,7 +97,7 @@ def test_header_times_and_eyes_are_those_of_real_files(model: FaceModel, tmp_pat
         assert tuple(next(reader)) == HEADER
         rows = [row for row in reader if len(row) == len(HEADER) and all(row)][:400]
     assert rows[0][1] == str(len(HEADER) - 2)
-    assert rate_of_capture(CAPTURES[0]) == pytest.approx(30.0, abs=0.1)
+    assert read_take(CAPTURES[0]).rate == pytest.approx(30.0, abs=0.1)
     take = np.array([[float(cell) for cell in row[2:]] for row in rows])
     lift = weight_map(model.character.shape_names, ARKIT_SHAPES)
     weights = read_capture(CAPTURES[0]).weights[: len(rows)] @ lift.T
@@ -126,13 +127,13 @@ def test_timecodes_carry_over(seconds: float, code: str) -> None:
 @pytest.mark.parametrize("rate", [12.0, 23.98, 25.0, 29.97, 30.0, 60.0, 120.0])
 def test_the_rate_is_found_again(rate: float, low: FaceModel, tmp_path: Path) -> None:
     write_live_link(tmp_path / "a.csv", low, Performance(np.zeros((200, low.n_coefficients)), rate))
-    assert rate_of_capture(tmp_path / "a.csv") == pytest.approx(rate, abs=0.011)
+    assert read_take(tmp_path / "a.csv").rate == pytest.approx(rate, abs=0.011)
 
 
 def test_the_rate_of_face_cap_and_of_takes_with_gaps(tmp_path: Path) -> None:
     lines = ["info,x", "bs,jawOpen", *(f"k,{1000 * i / 60:.3f}," + "0," * 10 + "0.5" for i in range(50) if i % 9)]
     (tmp_path / "a.txt").write_text("\n".join(lines))
-    assert rate_of_capture(tmp_path / "a.txt") == pytest.approx(60.0, abs=0.01)
+    assert read_take(tmp_path / "a.txt").rate == pytest.approx(60.0, abs=0.01)
 
 
 def test_halves_are_one_shape_and_missing_ones_rest(low: FaceModel, tmp_path: Path) -> None:

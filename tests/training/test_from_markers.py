@@ -10,6 +10,7 @@ from faceposer.errors import FacePoserError
 from faceposer.model.face_model import build_face_model
 from faceposer.training.examples import ExampleOptions
 from faceposer.training.from_markers import character_from_markers
+from faceposer.training.summary import text_of_summary
 from tests.training.faces import BASE, base, poses
 
 OPTIONS = ExampleOptions("me", "Me")
@@ -49,6 +50,15 @@ def test_a_performance_of_markers_becomes_a_character_with_the_scans_landmarks(t
     corner = face.feature_points["8.3"]
     reach = np.linalg.norm(model.basis.reshape(model.n_coefficients, -1, 3)[:, corner], axis=0)
     assert reach.min() > 0.0
+
+
+def test_missing_frames_are_in_the_summary(tmp_path: Path) -> None:
+    motion, marker_map = write_markers(tmp_path, 16)
+    lines = motion.read_text().splitlines()
+    motion.write_text("\n".join(lines[:5] + lines[8:]))
+    character = character_from_markers(motion, marker_map, BASE, OPTIONS)
+    assert "3 of its 16 frames are missing" in " ".join(character.summary["warnings"])
+    assert "3 of its 16 frames are missing" in text_of_summary(character)
 
 
 def test_maps_that_do_not_fit_are_named(tmp_path: Path) -> None:

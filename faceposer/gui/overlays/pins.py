@@ -8,7 +8,7 @@ from imgui_bundle import imgui
 
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.gui.viewport import Pixel, Viewport
-from faceposer.gui.widgets.text import shortened
+from faceposer.gui.widgets.text import shortened, wrapped
 from faceposer.gui.widgets.theme import ACCENT, EDGE, FAINT, INK, WARNING, u32
 from faceposer.render.scene import Scene
 from faceposer.tools.point_tool import handle_pixels, pins
@@ -17,6 +17,8 @@ from faceposer.tools.toolbox import Toolbox
 _WHITE = (1.0, 1.0, 1.0, 1.0)
 # Distance in pixels at normal density from which the gap between a pin and its point on the face is drawn.
 _VISIBLE_GAP = 1.5
+# Width of the text below which a badge is not drawn, at normal density, and its maximum number of lines.
+_NARROWEST_BADGE, _BADGE_LINES = 100.0, 8
 
 
 @dataclass(frozen=True)
@@ -111,16 +113,23 @@ def draw_label(draw: imgui.ImDrawList, viewport: Viewport, at: Pixel, text: str)
 
 
 def draw_badge(draw: imgui.ImDrawList, viewport: Viewport, text: str, row: float, warm: bool = False) -> None:
-    """Draw ``text`` with a background, centred in the view at height ``row``: 0 for the top, 1 for the bottom."""
+    """Draw ``text`` with a background, centred in the view at height ``row``: 0 for the top, 1 for the bottom.
+
+    Text that is wider than the view is wrapped; in a view that is too small for words nothing is drawn.
+    """
     scale = viewport.ui_scale
-    text = shortened(text, viewport.size[0] - 28.0 * scale)
-    size = imgui.calc_text_size(text)
     pad_x, pad_y, margin = 14.0 * scale, 7.0 * scale, 16.0 * scale
+    available = viewport.size[0] - 2.0 * (pad_x + margin)
+    if available < _NARROWEST_BADGE * scale:
+        return
+    lines = wrapped(text, available, _BADGE_LINES)
+    size = imgui.calc_text_size("\n".join(lines))
     width, height = size.x + 2.0 * pad_x, size.y + 2.0 * pad_y
     left = round(viewport.origin[0] + (viewport.size[0] - width) / 2.0)
     top = round(viewport.origin[1] + margin + row * (viewport.size[1] - height - 2.0 * margin))
-    draw.add_rect_filled((left, top), (left + width, top + height), u32(EDGE, 0.80), height / 2.0)
-    draw.add_text((left + pad_x, top + pad_y), u32(WARNING if warm else INK), text)
+    rounding = (size.y / len(lines) + 2.0 * pad_y) / 2.0
+    draw.add_rect_filled((left, top), (left + width, top + height), u32(EDGE, 0.80), rounding)
+    draw.add_text((left + pad_x, top + pad_y), u32(WARNING if warm else INK), "\n".join(lines))
 
 
 def _in_window(viewport: Viewport, pixel: Pixel) -> Pixel:

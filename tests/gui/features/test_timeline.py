@@ -399,6 +399,28 @@ def test_trajectories_of_a_file_become_the_animation(robot: Robot, tmp_path: Pat
     assert app.features[TrajectoriesFeature].job is None
 
 
+def test_what_a_file_lacks_is_told_in_the_view(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    rows = [f"{40 * i},{min(i, 49 - i) / 25}" for i in range(50) if not 20 <= i < 30]
+    path = tmp_path / "take.csv"
+    path.write_text("\n".join(["time_ms,jawOpen", *rows]))
+    app.features[AnimationFilesFeature].open_animation(path)
+    robot.frames(2)
+    if app.dialogs.open:
+        robot.click_widget("choice:1")
+        robot.frames(2)
+    assert (timeline(robot).keyframes.length, timeline(robot).keyframes.rate) == (50, 25.0)
+    assert app.notice.startswith("Opened take.csv: 50 frames at 25 fps. 10 of its 50 frames are missing")
+    vertex = int(app.session.model.character.feature_points[CORNER])
+    x, y, z = app.session.model.character.vertices[vertex].tolist()
+    points = [{"name": CORNER, "positions": [[x, y, z] for _ in range(10)]}]
+    path = tmp_path / "corner.json"
+    path.write_text(json.dumps({"format": "faceposer.trajectories", "version": 1, "points": points}))
+    app.features[AnimationFilesFeature].open_trajectories(path)
+    settle(robot)
+    assert app.notice.endswith("It does not state a rate; 30 frames per second were assumed.")
+
+
 def test_a_long_solve_shows_how_far_it_is_and_can_be_cancelled(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     app = robot.app
     following = app.features[TrajectoriesFeature]

@@ -17,7 +17,7 @@ from faceposer.gui.widgets.file_request import FileRequest
 
 _MENU = "Animate"
 _TRAJECTORIES = (".csv", ".json", ".c3d")
-_WEIGHTS = (".csv", ".txt", ".json")
+_WEIGHTS = (".csv", ".txt", ".json", ".glb", ".gltf")
 # Tolerances of any rig weight, for key reduction.
 _TOLERANCES = ((0.01, "Hardly any difference"), (0.02, "Small differences"), (0.05, "Visible differences"))
 
@@ -55,7 +55,7 @@ class AnimationFilesFeature(Feature):
                 partial(self._ask, "Open animation", "Animations", _WEIGHTS, self.open_animation),
                 enabled=free,
                 separated=True,
-                help="Read keys from recorded weights, such as those of Live Link Face (CSV, JSON)",
+                help="Read keys from recorded weights, such as those of Live Link Face (CSV, JSON, GLB)",
             ),
             Action(
                 "open-trajectories",
@@ -105,7 +105,9 @@ class AnimationFilesFeature(Feature):
 
         def load(keyframes: Keyframes) -> None:
             self.load(keyframes, "Open an animation")
-            context.notify(f"Opened {path.name}. {read.note}".strip())
+            performance = read.performance
+            length = f"{len(performance)} frames at {performance.rate:g} fps"
+            context.notify(f"Opened {path.name}: {length}. {read.note}".strip())
 
         if len(few.keys) == len(dense.keys):
             load(dense)

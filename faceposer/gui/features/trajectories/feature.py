@@ -277,7 +277,9 @@ class TrajectoriesFeature(Feature):
             keyframes = replace(before, length=min(length, LONGEST)).without(replaced).with_keys(keys)
         self.context.session.animation.load(keyframes, request.label, request.first or 0)
         self.timeline.present()
-        self.context.notify(f"Solved {len(performance)} frames and set {counted(solved.keys)}")
+        notes = " ".join(request.trajectories.notes)
+        said = f". {notes}" if notes else ""
+        self.context.notify(f"Solved {len(performance)} frames and set {counted(solved.keys)}{said}")
 
     def _cancel_solve(self) -> None:
         """Cancel the solve in progress and wait until it has ended."""

@@ -1,0 +1,102 @@
+"""JSON of other tools is read where it is clear which weights are meant, and refused where it is not."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from faceposer.errors import FacePoserError
+from faceposer.interchange.reading import read_performance
+from faceposer.interchange.weights_json import read_weights
+from faceposer.model.face_model import FaceModel
+
+JAW = [round(i / 20, 3) for i in range(20)]
+NAMES = ["eyeBlinkLeft", "jawOpen", "somethingElse", "mouth_close"]
+ROWS = [[0.0, jaw, 0.7, 0.1] for jaw in JAW]
+
+
+def by_name(jaw: float) -> dict[str, float]:
+    return {"EyeBlink_L": 0.0, "jawOpen": jaw, "headYaw": 0.3}
+
+
+def categories(jaw: float) -> list[dict[str, Any]]:
+    named = [("_neutral", 0.001), ("eyeBlinkLeft", 0.0), ("jawOpen", jaw)]
+    return [{"index": i, "score": s, "categoryName": n, "displayName": ""} for i, (n, s) in enumerate(named)]
+
+
+FORMS: dict[str, Any] = {
+    "objects": [by_name(jaw) for jaw in JAW],
+    "objects in frames": {"fps": 25, "frames": [{"blendShapes": by_name(jaw), "head": [0, 0, 1]} for jaw in JAW]},
+    "times in seconds": {"frames": [{"time": 0.04 * i, "blendShapes": by_name(jaw)} for i, jaw in enumerate(JAW)]},
+    "times in milliseconds": [{"timestamp_ms": 40 * i, "weights": by_name(jaw)} for i, jaw in enumerate(JAW)],
+    "named weights": [[{"name": k, "weight": v} for k, v in by_name(jaw).items()] for jaw in JAW],
+    "pairs": [[[k, v] for k, v in by_name(jaw).items()] for jaw in JAW],
+    "categories": [{"timestamp_ms": 40 * i, "faceBlendshapes": [categories(jaw)]} for i, jaw in enumerate(JAW)],
+    "categories of faces": [{"t": 0.04 * i, "faces": [{"categories": categories(j)}]} for i, j in enumerate(JAW)],
+    "array with names": {"exportFps": 25, "numPoses": 4, "numFrames": 20, "facsNames": NAMES, "weightMat": ROWS},
+    "array over time": {"fps": 25, "names": NAMES, "weights": np.transpose(ROWS).tolist()},
+    "arrays in frames": {"names": NAMES, "frames": [{"t": 0.04 * i, "values": row} for i, row in enumerate(ROWS)]},
+    "lists by name": {"time": [0.04 * i for i in range(20)], "jawOpen": JAW, "mouthClose": [0] * 20},
+    "named lists": {"frameRate": 25, "curves": [{"name": "jawOpen", "values": JAW}]},
+    "deep": {"take": {"fps": 25, "data": {"frames": [{"face": by_name(jaw)} for jaw in JAW]}}},
+    "percent": {"fps": 25, "frames": [{"jawOpen": 100 * jaw} for jaw in JAW]},
+}
+
+
+def write(path: Path, data: Any) -> Path:
+    path.write_text(json.dumps(data))
+    return path
+
+
+@pytest.mark.parametrize("form", list(FORMS))
+def test_forms_that_are_clear_are_read(form: str, tmp_path: Path) -> None:
+    read = read_weights(write(tmp_path / "a.json", FORMS[form]))
+    np.testing.assert_allclose(read.frames[:, read.names.index("jawOpen")], JAW, atol=1e-9)
+    assert read.rate == (30.0 if form in ("objects", "named weights", "pairs") else 25.0)
+    assert ("assumed" in " ".join(read.notes)) == (read.rate == 30.0)
+    assert ("percentages" in " ".join(read.notes)) == (form == "percent")
+    assert read_weights(tmp_path / "a.json", 50.0).rate == 50.0
+
+
+def test_two_spellings_with_different_weights_are_refused(low: FaceModel, tmp_path: Path) -> None:
+    for data in ({"jawOpen": 0.5, "JawOpen": 0.4}, [["eyeBlink_L", 1.0], ["eyeBlinkLeft", 0.0]]):
+        with pytest.raises(FacePoserError, match="twice"):
+            read_performance(write(tmp_path / "a.json", data), low)
+
+
+def test_a_pose_is_one_frame(low: FaceModel, tmp_path: Path) -> None:
+    for data in (by_name(0.5), [{"name": "jawOpen", "value": 0.5}], {"names": NAMES, "weights": ROWS[10]}):
+        read = read_weights(write(tmp_path / "a.json", data))
+        assert read.frames[:, read.names.index("jawOpen")].tolist() == [0.5]
+        assert (read.rate, read.notes) == (None, ())
+        assert len(read_performance(tmp_path / "a.json", low).performance) == 1
+
+
+@pytest.mark.parametrize("empty", [None, {}, [], {"time": 0.2, "blendShapes": None}, {"faceBlendshapes": [[]]}])
+def test_frames_without_a_face_are_interpolated_and_said(empty: Any, tmp_path: Path) -> None:
+    frames = [{"time": 0.04 * i, "blendShapes": by_name(jaw)} for i, jaw in enumerate(JAW)]
+    frames[5:8] = [empty] * 3
+    read = read_weights(write(tmp_path / "a.json", {"fps": 25, "frames": frames}))
+    np.testing.assert_allclose(read.frames[:, read.names.index("jawOpen")], JAW, atol=1e-6)
+    assert "3 of its 20 frames have no face" in " ".join(read.notes)
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        ({"a": FORMS["objects"], "b": FORMS["objects"]}, "in several places, '.a' and '.b'"),
+        ([{"jawOpen": 7.0}, {"jawOpen": 1e9}], "which is neither of 0 to 1 nor of 0 to 100"),
+        ({"a": [1, 2, {"b": 3}]}, 'no "format"'),
+        ([], 'no "format"'),
+        ([[[[[[[[[[[[{"jawOpen": 1}]]]]]]]]]]]], 'no "format"'),
+        ({"jawOpen": True}, 'no "format"'),
+        ({"jawOpen": [0, 1], "mouthClose": [1]}, 'no "format"'),
+        ({"format": "faceposer.session", "jawOpen": 1}, 'no "format"'),
+    ],
+)
+def test_what_is_not_clear_gets_one_sentence(data: Any, said: str, tmp_path: Path) -> None:
+    with pytest.raises(FacePoserError, match=said) as error:
+        read_weights(write(tmp_path / "a.json", data))
+    assert str(tmp_path / "a.json") in str(error.value)
