@@ -1,8 +1,18 @@
-"""Errors that a user can cause and mend, and warnings of what may not be as it was meant."""
+"""Errors that a user can cause and mend, warnings of what may not be as it was meant, and text that is safe to show."""
+
+import unicodedata
+
+_LONGEST_NAME, _LONGEST_MESSAGE = 80, 1000
 
 
 class FacePoserError(Exception):
-    """A problem told to the user in one sentence: what is wrong, where, and what to do about it."""
+    """A problem told to the user in one sentence: what is wrong, where, and what to do about it.
+
+    What a message quotes from files is shown by ``printable``.
+    """
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(printable(str(message)))
 
 
 class NoWindowError(FacePoserError):
@@ -11,3 +21,27 @@ class NoWindowError(FacePoserError):
 
 class FacePoserWarning(UserWarning):
     """A remark told to the user of Python's interface: what was changed, or may not be as it was meant."""
+
+
+def printable(text: str, most: int = _LONGEST_MESSAGE) -> str:
+    """Return ``text`` in one line for display: control characters and lone surrogates escaped, its middle cut out.
+
+    Args:
+        text: Text that may come from a file.
+        most: Maximum number of characters.
+    """
+    if len(text) > most:
+        begin = 2 * (most - 5) // 3
+        text = f"{text[:begin]} ... {text[len(text) - (most - 5 - begin) :]}"
+    if text.isprintable():
+        return text
+    return "".join(char if _is_shown(char) else char.encode("unicode_escape").decode("ascii") for char in text)
+
+
+def _is_shown(char: str) -> bool:
+    return char.isprintable() or unicodedata.category(char) == "Zs"
+
+
+def short_name(name: str) -> str:
+    """Return a name from a file for display in a sentence, by ``printable``, of at most 80 characters."""
+    return printable(name, _LONGEST_NAME)

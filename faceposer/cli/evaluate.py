@@ -11,6 +11,7 @@ from typing import Any
 
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 
 NAME = "evaluate"
 
@@ -136,7 +137,7 @@ def run(options: argparse.Namespace) -> int:
     from faceposer.evaluation.tuning import CELLS
     from faceposer.training.expressions import Recipe
 
-    if options.output.exists() and not options.output.is_dir():
+    if paths.exists(options.output) and not paths.is_dir(options.output):
         raise FacePoserError(f"'{options.output}' is a file; give a folder for the study with --output.")
     methods = known_methods(options.methods)
     if options.figures and not options.tune:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from faceposer.cli.arguments import add_contact_option, add_materials_option, picture_size
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.files.atomic import check_apart
 
 if TYPE_CHECKING:
@@ -214,7 +215,7 @@ def _check_options(options: argparse.Namespace) -> None:
             raise FacePoserError("--sequence writes an animation; leave out --pose and --still.")
         if options.transparent and not FORMATS[f".{options.sequence}"].transparent:
             raise FacePoserError("--transparent is for pictures; write --sequence png.")
-        if not path.absolute().parent.is_dir():
+        if not paths.is_dir(path.absolute().parent):
             raise FacePoserError(f"The folder '{path.absolute().parent}' of the output does not exist; make it first.")
         return
     check_writable(path)

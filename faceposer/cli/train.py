@@ -6,6 +6,7 @@ from typing import Any
 
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.files.atomic import check_apart, check_output
 
 NAME = "train"
@@ -72,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
     """Learn the character, write it and return the exit status."""
     check_output(options.output, ".npz")
     check_apart(options.output, options.examples, options.scan)
-    if options.summary is not None and options.summary.exists() and not options.summary.is_dir():
+    if options.summary is not None and paths.exists(options.summary) and not paths.is_dir(options.summary):
         raise FacePoserError(f"'{options.summary}' is a file; give a folder for the summary.")
     from faceposer.model.character_file import save_character
     from faceposer.training.request import TrainingRequest, plain_name, train

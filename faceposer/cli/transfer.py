@@ -196,12 +196,13 @@ def _source(options: argparse.Namespace) -> _Source:
 
 def _holds_weights(path: Path) -> bool:
     """Whether ``path`` is a file of weights, and not a session, whose reader judges all else."""
+    from faceposer.files.reading import open_file
     from faceposer.interchange.weights_json import FORMAT
 
     try:
-        with path.open(encoding="utf-8") as file:
-            return f'"{FORMAT}"' in file.read(_HEAD)
-    except (OSError, ValueError):
+        with open_file(path) as file:
+            return f'"{FORMAT}"'.encode() in file.read(_HEAD)
+    except OSError:
         return False
 
 
@@ -211,8 +212,7 @@ def _write_session(options: argparse.Namespace, source: _Source, transfer: "Tran
     from faceposer.session.transferred import transferred
 
     assert source.document is not None
-    pose = source.document.coefficients
-    assert pose is not None
+    pose = source.still.coefficients[0]
     character = character_from(options.target, options.output.parent)
     document = transferred(source.document, pose, transfer, character, target)
     document = replace(document, contact=document.contact and options.contact)

@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 
 _TEMPORARY = re.compile(r"\..+\.(\d+)\.tmp")
 # Maximum length of a file name on common systems, in bytes; temporary files have longer names than their files.
@@ -145,10 +146,10 @@ def check_apart(path: Path | None, *inputs: Path | str | None) -> None:
     Raises:
         FacePoserError: If it is an input.
     """
-    if path is None or not path.exists():
+    if path is None or not paths.exists(path):
         return
     for source in inputs:
-        if source is not None and Path(source).exists() and path.samefile(source):
+        if source is not None and paths.same_file(path, source):
             raise FacePoserError(f"'{path}' is also an input; give the output another name.")
 
 
@@ -162,9 +163,9 @@ def check_output(path: Path, *suffixes: str) -> None:
         quoted = [f"'{suffix}'" for suffix in suffixes]
         choices = " or ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))
         raise FacePoserError(f"The output '{path}' must end in {choices}.")
-    if path.is_dir():
+    if paths.is_dir(path):
         raise FacePoserError(f"The output '{path}' is a folder; give the name of a file.")
-    if not path.parent.is_dir():
+    if not paths.is_dir(path.parent):
         raise FacePoserError(f"The folder '{path.parent}' of the output does not exist; create it first.")
     if not os.access(path.parent, os.W_OK):
         raise FacePoserError(f"The folder '{path.parent}' of the output is not writable; choose another.")

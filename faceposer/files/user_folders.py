@@ -5,6 +5,8 @@ from pathlib import Path
 
 import platformdirs
 
+from faceposer.files import paths
+
 _NAME = "faceposer" if sys.platform.startswith("linux") else "FacePoser"
 
 
@@ -26,4 +28,4 @@ def state_folder() -> Path:
 def documents_folder() -> Path:
     """Return the documents folder of the user, or the home folder if the system has none."""
     folder = platformdirs.user_documents_path()
-    return folder if folder.is_dir() else Path.home()
+    return folder if paths.is_dir(folder) else Path.home()

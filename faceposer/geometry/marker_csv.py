@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.reading import open_text
 
 #: Limits of a plausible motion of a face.
 MAX_MARKERS = 2_000
@@ -65,7 +66,7 @@ def parse_marker_csv(path: Path, pixels: bool = False) -> MarkerTable:
             a number.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
+        with open_text(path, "utf-8-sig", newline="") as file:
             lines = enumerate(csv.reader(file), start=1)
             preamble: list[list[str]] = []
             for number, cells in lines:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.reading import open_file
 from faceposer.geometry.marker_csv import MAX_FRAMES, MAX_MARKERS, parse_marker_csv
 
 Array = NDArray[np.float64]
@@ -75,12 +76,10 @@ def read_markers(path: Path) -> MarkerMotion:
     try:
         if suffix not in (".c3d", ".csv"):
             raise FacePoserError(f"Markers cannot be read from '{path}'; choose a .c3d or .csv file.")
-        if path.stat().st_size > _MAX_BYTES:
-            raise FacePoserError(f"'{path}' is too large for motion of a face; split it into shorter takes.")
         if suffix == ".csv":
             table = parse_marker_csv(path)
             return _motion(table.names, table.positions, table.rate, table.unit, path)
-        with path.open("rb") as file:
+        with open_file(path, _MAX_BYTES) as file:
             return _read_c3d(file, path)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or error

@@ -6,12 +6,15 @@ from typing import Any
 import numpy as np
 
 from faceposer.errors import FacePoserError
+from faceposer.files.reading import open_file
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
 from faceposer.geometry.obj_io import read_obj
 from faceposer.geometry.ply_io import read_ply
 from faceposer.geometry.polygon_mesh import PolygonMesh
 
 _MAX_BYTES = 1 << 30
+# The readers of trimesh take many times the size of a file.
+_MAX_BYTES_TRIMESH = 128 << 20
 MESH_SUFFIXES = (".obj", ".ply", ".stl", *GLTF_SUFFIXES, ".off")
 
 
@@ -22,8 +25,7 @@ def read_mesh(path: Path) -> PolygonMesh:
         FacePoserError: If the file cannot be read as a mesh.
     """
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise FacePoserError(f"The mesh '{path}' is larger than {_MAX_BYTES >> 30} GB; choose a smaller one.")
+        open_file(path, _MAX_BYTES).close()
         mesh = _read(path)
     except OSError as error:
         raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
@@ -45,12 +47,17 @@ def _read(path: Path) -> PolygonMesh:
 def _read_with_trimesh(path: Path) -> PolygonMesh:
     if path.suffix.lower() not in MESH_SUFFIXES:
         raise FacePoserError(f"'{path}' is not a supported mesh; choose a file of type {', '.join(MESH_SUFFIXES)}.")
-    path.open("rb").close()
     import trimesh  # imported late, since it takes over a second
 
+    file_type = path.suffix.lower().removeprefix(".")
     try:
-        mesh: Any = trimesh.load(path, force="mesh", process=False, maintain_order=True)
+        with open_file(path, _MAX_BYTES_TRIMESH) as file:
+            mesh: Any = trimesh.load(file, file_type, force="mesh", process=False, maintain_order=True)
         vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces)
-    except Exception as error:  # the readers of trimesh raise arbitrary exceptions
-        raise FacePoserError(f"The mesh '{path}' cannot be read: {str(error) or type(error).__name__}.") from error
+    except OSError:
+        raise
+    except Exception as error:  # the readers of trimesh raise arbitrary exceptions, with messages for programmers
+        raise FacePoserError(
+            f"The mesh '{path}' is broken or is not a mesh of type {file_type.upper()}; export it again."
+        ) from error
     return PolygonMesh(vertices, faces.astype(np.int32))

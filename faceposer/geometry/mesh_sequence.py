@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
+from faceposer.files.reading import open_file
 from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_mesh
 from faceposer.geometry.obj_io import read_obj_positions_and_digest
 from faceposer.geometry.polygon_mesh import PolygonMesh
@@ -169,10 +171,12 @@ def open_sequence(path: Path, neutral: Path | None = None) -> MeshSequence:
     Raises:
         FacePoserError: If there are no meshes, or the neutral cannot be read.
     """
-    if path.is_dir():
+    if paths.is_dir(path):
         allowed = (*MESH_SUFFIXES, ARRAY_SUFFIX)
-        files = sorted((f for f in path.iterdir() if f.suffix.lower() in allowed and f.is_file()), key=_natural_key)
-    elif path.suffix.lower() == ARRAY_SUFFIX and path.is_file():
+        files = sorted(
+            (f for f in path.iterdir() if f.suffix.lower() in allowed and paths.is_file(f)), key=_natural_key
+        )
+    elif path.suffix.lower() == ARRAY_SUFFIX and paths.is_file(path):
         files = [path]
     else:
         raise FacePoserError(f"'{path}' is not a folder of meshes or an .npz file; choose one of these.")
@@ -249,14 +253,14 @@ def _open_vertices(path: Path) -> Iterator[tuple[IO[bytes], zipfile.ZipInfo]]:
         KeyError: If there is no such array.
         zipfile.BadZipFile: If the file is damaged.
     """
-    with zipfile.ZipFile(path) as archive:
+    with open_file(path) as file, zipfile.ZipFile(file) as archive:
         info = archive.getinfo(_VERTICES)
         with archive.open(info) as stream:
             if info.compress_type != zipfile.ZIP_STORED:
                 yield stream, info
                 return
     # To seek, zipfile reads everything in between; stored members are read directly from the file instead.
-    with path.open("rb") as file:
+    with open_file(path) as file:
         file.seek(info.header_offset)
         header = file.read(30)
         if len(header) < 30:
@@ -284,7 +288,7 @@ def _array_source(path: Path, first: int) -> _Source:
 
 def _first_frame(path: Path) -> tuple[Array, NDArray[np.int32] | None]:
     try:
-        with zipfile.ZipFile(path) as archive:
+        with open_file(path) as file, zipfile.ZipFile(file) as archive:
             with archive.open(_VERTICES) as stream:
                 shape, dtype = _array_header(stream, path)
                 data = stream.read(shape[-2] * 3 * dtype.itemsize)
@@ -327,8 +331,6 @@ def _array_header(stream: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dt
 
 def _obj_positions(path: Path) -> tuple[Array, str]:
     try:
-        if path.stat().st_size > _MAX_FILE_BYTES:
-            raise FacePoserError(f"The mesh '{path}' is larger than {_MAX_FILE_BYTES >> 30} GB; choose a smaller one.")
         return read_obj_positions_and_digest(path)
     except OSError as error:
         raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
+from faceposer.files.reading import open_text, read_bytes
 from faceposer.geometry.mtl_io import writable_name
 from faceposer.geometry.polygon_mesh import Group, PolygonMesh, no_polygons, pad_polygons
 
@@ -143,7 +144,7 @@ def read_obj(path: Path) -> PolygonMesh:
         if len(polygons) > began and (name or material):
             groups.append(Group(name, (began, len(polygons)), material))
 
-    with path.open(encoding="utf-8", errors="replace") as file:
+    with open_text(path, errors="replace") as file:
         for number, line in enumerate(file, 1):
             keyword, *words = line.partition("#")[0].split(None, 1) or [""]
             rest = words[0] if words else ""
@@ -191,7 +192,7 @@ def read_obj_positions(path: Path) -> NDArray[np.float64]:
         OSError: If the file cannot be read.
         FacePoserError: If the line of a vertex is invalid.
     """
-    return _positions(path, path.read_bytes().splitlines())
+    return _positions(path, read_bytes(path).splitlines())
 
 
 def read_obj_positions_and_digest(path: Path) -> tuple[NDArray[np.float64], str]:
@@ -204,7 +205,7 @@ def read_obj_positions_and_digest(path: Path) -> tuple[NDArray[np.float64], str]
         OSError: If the file cannot be read.
         FacePoserError: If the line of a vertex is invalid.
     """
-    data = path.read_bytes()
+    data = read_bytes(path)
     vertices, faces = _run_of(data, b"v "), _run_of(data, b"f ")
     if vertices is not None and faces is not None:
         numbers = _numbers(vertices.replace(b"\nv ", b"\n")[2:])

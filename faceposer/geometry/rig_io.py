@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
 from faceposer.geometry.polygon_mesh import MorphMesh
 from faceposer.geometry.shape_folder import SHAPE_SUFFIXES, read_shape_folder
@@ -20,9 +21,9 @@ def read_rig(path: Path, neutral: Path | None = None) -> MorphMesh:
     Raises:
         FacePoserError: If it cannot be read, is invalid, or has no shapes.
     """
-    if not path.exists():
+    if not paths.exists(path):
         raise FacePoserError(f"The rig '{path}' does not exist; choose a folder of shapes or a glTF file.")
-    if path.is_dir():
+    if paths.is_dir(path):
         rig = read_shape_folder(path, neutral)
         kind = "folder"
         remedy = f"add a mesh for each shape to the folder ({', '.join(SHAPE_SUFFIXES)})"

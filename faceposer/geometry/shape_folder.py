@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
+from faceposer.files.reading import read_bytes
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.obj_io import read_obj_positions
 from faceposer.geometry.polygon_mesh import MorphMesh, PolygonMesh
@@ -35,19 +37,16 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
         files = sorted(
             path
             for path in folder.iterdir()
-            if path.suffix.lower() in SHAPE_SUFFIXES and not path.name.startswith(".") and path.is_file()
+            if path.suffix.lower() in SHAPE_SUFFIXES and not path.name.startswith(".") and paths.is_file(path)
         )
     except OSError as error:
         raise FacePoserError(f"The folder '{folder}' cannot be read: {error.strerror}.") from error
     if neutral is None:
         neutral = _find_neutral(folder, files)
-    elif not neutral.is_file() and (folder / neutral).is_file():
+    elif not paths.is_file(neutral) and paths.is_file(folder / neutral):
         neutral = folder / neutral
     rest = read_mesh(neutral)
-    try:
-        shapes = [path for path in files if not path.samefile(neutral)]
-    except OSError as error:
-        raise FacePoserError(f"The folder '{folder}' cannot be read: {error.strerror}.") from error
+    shapes = [path for path in files if not paths.same_file(path, neutral)]
     size = len(shapes) * rest.vertices.size * 4
     if size > _MAX_OFFSET_BYTES:
         raise FacePoserError(
@@ -141,9 +140,9 @@ def _positions(path: Path, rest: PolygonMesh, neutral: Path, faces: bytes | None
 
 
 def _obj_text(path: Path) -> bytes:
-    """Return the content of an OBJ file, empty for other or too large files."""
+    """Return the content of an OBJ file, empty for other files."""
     try:
-        return path.read_bytes() if path.suffix.lower() == ".obj" and path.stat().st_size <= _MAX_FILE_BYTES else b""
+        return read_bytes(path, _MAX_FILE_BYTES) if path.suffix.lower() == ".obj" else b""
     except OSError as error:
         raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
 

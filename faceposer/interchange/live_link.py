@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file
+from faceposer.files.reading import open_text
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
@@ -115,7 +116,7 @@ def rate_of_capture(path: Path) -> float:
     Raises:
         OSError: If the file cannot be read.
     """
-    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
+    with open_text(path, "utf-8-sig", "replace", "") as file:
         times = [time for cells in csv.reader(file) if (time := _seconds(cells)) is not None]
     steps = np.diff(times)
     steps = steps[steps > 0]

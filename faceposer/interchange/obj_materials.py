@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from faceposer.files.reading import read_bytes
 from faceposer.geometry.mtl_io import MtlMaterial, mtl_text, writable_name
 from faceposer.geometry.polygon_mesh import Group
 from faceposer.interchange.surfaces import base_colour, is_png, opacity, roughness
@@ -147,8 +148,8 @@ def _free_name(folder: Path, stem: str, suffix: str, picture: bytes, taken: dict
 def holds(path: Path, content: bytes) -> bool | None:
     """Return whether the file ``path`` holds ``content``, None if there is no such file."""
     try:
-        if path.is_file() and path.stat().st_size == len(content):
-            return path.read_bytes() == content
+        return read_bytes(path, len(content)) == content
+    except FileNotFoundError:
+        return False if path.is_symlink() else None
     except OSError:
         return False
-    return False if path.exists() or path.is_symlink() else None

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.reading import open_file
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -122,13 +123,11 @@ def _opened(path: Path) -> Iterator[Any]:
     if path.suffix.lower() in FOREIGN_SUFFIXES:
         raise FacePoserError(f"The photo '{path}' has an unsupported format; save it as JPEG or PNG.")
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise FacePoserError(f"The photo '{path}' is larger than {_MAX_BYTES // 2**20} MB; reduce its size.")
-        with warnings.catch_warnings():
+        with open_file(path, _MAX_BYTES) as file, warnings.catch_warnings():
             # Pillow's warning has a lower limit than MAX_PIXELS.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             warnings.filterwarnings("ignore", category=UserWarning, module="PIL")
-            with Image.open(path) as image:
+            with Image.open(file) as image:
                 if image.width * image.height > MAX_PIXELS:
                     raise FacePoserError(
                         f"The photo '{path}' has {image.width} x {image.height} pixels, more than "

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
+from faceposer.files.paths import exists, is_file, same_file
 from faceposer.files.user_folders import data_folder
 from faceposer.poses.pose_file import Pose, pose_text, read_pose
 from faceposer.resources import asset_path
@@ -93,7 +94,7 @@ class PoseLibrary:
             FacePoserError: If the file cannot be written.
         """
         path = self.path_of(pose.name)
-        if path.exists() and not overwrite:
+        if exists(path) and not overwrite:
             raise PoseExistsError(
                 f"'{self.folder}' already has a pose '{pose.name}'; choose another name, or replace it."
             )
@@ -119,13 +120,13 @@ class PoseLibrary:
         """
         renamed = read_pose(path).renamed(name)
         target = self.path_of(name)
-        if target == path or _same_file(target, path):
+        if target == path or same_file(target, path):
             _write(path, pose_text(renamed))
             return path
         picture = path.with_suffix(PICTURE_SUFFIX)
         self.save(renamed, overwrite)
         try:
-            if picture.is_file():
+            if is_file(picture):
                 picture.replace(target.with_suffix(PICTURE_SUFFIX))
             path.unlink()
         except OSError as error:
@@ -192,13 +193,6 @@ def _entries(folder: Path, shipped: bool) -> list[Entry]:
         except FacePoserError as error:
             entries.append(Entry(path, None, str(error), shipped))
     return entries
-
-
-def _same_file(one: Path, other: Path) -> bool:
-    try:
-        return one.samefile(other)
-    except OSError:
-        return False
 
 
 def _write(path: Path, text: str) -> None:

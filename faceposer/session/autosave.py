@@ -20,6 +20,7 @@ from typing import Annotated, Any
 from msgspec import Meta
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonDocument, JsonError, UnreadableError, check_header, convert, read_json
 from faceposer.files.user_folders import state_folder
@@ -153,9 +154,9 @@ def _to_json(session: Session, document: Document, camera: Camera | None, now: d
         document = replace(document, coefficients=None)
     path = None if session.path is None else session.path.absolute()
     character = Path(document.character)
-    if character.suffix.lower() == ".npz" and not (path is not None and (path.parent / character).is_file()):
+    if character.suffix.lower() == ".npz" and not (path is not None and paths.is_file(path.parent / character)):
         # The path is relative to the current folder.
-        document = replace(document, character=str(character.expanduser().absolute()))
+        document = replace(document, character=str(paths.expand_user(character).absolute()))
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -266,7 +267,7 @@ def _claim(journal: Path, lock: FileLock, damaged: list[Path]) -> Orphan | None:
         for temporary in journal.parent.glob(f".{journal.name}.*.tmp"):
             temporary.unlink(missing_ok=True)
         orphan = _read(journal, lock)
-        left = journal.exists()
+        left = paths.exists(journal)
     except (OSError, UnreadableError):
         left = True
     except FacePoserError:
@@ -282,7 +283,7 @@ def _claim(journal: Path, lock: FileLock, damaged: list[Path]) -> Orphan | None:
 
 def _free_name(journal: Path) -> Path:
     path = journal.with_suffix(".damaged")
-    while path.exists():
+    while paths.exists(path):
         path = journal.with_name(f"{journal.stem}-{secrets.token_hex(3)}.damaged")
     return path
 
@@ -307,7 +308,7 @@ def _read(journal: Path, lock: FileLock) -> Orphan | None:
         UnreadableError: If the file cannot be read.
         FacePoserError: If it is damaged.
     """
-    if not journal.exists():
+    if not paths.exists(journal):
         return None
     return read_json(journal, "journal", lambda data: _parsed(data, journal, lock), _MAX_BYTES)
 

@@ -15,6 +15,7 @@ from faceposer.animation.keyframes import Frame, Keyframes, KeyframesJson
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
+from faceposer.files.paths import expand_user
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.aligning import aligned
@@ -262,7 +263,7 @@ def absolute_character(character: str, folder: Path) -> str:
     """Return ``character`` with the path of a character file, relative to ``folder``, made absolute."""
     if not _is_file(character):
         return character
-    return os.path.normpath((folder / Path(character).expanduser()).absolute())
+    return os.path.normpath((folder / expand_user(character)).absolute())
 
 
 def character_from(character: str, folder: Path) -> str:
@@ -277,7 +278,7 @@ def character_from(character: str, folder: Path) -> str:
 
 def path_from(path: str, folder: Path) -> str:
     """Return the reference to the file ``path`` in a session file in ``folder``; see ``character_from``."""
-    whole = os.path.normpath(Path(path).expanduser().absolute())
+    whole = os.path.normpath(expand_user(path).absolute())
     try:
         relative = Path(os.path.relpath(whole, folder.absolute()))
     except ValueError:  # on another drive

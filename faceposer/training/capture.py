@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.reading import open_text
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.shape_names import canonical_shape, whole_of
 
@@ -92,13 +93,12 @@ def read_capture(path: Path) -> Capture:
             frame with a face, or has a line with too few or too many cells or a value that is not a weight.
     """
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise FacePoserError(f"'{path}' is too large for a capture; split it into shorter takes.")
-        with path.open(newline="", encoding="utf-8-sig") as file:
+        with open_text(path, "utf-8-sig", newline="", max_bytes=_MAX_BYTES) as file:
             return _parse(csv.reader(file), path)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or "it is not a table of text"
         raise FacePoserError(
-            f"The capture '{path}' cannot be read ({error}); use a CSV file of Live Link Face or a text export of "
+            f"The capture '{path}' cannot be read: {reason}; use a CSV file of Live Link Face or a text export of "
             "Face Cap."
         ) from error
 

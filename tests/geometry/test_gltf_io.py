@@ -456,7 +456,7 @@ def test_meshopt_is_told_apart_from_broken_data(tmp_path: Path) -> None:
         ("https://example.org/a.bin", "not next to the rig"),
         ("data:application/octet-stream;base64,A", "not base64"),
         ("data:,short", "it has 5 of 240 bytes"),
-        (".", "is not a file"),
+        (".", "it is a folder"),
         ("a%00b", "cannot be read"),
     ],
 )
@@ -473,7 +473,7 @@ def test_buffers_elsewhere(tmp_path: Path, uri: str, said: str) -> None:
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"", "JSON is invalid at line 1, column 1"),
+        (b"", "not valid JSON at line 1, column 1"),
         (b"glTF", "truncated after 4 bytes"),
         (b'{"asset": {"version": "2.0"},\n nodes', "line 2, column 2"),
         (b"[" * 100_000, "not glTF"),

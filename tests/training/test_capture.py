@@ -105,8 +105,8 @@ def test_bad_takes_are_refused_by_place(tmp_path: Path) -> None:
             tmp_path / "10.csv", [], ("eyeBlink_L", "eyeBlinkLeft")
         ),
         "3 columns for cheekPuff ": write(tmp_path / "11.csv", [], ("cheekPuff", "cheekPuffLeft", "cheekPuffRight")),
-        "cannot be read": tmp_path / "missing.csv",
-        "cannot be read ": tmp_path / "binary.csv",
+        "cannot be read: No such file": tmp_path / "missing.csv",
+        "cannot be read: it is not a table": tmp_path / "binary.csv",
         "no name of a shape such": tmp_path / "empty.csv",
         "Line 3 of .* begins with 'x'": tmp_path / "word.txt",
         "Line 2 of .* is a frame before": tmp_path / "before.txt",
