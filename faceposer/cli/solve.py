@@ -49,9 +49,10 @@ def run(options: argparse.Namespace) -> int:
         document = replace(document, spread=options.spread)
     session = session_of(document, options.session)
     print_remark(session)
+    session.wait(timeout=_PATIENCE)
     if session.solution is None:
         session.apply()
-    session.wait(timeout=_PATIENCE)
+        session.wait(timeout=_PATIENCE)
     solution = session.solution
     assert solution is not None
     contact = document.contact and options.contact

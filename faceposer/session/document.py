@@ -3,6 +3,7 @@
 import json
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,12 +18,15 @@ from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
 from faceposer.files.paths import expand_user
 from faceposer.geometry.camera import Camera
+from faceposer.geometry.strokes import MOST_EFFORT, MOST_PIXELS
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.aligning import aligned
 from faceposer.photo.photo import Photo, PhotosJson
 from faceposer.session.character_version import CharacterVersion, CharacterVersionJson
 from faceposer.solve.constraints import codec
+from faceposer.solve.constraints.curve import CurveConstraint
 from faceposer.solve.constraints.registry import Constraint, constraint_from_json
+from faceposer.solve.constraints.stroke import StrokeConstraint
 from faceposer.solve.priors import Prior
 from faceposer.solve.problem import SPREAD
 
@@ -30,7 +34,7 @@ FORMAT = "faceposer.session"
 VERSION = 1
 _MAX_BYTES = 64 * 2**20
 _MAX_PRIOR_WEIGHT = 1000.0
-_MAX_CONSTRAINTS = 10_000
+_MAX_CONSTRAINTS, _MAX_DRAWN = 2_000, 500
 # A list of numbers over several lines, as the indented output has it.
 _NUMBERS = re.compile(r"\[\s+([-+.eE\d]+(?:,\s+[-+.eE\d]+)*)\s+\]")
 
@@ -218,6 +222,7 @@ class Document:
             photos=tuple(photo.photo() for photo in form.photos),
             contact=form.contact,
         )
+        _check_effort(document.constraints)
         if form.start is not UNSET:
             document = document.starting_from(form.start)
         if form.coefficients is not UNSET:
@@ -257,6 +262,15 @@ class Document:
                 raise FacePoserError(f"constraints[{i}]: {error}.") from error
         photos = tuple(photo if photo.camera is not None else aligned(photo, model, start) for photo in self.photos)
         return replace(self, constraints=tuple(constraints), photos=photos)
+
+
+def _check_effort(constraints: Sequence[Constraint]) -> None:
+    """Raise a FacePoserError if strokes and curves are too many, or cover too many pixels, to be solved."""
+    drawn = sum(isinstance(c, StrokeConstraint | CurveConstraint) for c in constraints)
+    if drawn > _MAX_DRAWN:
+        raise FacePoserError(f"constraints has {drawn} strokes and curves; there may be {_MAX_DRAWN}.")
+    if sum(c.effort for c in constraints if isinstance(c, StrokeConstraint)) > MOST_EFFORT:
+        raise FacePoserError(f"the strokes of constraints must not cover more than {MOST_PIXELS} pixels together.")
 
 
 def absolute_character(character: str, folder: Path) -> str:
@@ -333,6 +347,9 @@ def write_document(path: Path, document: Document) -> None:
     Raises:
         FacePoserError: If the file cannot be written.
     """
-    text = json.dumps(document.to_json(), indent=1)
+    try:
+        text = json.dumps(document.to_json(), indent=1, allow_nan=False)
+    except ValueError as error:
+        raise FacePoserError(f"The session '{path}' cannot be written: a number in it is not finite.") from error
     text = _NUMBERS.sub(lambda found: f"[{', '.join(found[1].replace(',', ' ').split())}]", text)
     write_text(path, text + "\n", "session")
