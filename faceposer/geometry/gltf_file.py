@@ -16,7 +16,7 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, short_name
 from faceposer.files.json_documents import parse_json
 from faceposer.files.reading import read_bytes
 
@@ -223,9 +223,11 @@ class GltfFile:
                 raise by.error("its data URI is not base64") from error
         name = unquote(uri)
         if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:", name):
-            raise by.error(f"it is at '{name[:80]}', not next to the rig")
+            raise by.error(f"it is at '{short_name(name)}', not next to the rig")
         path = self.path.parent / name
         try:
+            if not path.resolve().is_relative_to(self.path.parent.resolve()):
+                raise by.error(f"it is at '{short_name(name)}', outside the rig's folder")
             return self._read_file(path, f"For {by.place} of the rig '{self.path}', the resource")
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "it is not a valid file name"

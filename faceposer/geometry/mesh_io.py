@@ -8,11 +8,14 @@ import numpy as np
 from faceposer.errors import FacePoserError
 from faceposer.files.reading import open_file
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
+from faceposer.geometry.mesh import first_unusable
 from faceposer.geometry.obj_io import read_obj
 from faceposer.geometry.ply_io import read_ply
 from faceposer.geometry.polygon_mesh import PolygonMesh
 
 _MAX_BYTES = 1 << 30
+# Limits of an OBJ file, of which a face of a million vertices stays below.
+_MAX_LINES, _LONGEST_LINE = 4_000_000, 1 << 25
 # The readers of trimesh take many times the size of a file.
 _MAX_BYTES_TRIMESH = 128 << 20
 MESH_SUFFIXES = (".obj", ".ply", ".stl", *GLTF_SUFFIXES, ".off")
@@ -31,17 +34,34 @@ def read_mesh(path: Path) -> PolygonMesh:
         raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
     if len(mesh.vertices) == 0 or len(mesh.polygons) == 0:
         raise FacePoserError(f"The mesh '{path}' has no faces; choose a file with a surface.")
-    if not np.isfinite(mesh.vertices).all():
-        vertex = int(np.argmin(np.isfinite(mesh.vertices).all(axis=1)))
-        raise FacePoserError(f"Vertex {vertex + 1} of the mesh '{path}' is not finite; export it again.")
+    for noun, values in (("Vertex", mesh.vertices), ("Texture coordinate", mesh.uv), ("Normal", mesh.normals)):
+        if (row := first_unusable(values)) is not None:
+            problem = "too far away" if np.isfinite(values[row]).all() else "not finite"
+            raise FacePoserError(f"{noun} {row + 1} of the mesh '{path}' is {problem}; export it again.")
     return mesh
 
 
 def _read(path: Path) -> PolygonMesh:
     suffix = path.suffix.lower()
+    if suffix == ".obj":
+        _check_lines(path)
     if suffix in GLTF_SUFFIXES:
         return read_gltf(path).mesh
     return {".obj": read_obj, ".ply": read_ply}.get(suffix, _read_with_trimesh)(path)
+
+
+def _check_lines(path: Path) -> None:
+    """Raise a FacePoserError if the OBJ file ``path`` has far more lines than a face."""
+    lines = longest = 0
+    with open_file(path, _MAX_BYTES) as file:
+        while block := file.read(1 << 24):
+            lines += block.count(b"\n") + block.count(b"\r")
+            longest = 0 if b"\n" in block or b"\r" in block else longest + len(block)
+            if lines > 2 * _MAX_LINES or longest > _LONGEST_LINE:
+                raise FacePoserError(
+                    f"The mesh '{path}' has more than {_MAX_LINES} lines, or lines of more than {_LONGEST_LINE >> 20} "
+                    "MB; export the face only."
+                )
 
 
 def _read_with_trimesh(path: Path) -> PolygonMesh:

@@ -7,6 +7,7 @@ import numpy as np
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
+from faceposer.geometry.mesh import first_unusable
 from faceposer.geometry.polygon_mesh import MorphMesh
 from faceposer.geometry.shape_folder import SHAPE_SUFFIXES, read_shape_folder
 
@@ -43,11 +44,10 @@ def read_rig(path: Path, neutral: Path | None = None) -> MorphMesh:
     if not rig.targets:
         raise FacePoserError(f"The {kind} '{path}' has no shapes; {remedy}.")
     for name, offsets in rig.targets.items():
-        finite = np.isfinite(offsets).all(axis=1)
-        if not finite.all():
+        if (row := first_unusable(offsets)) is not None:
+            problem = "too large" if np.isfinite(offsets[row]).all() else "not finite"
             raise FacePoserError(
-                f"The shape '{name}' of the {kind} '{path}' is not finite at vertex {int(np.argmin(finite)) + 1}; "
-                "export it again."
+                f"The shape '{name}' of the {kind} '{path}' is {problem} at vertex {row + 1}; export it again."
             )
     return rig
 

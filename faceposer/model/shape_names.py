@@ -18,6 +18,8 @@ SPLIT_SHAPES: tuple[str, ...] = (
 )
 #: Shapes that move the face to a side; for all other names, a side at the end is the side of the face.
 _SIDEWAYS = ("jawLeft", "jawRight", "mouthLeft", "mouthRight")
+#: Maximum length of a name that is compared with ARKit's.
+_LONGEST_NAME = 256
 _SEPARATORS = re.compile(r"[\W_]+")
 #: Boundaries between a prefix and a name: separators, or changes from lower to upper case or from digit to letter.
 _PREFIX_ENDS = re.compile(r"[\W_]+(?=[^\W_])|(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Za-z])")
@@ -95,6 +97,8 @@ def canonical_shape(name: str) -> str | None:
     Case and separators are ignored, the side may be ``L``, ``R``, ``Left`` or ``Right`` at either end, and text before
     a dot, colon, bar or slash, such as the mesh's name, is skipped.
     """
+    if len(name) > _LONGEST_NAME:
+        return None
     parts = [name, *(name[cut.end() :] for cut in re.finditer(r"[.:|/]", name))]
     for part in parts:
         shape = _SHAPES.get(_SEPARATORS.sub("", part).lower())

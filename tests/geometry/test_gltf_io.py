@@ -422,7 +422,7 @@ def broken(change: str) -> Builder:
         ("cycle", r"nodes\[1\]: it is an ancestor of itself"),
         ("parents", r"nodes\[0\]: it is the child of two nodes, 1 and 2"),
         ("scale", r"nodes\[0\]: 'scale' must be 3 finite numbers"),
-        ("overflow", "not finite"),
+        ("overflow", "too far away"),
         ("material", "'material' is 0, but there are 0"),
         ("draco", "compressed with Draco"),
         ("version", r"is glTF 1\.0"),
