@@ -193,12 +193,11 @@ def _source(options: argparse.Namespace) -> _Source:
 
 def _holds_weights(path: Path) -> bool:
     """Return True if ``path`` has weights, of the program or another tool; all else is left to the session reader."""
+    from faceposer.files.reading import open_text
     from faceposer.interchange.weights_json import FORMAT
 
     try:
-        if not path.is_file():
-            return False
-        with path.open(encoding="utf-8-sig") as file:
+        with open_text(path, "utf-8-sig") as file:
             head = file.read(_HEAD)
     except (OSError, ValueError):
         return False
@@ -211,8 +210,7 @@ def _write_session(options: argparse.Namespace, source: _Source, transfer: "Tran
     from faceposer.session.transferred import transferred
 
     assert source.document is not None
-    pose = source.document.coefficients
-    assert pose is not None
+    pose = source.still.coefficients[0]
     character = portable_character(options.target, options.output.parent)
     document = transferred(source.document, pose, transfer, character, target)
     document = replace(document, contact=document.contact and options.contact)

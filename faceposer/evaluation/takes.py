@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.evaluation.setting import StudyContext
+from faceposer.files.reading import open_text, read_bytes
 from faceposer.model.character import ARKIT_SHAPES, Character
 from faceposer.model.character_file import load_character
 from faceposer.training.capture import Capture, read_capture
@@ -144,7 +145,7 @@ def steady(path: Path, jump: float, sparse: Sparse = "auto") -> Capture:
 def frames_a_second(path: Path) -> float | None:
     """Return the median number of frames per second of the take in ``path``, or None without timestamps."""
     seconds: Counter[str] = Counter()
-    with path.open(newline="", encoding="utf-8-sig") as file:
+    with open_text(path, "utf-8-sig", newline="") as file:
         for cells in csv.reader(file):
             first = cells[0].strip() if cells else ""
             if match := re.match(r"(\d+:\d+:\d+)\b", first):
@@ -166,7 +167,7 @@ def _part(take: Capture, shares: Sequence[float]) -> Capture:
 
 def _checksum(path: Path) -> str:
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        return hashlib.sha256(read_bytes(path)).hexdigest()
     except OSError as error:
         raise FacePoserError(
             f"The capture '{path}' cannot be read ({error.strerror}); give a CSV file of Live Link Face or a text of "

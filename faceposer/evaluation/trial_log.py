@@ -14,7 +14,9 @@ from typing import Any
 from faceposer.errors import FacePoserError
 from faceposer.evaluation.measures import Score
 from faceposer.evaluation.trials import Cell
+from faceposer.files import paths
 from faceposer.files.atomic import write_text
+from faceposer.files.reading import read_bytes
 
 #: Scores by method, cell and seed, then by the number of the trial.
 Scores = dict[tuple[str, Cell, int], dict[int, Score]]
@@ -47,7 +49,7 @@ class TrialLog:
         self.scores: Scores = {}
         header = {"format": _FORMAT, "version": _VERSION, "sha256": _hash(settings), "settings": settings}
         try:
-            lines = [] if restart or not path.exists() else self._complete_lines()
+            lines = [] if restart or not paths.exists(path) else self._complete_lines()
             if lines:
                 self._check(lines[0], header)
                 for number, line in enumerate(lines[1:], start=2):
@@ -59,7 +61,7 @@ class TrialLog:
 
     def _complete_lines(self) -> list[bytes]:
         """Return the complete lines, and truncate the file after them."""
-        data = self.path.read_bytes()
+        data = read_bytes(self.path)
         length = data.rfind(b"\n") + 1
         if length < len(data):
             os.truncate(self.path, length)

@@ -1,8 +1,9 @@
 """JSON documents: reading with size limits, and conversion to declared types with messages that name the place."""
 
 import json
+import math
+import re
 import reprlib
-import stat
 from collections.abc import Callable
 from pathlib import Path
 from types import NoneType, UnionType
@@ -11,15 +12,24 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 import msgspec
 import numpy as np
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, short_name
+from faceposer.files.reading import RefusedError, read_bytes
 
 T = TypeVar("T")
 
 #: Maximum nesting depth of lists and objects.
 MAX_DEPTH = 64
+#: Approximate memory of the values of a file in Python, in bytes, by the characters that count them.
+_MEMORY = {b",": 40, b"[": 64, b"{": 200, b'"': 30}
+_MAX_MEMORY = 640 * 2**20
+_MAX_DIGITS, _LONGEST_NUMBER = 308, 24
+#: Anything that may be a number of ``_MAX_DIGITS`` digits, or beyond the range of floating point.
+_LARGE_NUMBER = re.compile(rb"[0-9]{308}|[eE][+]?[0-9]{3}")
 _BRACKETS = b"[]{}"
 _ALL_ELSE = bytes(set(range(256)) - set(_BRACKETS + b'"'))
 _PLURALS = {bool: "flags", int: "whole numbers", float: "numbers", str: "texts", list: "lists", tuple: "lists"}
+# A text with a lone surrogate, which JSON can contain, cannot be compared with the names of keys and choices.
+_UNFIT = (msgspec.ValidationError, UnicodeEncodeError)
 _SHORT = reprlib.Repr()
 _SHORT.maxother = _SHORT.maxstring = 40
 
@@ -72,20 +82,13 @@ def read_json(path: Path, kind: str, parse: Callable[[Any], T], max_bytes: int =
         FacePoserError: If the content is invalid; the message names the file and the place in it.
     """
     try:
-        data = _loads(_bytes(path, max_bytes), unique_keys)
+        data = parse_json(read_bytes(path, max_bytes), unique_keys)
+    except RefusedError as error:
+        raise FacePoserError(f"The {kind} '{path}' cannot be read: {error.strerror}.") from error
     except OSError as error:
         raise UnreadableError(f"The {kind} '{path}' cannot be read: {error.strerror or error}.") from error
-    except _RefusedError as error:
+    except FacePoserError as error:
         raise FacePoserError(f"The {kind} '{path}' cannot be read: {error}.") from error
-    except json.JSONDecodeError as error:
-        place = f"line {error.lineno}, column {error.colno}"
-        raise FacePoserError(f"The {kind} '{path}' cannot be read: not valid JSON at {place} ({error.msg}).") from error
-    except UnicodeDecodeError as error:
-        raise FacePoserError(f"The {kind} '{path}' cannot be read: it is not a text file in UTF-8.") from error
-    except RecursionError as error:
-        raise FacePoserError(f"The {kind} '{path}' cannot be read: not valid JSON, nested too deeply.") from error
-    except ValueError as error:
-        raise FacePoserError(f"The {kind} '{path}' cannot be read: not valid JSON, {error}.") from error
     try:
         return parse(data)
     except FacePoserError as error:
@@ -114,7 +117,7 @@ def convert(data: Any, form: type[T], where: str = "") -> T:
     """
     try:
         return msgspec.convert(data, form)
-    except msgspec.ValidationError as error:
+    except _UNFIT as error:
         raise FacePoserError(f"{_problem(data, form, where)}.") from error
 
 
@@ -129,47 +132,80 @@ def shown(value: Any) -> str:
     return text if len(text) <= 40 else text[:37] + "..."
 
 
-class _RefusedError(Exception):
-    """The file is rejected for the reason in the message."""
+def parse_json(content: bytes, unique_keys: bool = False) -> Any:
+    """Return the data in JSON text: UTF-8, with or without a byte order mark. Its memory and depth are checked first.
+
+    Numbers that are not finite become objects that no declared type accepts.
+
+    Args:
+        content: The text.
+        unique_keys: True to reject objects with duplicate keys; else the last value counts.
+
+    Raises:
+        FacePoserError: If it is invalid; the message is a reason without full stop, such as "not valid JSON at line 1".
+    """
+    try:
+        return _parse(content, unique_keys)
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise FacePoserError(f"not valid JSON at {place} ({error.msg})") from error
+    except UnicodeDecodeError as error:
+        raise FacePoserError("it is not a text file in UTF-8") from error
+    except RecursionError as error:
+        raise FacePoserError("not valid JSON, nested too deeply") from error
 
 
-def _bytes(path: Path, max_bytes: int) -> bytes:
-    status = path.stat()
-    if not stat.S_ISREG(status.st_mode):
-        raise _RefusedError("it is not a regular file")
-    if status.st_size > max_bytes:
-        raise _RefusedError(f"it is larger than {max_bytes / 2**20:.3g} MB")
-    with path.open("rb") as file:
-        return file.read(max_bytes)
-
-
-def _loads(content: bytes, unique_keys: bool) -> Any:
+def _parse(content: bytes, unique_keys: bool) -> Any:
     # The parser of Python, not of msgspec: it reports the line of an error and detects duplicate keys.
+    memory = sum(size * content.count(mark) for mark, size in _MEMORY.items())
+    if memory > _MAX_MEMORY:
+        raise FacePoserError(f"its values would take {memory >> 20} MB, more than {_MAX_MEMORY >> 20} MB")
     text = content.decode("utf-8-sig")
     # Once escaped quotes are removed, every other part between quotes is outside of strings.
     plain = content.replace(b"\\\\", b"").replace(b'\\"', b"").translate(None, _ALL_ELSE)
-    brackets = np.frombuffer(b"".join(plain.split(b'"')[::2]), dtype=np.uint8)
+    marks = np.frombuffer(plain, dtype=np.uint8)
+    brackets = marks[(np.cumsum(marks == ord('"')) % 2 == 0) & (marks != ord('"'))]
     opening = (brackets == ord("[")) | (brackets == ord("{"))
     if np.cumsum(np.where(opening, 1, -1)).max(initial=0) > MAX_DEPTH:
         raise RecursionError
-    return json.loads(text, parse_constant=_Constant, object_pairs_hook=_unique_pairs if unique_keys else None)
+    large = _LARGE_NUMBER.search(content) is not None
+    return json.loads(
+        text,
+        parse_constant=_Constant,
+        object_pairs_hook=_unique_pairs if unique_keys else None,
+        parse_int=_whole_number if large else None,
+        parse_float=_finite_number if large else None,
+    )
+
+
+def _whole_number(digits: str) -> Any:
+    return _Constant(digits) if len(digits) > _MAX_DIGITS else int(digits)
+
+
+def _finite_number(text: str) -> Any:
+    value = float(text)
+    return value if math.isfinite(value) else _Constant(text)
 
 
 class _Constant:
-    """NaN, Infinity or -Infinity, which are not valid JSON; no declared type accepts it."""
+    """A number that is not finite or far too large; no declared type accepts it, so that its place is reported."""
 
     def __init__(self, name: str) -> None:
-        self._name = name
+        self._name = name if len(name) <= _LONGEST_NUMBER else f"{name[:_LONGEST_NUMBER]}..."
 
     def __repr__(self) -> str:
         return self._name
+
+    def __float__(self) -> float:
+        return math.nan
 
 
 def _unique_pairs(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     result = dict(pairs)
     if len(result) < len(pairs):
-        names = [name for name, _ in pairs]
-        raise _RefusedError(f'the key "{next(name for name in names if names.count(name) > 1)}" occurs twice')
+        seen: set[str] = set()
+        twice = next(name for name, _ in pairs if name in seen or seen.add(name))  # type: ignore[func-returns-value]
+        raise FacePoserError(f'the key "{short_name(twice)}" occurs twice')
     return result
 
 
@@ -184,7 +220,7 @@ def _problem(data: Any, form: Any, where: str) -> str:
     if isinstance(data, dict) and _is_object(bare):
         return _problem_of_object(data, bare, where)
     if isinstance(data, dict) and get_origin(bare) is dict:
-        items = [(f"{where}.{key[:40]}", value, get_args(bare)[1]) for key, value in data.items()]
+        items = [(f"{where}.{short_name(key[:40])}", value, get_args(bare)[1]) for key, value in data.items()]
     elif isinstance(data, list) and get_origin(bare) in (list, tuple):
         kinds = get_args(bare)
         fixed = get_origin(bare) is tuple and kinds[-1] is not Ellipsis
@@ -219,17 +255,17 @@ def _problem_of_object(data: dict[str, Any], form: type[msgspec.Struct], where: 
             return _problem(value, fields[name].type, f"{start}{name}")
     try:
         msgspec.convert(data, form)
-    except msgspec.ValidationError as error:
+    except _UNFIT as error:
         if isinstance(error.__cause__, JsonError):
             return f"{start}{error.__cause__.key} {error}" if error.__cause__.key else f"{place} {error}"
-        return f"{place}: {error}"
+        return f"{place}: {error}" if isinstance(error, msgspec.ValidationError) else f"{place} has an invalid text"
     raise AssertionError(f"{place} matches its type")  # the caller has checked that it does not
 
 
 def _fits(data: Any, form: Any) -> bool:
     try:
         msgspec.convert(data, form)
-    except msgspec.ValidationError:
+    except _UNFIT:
         return False
     return True
 

@@ -5,13 +5,13 @@ import csv
 import itertools
 import math
 import re
-import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
 from faceposer.errors import FacePoserError
+from faceposer.files.reading import open_file, open_text
 
 Row = tuple[int, list[str]]
 
@@ -51,15 +51,10 @@ def open_table(path: Path, kind: str, most_bytes: int, blank: bool = False) -> I
         FacePoserError: If the file cannot be read, is no text or too large, or a line or cell is too long.
     """
     try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            raise FacePoserError(f"The {kind} '{path}' cannot be read: it is not a regular file.")
-        if status.st_size > most_bytes:
-            raise FacePoserError(f"'{path}' is too large for a {kind}; split it into shorter takes.")
-        encoding = _encoding(path)
+        encoding = _encoding(path, most_bytes)
         if encoding is None:
             raise FacePoserError(f"The {kind} '{path}' cannot be read: it is not a text file; export it again.")
-        with path.open(newline="", encoding=encoding, errors="replace") as file:
+        with open_text(path, encoding, "replace", "") as file:
             yield _rows(file, path, blank)
     except OSError as error:
         raise FacePoserError(f"The {kind} '{path}' cannot be read: {error.strerror or error}.") from error
@@ -74,9 +69,9 @@ def decimal_number(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _encoding(path: Path) -> str | None:
+def _encoding(path: Path, max_bytes: int) -> str | None:
     """Return the encoding of the text in ``path``, or None if it is no text."""
-    with path.open("rb") as file:
+    with open_file(path, max_bytes) as file:
         head = file.read(_CHUNK)
         for mark, name in _MARKS:
             if head.startswith(mark):
@@ -91,10 +86,10 @@ def _encoding(path: Path) -> str | None:
 
 
 def _decodes(path: Path, encoding: str) -> bool:
-    """Whether all of the file is text in ``encoding``, without control characters other than white space."""
+    """Return True if all of the file is text in ``encoding``, without control characters other than white space."""
     # Windows-1252 leaves some bytes undefined.
     decoder = codecs.getincrementaldecoder(encoding)("replace" if encoding == _FALLBACK else "strict")
-    with path.open("rb") as file:
+    with open_file(path) as file:
         try:
             while chunk := file.read(_CHUNK):
                 if _CONTROL.search(decoder.decode(chunk)):

@@ -7,7 +7,6 @@ seconds for avatars with thousands of accessors.
 
 import base64
 import binascii
-import json
 import re
 import struct
 from pathlib import Path
@@ -17,7 +16,9 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, short_name
+from faceposer.files.json_documents import parse_json
+from faceposer.files.reading import read_bytes
 
 _MAX_BYTES = 1 << 30
 #: Limit on the entries of an accessor without data in the file.
@@ -149,17 +150,9 @@ class GltfFile:
         if bytes(data[:4]) == _MAGIC:
             text, self._binary = self._chunks(data)
         try:
-            document = json.loads(bytes(text))
-        except json.JSONDecodeError as error:
-            raise FacePoserError(
-                f"The rig '{path}' is not glTF: its JSON is invalid at line {error.lineno}, column {error.colno} "
-                f"({error.msg}); export it again."
-            ) from error
-        except (ValueError, RecursionError) as error:
-            place = f" at byte {error.start}" if isinstance(error, UnicodeDecodeError) else ""
-            raise FacePoserError(
-                f"The rig '{path}' is not glTF: its JSON cannot be read{place}; export it again."
-            ) from error
+            document = parse_json(bytes(text))
+        except FacePoserError as error:
+            raise FacePoserError(f"The rig '{path}' is not glTF: {error}; export it again.") from error
         if not isinstance(document, dict) or not isinstance(document.get("asset"), dict):
             raise FacePoserError(f"The rig '{path}' is not glTF: it has no 'asset'; export it again as glTF 2.")
         self.root = GltfObject(path, "", document)
@@ -169,12 +162,11 @@ class GltfFile:
 
     def _read_file(self, path: Path, noun: str) -> bytes:
         """Return the bytes of a file; all files together must not exceed 1 GB."""
-        if path.exists() and not path.is_file():
-            raise FacePoserError(f"{noun} '{path}' is not a file.")
-        self._total_bytes += path.stat().st_size
+        content = read_bytes(path, _MAX_BYTES)
+        self._total_bytes += len(content)
         if self._total_bytes > _MAX_BYTES:
             raise FacePoserError(f"{noun} '{path}' is larger than {_MAX_BYTES >> 30} GB; choose a smaller one.")
-        return path.read_bytes()
+        return content
 
     def _chunks(self, data: memoryview) -> tuple[memoryview, memoryview | None]:
         """Return the JSON chunk and the binary chunk, if any, of a GLB (4.4)."""
@@ -231,9 +223,11 @@ class GltfFile:
                 raise by.error("its data URI is not base64") from error
         name = unquote(uri)
         if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:", name):
-            raise by.error(f"it is at '{name[:80]}', not next to the rig")
+            raise by.error(f"it is at '{short_name(name)}', not next to the rig")
         path = self.path.parent / name
         try:
+            if not path.resolve().is_relative_to(self.path.parent.resolve()):
+                raise by.error(f"it is at '{short_name(name)}', outside the rig's folder")
             return self._read_file(path, f"For {by.place} of the rig '{self.path}', the resource")
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "it is not a valid file name"

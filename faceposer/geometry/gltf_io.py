@@ -17,6 +17,7 @@ from faceposer.geometry.gltf_materials import (
     texture_coordinates,
 )
 from faceposer.geometry.gltf_nodes import Placement, Scene, place, read_scene
+from faceposer.geometry.mesh import first_unusable
 from faceposer.geometry.polygon_mesh import Group, MorphMesh, PolygonMesh, no_polygons
 
 GLTF_SUFFIXES = (".glb", ".gltf", ".vrm")
@@ -292,9 +293,9 @@ def _offsets(file: GltfFile, part: _Part, target: GltfObject, name: str) -> NDAr
 
 
 def _require_finite(values: NDArray[np.floating], by: GltfObject, noun: str) -> None:
-    finite = np.isfinite(values).all(axis=1)
-    if not finite.all():
-        raise by.error(f"{noun} of vertex {int(np.argmin(finite)) + 1} is not finite")
+    if (row := first_unusable(values)) is not None:
+        problem = "too far away" if np.isfinite(values[row]).all() else "not finite"
+        raise by.error(f"{noun} of vertex {row + 1} is {problem}")
 
 
 def _uv(file: GltfFile, part: _Part) -> NDArray[np.float64] | None:

@@ -2,7 +2,6 @@
 
 import importlib
 import re
-import stat
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.reading import open_file
 from faceposer.geometry.marker_csv import MAX_BYTES, MAX_FRAMES, MAX_MARKERS, parse_marker_csv
 
 Array = NDArray[np.float64]
@@ -86,12 +86,7 @@ def read_markers(path: Path, rate: float | None = None) -> MarkerMotion:
         if suffix == ".csv":
             table = parse_marker_csv(path, rate=rate)
             return _motion(table.names, table.positions, table.rate, table.unit, path, table.notes)
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            raise FacePoserError(f"The markers in '{path}' cannot be read: it is not a regular file.")
-        if status.st_size > MAX_BYTES:
-            raise FacePoserError(f"'{path}' is too large for motion of a face; split it into shorter takes.")
-        with path.open("rb") as file:
+        with open_file(path, MAX_BYTES) as file:
             return _read_c3d(file, path, rate)
     except OSError as error:
         raise FacePoserError(f"The markers in '{path}' cannot be read: {error.strerror or error}.") from error

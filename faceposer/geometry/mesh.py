@@ -9,6 +9,9 @@ from scipy import sparse
 Floats = NDArray[np.floating]
 Ints = NDArray[np.integer]
 
+#: Bound on coordinates in files, which keeps sums of their squares over a mesh within single precision.
+FARTHEST = 1e12
+
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
@@ -29,6 +32,13 @@ class TriangleMesh:
             raise ValueError(f"triangles must have shape (T, 3), not {self.triangles.shape}")
         if self.triangles.size and not 0 <= self.triangles.min() <= self.triangles.max() < len(self.vertices):
             raise ValueError("triangles refer to vertices that do not exist")
+
+
+def first_unusable(values: Floats) -> int | None:
+    """Return the first row of ``values``, (N, k), with a number that is not finite or beyond ``FARTHEST``, or None."""
+    # Comparisons with NaN are False.
+    usable = np.abs(values) <= FARTHEST
+    return None if usable.all() else int(np.argmin(usable.all(axis=1)))
 
 
 class VertexNormals:

@@ -6,13 +6,19 @@ from typing import Any
 import numpy as np
 
 from faceposer.errors import FacePoserError
+from faceposer.files.reading import open_file
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
+from faceposer.geometry.mesh import first_unusable
 from faceposer.geometry.obj_io import read_obj
 from faceposer.geometry.ply_io import read_ply
 from faceposer.geometry.polygon_mesh import PolygonMesh
 
 _MAX_BYTES = 1 << 30
 _APPLE_DOUBLE = b"\x00\x05\x16\x07"
+# Limits of an OBJ file, of which a face of a million vertices stays below.
+_MAX_LINES, _LONGEST_LINE = 4_000_000, 1 << 25
+# The readers of trimesh take many times the size of a file.
+_MAX_BYTES_TRIMESH = 128 << 20
 MESH_SUFFIXES = (".obj", ".ply", ".stl", *GLTF_SUFFIXES, ".off")
 
 
@@ -23,9 +29,7 @@ def read_mesh(path: Path) -> PolygonMesh:
         FacePoserError: If the file cannot be read as a mesh.
     """
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise FacePoserError(f"The mesh '{path}' is larger than {_MAX_BYTES >> 30} GB; choose a smaller one.")
-        with path.open("rb") as file:
+        with open_file(path, _MAX_BYTES) as file:
             is_apple_double = file.read(4) == _APPLE_DOUBLE
         if is_apple_double:
             raise FacePoserError(
@@ -36,28 +40,50 @@ def read_mesh(path: Path) -> PolygonMesh:
         raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
     if len(mesh.vertices) == 0 or len(mesh.polygons) == 0:
         raise FacePoserError(f"The mesh '{path}' has no faces; choose a file with a surface.")
-    if not np.isfinite(mesh.vertices).all():
-        vertex = int(np.argmin(np.isfinite(mesh.vertices).all(axis=1)))
-        raise FacePoserError(f"Vertex {vertex + 1} of the mesh '{path}' is not finite; export it again.")
+    for noun, values in (("Vertex", mesh.vertices), ("Texture coordinate", mesh.uv), ("Normal", mesh.normals)):
+        if (row := first_unusable(values)) is not None:
+            problem = "too far away" if np.isfinite(values[row]).all() else "not finite"
+            raise FacePoserError(f"{noun} {row + 1} of the mesh '{path}' is {problem}; export it again.")
     return mesh
 
 
 def _read(path: Path) -> PolygonMesh:
     suffix = path.suffix.lower()
+    if suffix == ".obj":
+        _check_lines(path)
     if suffix in GLTF_SUFFIXES:
         return read_gltf(path).mesh
     return {".obj": read_obj, ".ply": read_ply}.get(suffix, _read_with_trimesh)(path)
 
 
+def _check_lines(path: Path) -> None:
+    """Raise a FacePoserError if the OBJ file ``path`` has far more lines than a face."""
+    lines = longest = 0
+    with open_file(path, _MAX_BYTES) as file:
+        while block := file.read(1 << 24):
+            lines += block.count(b"\n") + block.count(b"\r")
+            longest = 0 if b"\n" in block or b"\r" in block else longest + len(block)
+            if lines > 2 * _MAX_LINES or longest > _LONGEST_LINE:
+                raise FacePoserError(
+                    f"The mesh '{path}' has more than {_MAX_LINES} lines, or lines of more than {_LONGEST_LINE >> 20} "
+                    "MB; export the face only."
+                )
+
+
 def _read_with_trimesh(path: Path) -> PolygonMesh:
     if path.suffix.lower() not in MESH_SUFFIXES:
         raise FacePoserError(f"'{path}' is not a supported mesh; choose a file of type {', '.join(MESH_SUFFIXES)}.")
-    path.open("rb").close()
     import trimesh  # imported late, since it takes over a second
 
+    file_type = path.suffix.lower().removeprefix(".")
     try:
-        mesh: Any = trimesh.load(path, force="mesh", process=False, maintain_order=True)
+        with open_file(path, _MAX_BYTES_TRIMESH) as file:
+            mesh: Any = trimesh.load(file, file_type, force="mesh", process=False, maintain_order=True)
         vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces)
-    except Exception as error:  # the readers of trimesh raise arbitrary exceptions
-        raise FacePoserError(f"The mesh '{path}' cannot be read: {str(error) or type(error).__name__}.") from error
+    except OSError:
+        raise
+    except Exception as error:  # the readers of trimesh raise arbitrary exceptions, with messages for programmers
+        raise FacePoserError(
+            f"The mesh '{path}' is broken or is not a mesh of type {file_type.upper()}; export it again."
+        ) from error
     return PolygonMesh(vertices, faces.astype(np.int32))

@@ -18,7 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.files.names import is_hidden
+from faceposer.files.reading import open_file
 from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_mesh
 from faceposer.geometry.obj_io import read_obj_positions_and_digest
 from faceposer.geometry.polygon_mesh import PolygonMesh
@@ -178,14 +180,14 @@ def open_sequence(path: Path, neutral: Path | None = None) -> MeshSequence:
     Raises:
         FacePoserError: If there are no meshes, or the neutral cannot be read.
     """
-    if path.is_dir():
+    if paths.is_dir(path):
         allowed = (*MESH_SUFFIXES, ARRAY_SUFFIX)
         try:
-            found = [f for f in path.iterdir() if f.suffix.lower() in allowed and not is_hidden(f) and f.is_file()]
+            found = [f for f in path.iterdir() if f.suffix.lower() in allowed and not is_hidden(f) and paths.is_file(f)]
         except OSError as error:
             raise FacePoserError(f"The folder '{path}' cannot be read: {error.strerror}.") from error
         files = sorted(found, key=_natural_key)
-    elif path.suffix.lower() == ARRAY_SUFFIX and path.is_file():
+    elif path.suffix.lower() == ARRAY_SUFFIX and paths.is_file(path):
         files = [path]
     else:
         raise FacePoserError(f"'{path}' is not a folder of meshes or an .npz file; choose one of these.")
@@ -263,7 +265,7 @@ def _open_vertices(path: Path) -> Iterator[tuple[IO[bytes], zipfile.ZipInfo]]:
         KeyError: If there is no such array.
         zipfile.BadZipFile: If the file is damaged.
     """
-    with zipfile.ZipFile(path) as archive:
+    with open_file(path) as file, zipfile.ZipFile(file) as archive:
         info = archive.getinfo(_VERTICES)
         _refuse_encrypted(info, path)
         with archive.open(info) as stream:
@@ -271,7 +273,7 @@ def _open_vertices(path: Path) -> Iterator[tuple[IO[bytes], zipfile.ZipInfo]]:
                 yield stream, info
                 return
     # To seek, zipfile reads everything in between; stored members are read directly from the file instead.
-    with path.open("rb") as file:
+    with open_file(path) as file:
         file.seek(info.header_offset)
         header = file.read(30)
         if len(header) < 30:
@@ -299,7 +301,7 @@ def _array_source(path: Path, first: int) -> _Source:
 
 def _first_frame(path: Path) -> tuple[Array, NDArray[np.int32] | None]:
     try:
-        with zipfile.ZipFile(path) as archive:
+        with open_file(path) as file, zipfile.ZipFile(file) as archive:
             with archive.open(_VERTICES) as stream:
                 shape, dtype = _array_header(stream, path)
                 size = shape[-2] * 3 * dtype.itemsize
@@ -370,8 +372,6 @@ def _array_header(stream: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dt
 
 def _obj_positions(path: Path) -> tuple[Array, str]:
     try:
-        if path.stat().st_size > _MAX_FILE_BYTES:
-            raise FacePoserError(f"The mesh '{path}' is larger than {_MAX_FILE_BYTES >> 30} GB; choose a smaller one.")
         return read_obj_positions_and_digest(path)
     except OSError as error:
         raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error

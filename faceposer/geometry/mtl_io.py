@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from faceposer.files.reading import read_bytes
 from faceposer.geometry.polygon_mesh import PolygonMesh
 from faceposer.geometry.texture_images import TextureReader, UnusableImageError, file_in
 
@@ -83,9 +84,7 @@ def read_obj_textures(obj: Path, mesh: PolygonMesh) -> tuple[dict[str, bytes], t
     for names in mesh.libraries if wanted else ():
         for library in _library_files(obj.parent, names, notes):
             try:
-                if library.stat().st_size > _MAX_LIBRARY_BYTES:
-                    raise OSError(0, f"it is larger than {_MAX_LIBRARY_BYTES >> 20} MB")
-                text = library.read_bytes().decode("utf-8-sig", "replace")
+                text = read_bytes(library, _MAX_LIBRARY_BYTES).decode("utf-8-sig", "replace")
             except OSError as error:
                 notes.append(f"The material library '{library.name[:80]}' cannot be read: {error.strerror}.")
                 continue
@@ -94,11 +93,8 @@ def read_obj_textures(obj: Path, mesh: PolygonMesh) -> tuple[dict[str, bytes], t
     for material in sorted(wanted & images.keys()):
         try:
             path = file_in(obj.parent, images[material])
-            size = path.stat().st_size
-            total += size
-            if size > _MAX_TEXTURE_BYTES or total > _MAX_TOTAL_BYTES:
-                raise UnusableImageError("it is too large")
-            data = path.read_bytes()
+            data = read_bytes(path, min(_MAX_TEXTURE_BYTES, _MAX_TOTAL_BYTES - total))
+            total += len(data)
         except UnusableImageError as error:
             reader.problem(material, images[material], str(error))
         except OSError as error:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
+from faceposer.files.reading import open_file, open_text, read_bytes
 from faceposer.geometry.mtl_io import writable_name
 from faceposer.geometry.polygon_mesh import Group, PolygonMesh, no_polygons, pad_polygons
 
@@ -201,11 +202,11 @@ def _statements(path: Path) -> Iterator[tuple[int, str, str]]:
     A backslash at the end of a line continues the statement on the next one, except in comments, which may end in a
     Windows path.
     """
-    with path.open("rb") as file:
+    with open_file(path) as file:
         start = file.read(3)
     is_utf16 = start.startswith(_UTF16)
     # Latin-1 preserves all bytes, so that only names have to be decoded.
-    with path.open(encoding="utf-16" if is_utf16 else "latin-1") as file:
+    with open_text(path, "utf-16" if is_utf16 else "latin-1") as file:
         if start == codecs.BOM_UTF8:
             file.read(3)
         begun = ""
@@ -260,7 +261,7 @@ def obj_content(path: Path) -> bytes:
         OSError: If the file cannot be read.
         FacePoserError: If it is not valid UTF-16.
     """
-    data = path.read_bytes()
+    data = read_bytes(path)
     if data.startswith(_UTF16):
         try:
             data = data.decode("utf-16").encode("utf-8")

@@ -11,6 +11,8 @@ from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import Floats, Ints
 
 _EPSILON = 1e-12
+# Number of tests of a pixel against a triangle near it, in all and at a time.
+_MOST_TESTS, _TESTS_AT_A_TIME = 5_000_000, 200_000
 
 
 @dataclass(frozen=True)
@@ -180,6 +182,9 @@ def pick_pixels(
 
     A search tree over the pixels, in place of the paper's hierarchy of blocks (section 4.3), limits the tests to
     triangles near each pixel. Triangles that face away are ignored.
+
+    Raises:
+        ValueError: If far too many triangles are near the pixels.
     """
     # Imported late to shorten the start of the window.
     from scipy.spatial import cKDTree
@@ -198,17 +203,27 @@ def pick_pixels(
         return SurfacePoints(np.zeros(0, dtype=np.int64), np.zeros((0, 3))), np.zeros(len(targets), dtype=bool)
     centres = corners[candidates].mean(axis=1)
     radii = np.linalg.norm(corners[candidates] - centres[:, None], axis=2).max(axis=1)
-    found = cKDTree(targets).query_ball_point(centres, radii + 1e-9)
-    face = np.repeat(candidates, [len(hits) for hits in found])
-    pixel = np.concatenate([np.asarray(hits, dtype=np.intp) for hits in found])
-    weights, distance = _along_rays(positions, np.asarray(triangles)[face], camera, targets[pixel])
-    hit = (weights >= -1e-9).all(axis=1) & (distance > 0)
-    face, pixel, weights, distance = face[hit], pixel[hit], weights[hit], distance[hit]
-    order = np.lexsort((distance, pixel))
-    first = order[np.unique(pixel[order], return_index=True)[1]]
-    met = np.zeros(len(targets), dtype=bool)
-    met[pixel[first]] = True
-    return SurfacePoints(face[first], _normalised(weights[first])), met
+    tree = cKDTree(targets)
+    counts = tree.query_ball_point(centres, radii + 1e-9, return_length=True)
+    if counts.sum() > _MOST_TESTS:
+        raise ValueError("too much of the face lies under its pixels; draw it from farther away, or less of it")
+    nearest = np.full(len(targets), np.inf)
+    faces, best = np.full(len(targets), -1), np.zeros((len(targets), 3))
+    # In parts, since triangles that are large in the picture are near many pixels.
+    ends = np.flatnonzero(np.diff(np.cumsum(counts) // _TESTS_AT_A_TIME)) + 1
+    for part in np.split(np.arange(len(candidates)), ends):
+        found = tree.query_ball_point(centres[part], radii[part] + 1e-9)
+        face = np.repeat(candidates[part], counts[part])
+        pixel = np.concatenate([np.asarray(hits, dtype=np.intp) for hits in found])
+        weights, distance = _along_rays(positions, np.asarray(triangles)[face], camera, targets[pixel])
+        hit = (weights >= -1e-9).all(axis=1) & (distance > 0)
+        face, pixel, weights, distance = face[hit], pixel[hit], weights[hit], distance[hit]
+        order = np.lexsort((distance, pixel))
+        first = order[np.unique(pixel[order], return_index=True)[1]]
+        first = first[distance[first] < nearest[pixel[first]]]
+        nearest[pixel[first]], faces[pixel[first]], best[pixel[first]] = distance[first], face[first], weights[first]
+    met = faces >= 0
+    return SurfacePoints(faces[met], _normalised(best[met])), met
 
 
 def points_on_triangles(

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file
+from faceposer.files.reading import read_bytes
 from faceposer.geometry.polygon_mesh import PolygonMesh, no_polygons, pad_polygons
 
 _CODES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
@@ -82,7 +83,7 @@ def read_ply(path: Path) -> PolygonMesh:
         OSError: If the file cannot be read.
         FacePoserError: If it is invalid or truncated.
     """
-    data = path.read_bytes()
+    data = read_bytes(path)
     try:
         text, endian, elements, body = _parse_header(data)
         columns = _read(memoryview(data)[body:], text, endian, elements)

@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
+from faceposer.geometry.mesh import first_unusable
 from faceposer.geometry.polygon_mesh import MorphMesh
 from faceposer.geometry.shape_alignment import AlignmentReport, implausible, lay_on, still_share
 from faceposer.geometry.shape_folder import SHAPE_SUFFIXES, read_shape_folder
@@ -22,9 +24,9 @@ def read_rig(path: Path, neutral: Path | None = None) -> MorphMesh:
     Raises:
         FacePoserError: If it cannot be read, is invalid, or has no shapes.
     """
-    if not path.exists():
+    if not paths.exists(path):
         raise FacePoserError(f"The rig '{path}' does not exist; choose a folder of shapes or a glTF file.")
-    if path.is_dir():
+    if paths.is_dir(path):
         rig = read_shape_folder(path, neutral)
         kind = "folder"
         remedy = f"add a mesh for each shape to the folder ({', '.join(SHAPE_SUFFIXES)})"
@@ -44,11 +46,10 @@ def read_rig(path: Path, neutral: Path | None = None) -> MorphMesh:
     if not rig.targets:
         raise FacePoserError(f"The {kind} '{path}' has no shapes; {remedy}.")
     for name, offsets in rig.targets.items():
-        finite = np.isfinite(offsets).all(axis=1)
-        if not finite.all():
+        if (row := first_unusable(offsets)) is not None:
+            problem = "too large" if np.isfinite(offsets[row]).all() else "not finite"
             raise FacePoserError(
-                f"The shape '{name}' of the {kind} '{path}' is not finite at vertex {int(np.argmin(finite)) + 1}; "
-                "export it again."
+                f"The shape '{name}' of the {kind} '{path}' is {problem} at vertex {row + 1}; export it again."
             )
     return rig
 

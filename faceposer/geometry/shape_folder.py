@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.files.names import is_hidden
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.mtl_io import read_obj_textures
@@ -38,19 +39,16 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
         files = sorted(
             path
             for path in folder.iterdir()
-            if path.suffix.lower() in SHAPE_SUFFIXES and not is_hidden(path) and path.is_file()
+            if path.suffix.lower() in SHAPE_SUFFIXES and not is_hidden(path) and paths.is_file(path)
         )
     except OSError as error:
         raise FacePoserError(f"The folder '{folder}' cannot be read: {error.strerror}.") from error
     if neutral is None:
         neutral = _find_neutral(folder, files)
-    elif not neutral.is_file() and (folder / neutral).is_file():
+    elif not paths.is_file(neutral) and paths.is_file(folder / neutral):
         neutral = folder / neutral
     rest = read_mesh(neutral)
-    try:
-        shapes = [path for path in files if not path.samefile(neutral)]
-    except OSError as error:
-        raise FacePoserError(f"The folder '{folder}' cannot be read: {error.strerror}.") from error
+    shapes = [path for path in files if not paths.same_file(path, neutral)]
     size = len(shapes) * rest.vertices.size * 4
     if size > _MAX_OFFSET_BYTES:
         raise FacePoserError(

@@ -5,6 +5,8 @@ import warnings
 from contextlib import suppress
 from pathlib import Path
 
+from faceposer.files import paths
+
 _MOST_NOTES = 6
 _KEPT = ("PNG", "JPEG")
 _MAX_BYTES = 256 << 20
@@ -90,7 +92,7 @@ def file_in(folder: Path, name: str) -> Path:
     for tail in (parts, parts[-1:]):
         path = folder.joinpath(*tail) if tail else folder
         with suppress(OSError, ValueError):
-            found = path if path.is_file() else _ignoring_case(path)
+            found = path if paths.is_file(path) else _ignoring_case(path)
             if found is not None:
                 if found.resolve().is_relative_to(folder.resolve()):
                     return found
@@ -100,7 +102,9 @@ def file_in(folder: Path, name: str) -> Path:
 
 def _ignoring_case(path: Path) -> Path | None:
     """Return the only file beside ``path`` with its name in another case, as files from Windows have."""
-    if not path.parent.is_dir():
+    if not paths.is_dir(path.parent):
         return None
-    found = [other for other in path.parent.iterdir() if other.name.lower() == path.name.lower() and other.is_file()]
+    found = [
+        other for other in path.parent.iterdir() if other.name.lower() == path.name.lower() and paths.is_file(other)
+    ]
     return found[0] if len(found) == 1 else None

@@ -10,7 +10,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from faceposer.files import paths
 from faceposer.files.atomic import atomic_files, atomic_folder
+from faceposer.files.reading import open_file
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.obj_io import ObjWriter
 from faceposer.geometry.ply_io import write_ply
@@ -60,10 +62,10 @@ def foreign_library(path: Path) -> tuple[Path, ...]:
     """Return the material library next to ``path`` that ``write_posed_obj`` would replace, if of another program."""
     library = path.with_name(library_name(path.stem))
     try:
-        with library.open("rb") as file:
+        with open_file(library) as file:
             is_foreign = file.read(len(_SIGNATURE)) != _SIGNATURE
     except OSError:
-        is_foreign = library.exists()
+        is_foreign = paths.exists(library)
     return (library,) if is_foreign else ()
 
 

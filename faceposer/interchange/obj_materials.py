@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from faceposer.errors import FacePoserError
-from faceposer.files import paths
 from faceposer.files.names import shortened_stem
+from faceposer.files.reading import read_bytes
 from faceposer.geometry.mtl_io import MtlMaterial, mtl_text, writable_name
 from faceposer.geometry.polygon_mesh import Group
 from faceposer.interchange.surfaces import base_colour, is_png, opacity, roughness
@@ -154,8 +154,8 @@ def _free_name(folder: Path, stem: str, suffix: str, image: bytes, taken: dict[s
 def has_content(path: Path, content: bytes) -> bool | None:
     """Return True if the file ``path`` exists with ``content``, False if with another, None if it does not exist."""
     try:
-        if paths.is_file(path) and path.stat().st_size == len(content):
-            return path.read_bytes() == content
+        return read_bytes(path, len(content)) == content
+    except FileNotFoundError:
+        return False if path.is_symlink() else None
     except OSError:
         return False
-    return False if paths.exists(path) or path.is_symlink() else None

@@ -19,7 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.files.atomic import atomic_file
+from faceposer.files.json_documents import parse_json
+from faceposer.files.reading import open_file
 from faceposer.model.character import Character, Floats, Ints, Part
 from faceposer.model.character_checks import InconsistentError
 from faceposer.model.expression_statistics import ExpressionStatistics
@@ -45,7 +48,7 @@ def available_characters() -> list[tuple[str, str]]:
     Raises:
         FacePoserError: If a character file is damaged.
     """
-    return [(path.stem, _read_title(path)) for path in sorted(asset_path("characters").glob("*.npz"))]
+    return [(path.stem, read_title(path)) for path in sorted(asset_path("characters").glob("*.npz"))]
 
 
 def load_character(name_or_path: str | os.PathLike[str]) -> Character:
@@ -55,10 +58,10 @@ def load_character(name_or_path: str | os.PathLike[str]) -> Character:
         FacePoserError: If there is no such character, or the file is not a valid character file.
     """
     text = os.fspath(name_or_path)
-    path = Path(text).expanduser()
+    path = paths.expand_user(text)
     if path.suffix.lower() != ".npz":
         installed = asset_path(f"characters/{text}.npz") if text == path.name and text else None
-        if installed is None or not installed.is_file():
+        if installed is None or not paths.is_file(installed):
             names = ", ".join(f"'{p.stem}'" for p in sorted(asset_path("characters").glob("*.npz")))
             raise FacePoserError(
                 f"There is no character '{text}'; choose one of {names or '(none installed)'}, or give the path of a "
@@ -149,14 +152,19 @@ def _refuse(path: Path, reason: str) -> NoReturn:
     raise FacePoserError(f"The character file '{path}' cannot be used: {reason.rstrip('.')}.") from None
 
 
-def _read_title(path: Path) -> str:
+def read_title(path: Path) -> str:
+    """Return the title in the character file ``path`` without reading its meshes.
+
+    Raises:
+        FacePoserError: If it is not a character file.
+    """
     return str(_parse_meta(path, _read_members(path, {"meta"}))["title"])
 
 
 def _read_members(path: Path, named: set[str] | None) -> dict[str, NDArray[Any]]:
     """Read all arrays of the archive ``path``, or those ``named``; sizes are checked before memory is allocated."""
     try:
-        with zipfile.ZipFile(path) as archive:
+        with open_file(path) as file, zipfile.ZipFile(file) as archive:
             entries = archive.infolist()
             if len(entries) > _MAX_MEMBERS or sum(entry.file_size for entry in entries) > _MAX_BYTES:
                 _refuse(path, "it is too large for a character")
@@ -201,8 +209,8 @@ def _read_array(stream: IO[bytes], size: int) -> NDArray[Any]:
 
 def _parse_meta(path: Path, members: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     try:
-        meta = json.loads(members["meta"].tobytes().decode("utf-8"))
-    except (KeyError, ValueError, RecursionError):
+        meta = parse_json(members["meta"].tobytes())
+    except (KeyError, FacePoserError):
         _refuse(path, "it is not a Face Poser character file (its metadata is missing or unreadable)")
     if not isinstance(meta, dict) or meta.get("format") != FORMAT:
         _refuse(path, "it is not a Face Poser character file")

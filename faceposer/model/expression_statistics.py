@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file
+from faceposer.files.reading import open_file
 from faceposer.model.character_checks import InconsistentError
 from faceposer.model.coupling import independent
 from faceposer.resources import asset_path
@@ -152,9 +153,7 @@ def load_expression_statistics(path: Path | None = None) -> ExpressionStatistics
     """
     path = path or asset_path("expressions.npz")
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise ValueError("it is too large")
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
+        with open_file(path, _MAX_BYTES) as file, np.load(file, allow_pickle=False) as data:
             arrays = {name: data[name].astype(np.float64) for name in _ARRAYS}
             names = tuple(str(name) for name in data["shape_names"])
             arrays |= {name: data[name].astype(np.float64) for name in ("coupling", "examples") if name in data}

@@ -15,6 +15,8 @@ SPLIT_SHAPES: tuple[str, ...] = (
 )
 #: Shapes that move the face to a side; for all other names, a side at the end is the side of the face.
 _SIDEWAYS = ("jawLeft", "jawRight", "mouthLeft", "mouthRight")
+#: Maximum length of a name that is compared with ARKit's.
+_LONGEST_NAME = 256
 _SEPARATORS = re.compile(r"[\W_]+")
 _SCOPES = re.compile(r"[.:|/]")
 #: Longest name of a shape in characters, with its separators but without the name of a mesh before it.

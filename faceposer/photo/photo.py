@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from msgspec import UNSET, Meta, UnsetType, field
 
 from faceposer.files.json_documents import JsonError, JsonObject, given
+from faceposer.files.paths import expand_user
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.face_model import FaceModel
@@ -181,4 +182,4 @@ class Photo:
 
 def absolute_path(path: str, folder: Path) -> str:
     """Return ``path``, relative to ``folder``, as an absolute path."""
-    return os.path.normpath((folder / Path(path).expanduser()).absolute())
+    return os.path.normpath((folder / expand_user(path)).absolute())

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.reading import open_file
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -136,7 +137,7 @@ def _eight_bits(image: "Image") -> "Image":
 
 def _foreign_format(path: Path) -> str:
     """Return the format of an image that Pillow does not read, by its content or its suffix; "" for other images."""
-    with path.open("rb") as file:
+    with open_file(path) as file:
         start = file.read(64)
     if start.startswith(_READABLE_STARTS):
         return ""
@@ -162,13 +163,11 @@ def _opened(path: Path) -> Iterator[Any]:
         foreign = _foreign_format(path)
         if foreign:
             raise FacePoserError(f"The photo '{path}' is {foreign}, which cannot be read; save it as JPEG or PNG.")
-        if path.stat().st_size > _MAX_BYTES:
-            raise FacePoserError(f"The photo '{path}' is larger than {_MAX_BYTES // 2**20} MB; reduce its size.")
-        with warnings.catch_warnings():
+        with open_file(path, _MAX_BYTES) as file, warnings.catch_warnings():
             # Pillow's warning has a lower limit than MAX_PIXELS.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             warnings.filterwarnings("ignore", category=UserWarning, module="PIL")
-            with Image.open(path) as image:
+            with Image.open(file) as image:
                 if image.width * image.height > MAX_PIXELS:
                     raise FacePoserError(
                         f"The photo '{path}' has {image.width} x {image.height} pixels, more than "

@@ -7,8 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from faceposer.errors import FacePoserError
 from faceposer.model.character import Character
 from faceposer.render.line_buffers import LineBuffers
+
+# Textures of 8192 by 8192 pixels are common.
+_MOST_PIXELS = 1 << 27
 
 
 def is_software_renderer(ctx: moderngl.Context) -> bool:
@@ -77,8 +81,15 @@ def _edges(character: Character) -> NDArray[np.int32]:
 
 
 def _texture(ctx: moderngl.Context, data: bytes) -> moderngl.Texture:
-    with Image.open(io.BytesIO(data)) as encoded:
-        image = encoded.convert("RGBA" if encoded.mode in ("RGBA", "LA", "P") else "RGB")
+    try:
+        with Image.open(io.BytesIO(data)) as encoded:
+            if encoded.width * encoded.height > _MOST_PIXELS:
+                raise ValueError
+            image = encoded.convert("RGBA" if encoded.mode in ("RGBA", "LA", "P") else "RGB")
+    except Exception as error:  # the decoders of Pillow raise many kinds of errors
+        raise FacePoserError(
+            "A texture of the character is damaged or too large, so that it cannot be drawn; import it again."
+        ) from error
     image = image.transpose(Image.Transpose.FLIP_TOP_BOTTOM)
     texture = ctx.texture(image.size, len(image.getbands()), image.tobytes(), alignment=1)
     texture.build_mipmaps()

@@ -1,18 +1,15 @@
 """The available characters: installed with the program, imported by the user, and in other files."""
 
-import json
-import zipfile
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.files.names import is_hidden
 from faceposer.files.user_folders import data_folder
-from faceposer.model.character_file import FORMAT, available_characters, load_character, save_character
+from faceposer.model.character_file import available_characters, load_character, read_title, save_character
 
 SUFFIX = ".npz"
 LONGEST_TITLE = 80
@@ -58,7 +55,7 @@ class CharacterLibrary:
         """Return the installed characters, those of the library by title, and those of the paths ``elsewhere``."""
         if self._installed is None:
             self._installed = [LibraryEntry(name, title, "installed") for name, title in available_characters()]
-        found = self.folder.glob(f"*{SUFFIX}") if self.folder.is_dir() else ()
+        found = self.folder.glob(f"*{SUFFIX}") if paths.is_dir(self.folder) else ()
         files = sorted(path for path in found if not is_hidden(path))
         own = [LibraryEntry(str(path), title, "library") for path in files if (title := self.title(path)) is not None]
         others = [
@@ -70,13 +67,13 @@ class CharacterLibrary:
 
     def holds(self, path: str | Path) -> bool:
         """Return True if the file ``path`` is in the library."""
-        return Path(path).expanduser().absolute().parent == self.folder.absolute()
+        return paths.expand_user(path).absolute().parent == self.folder.absolute()
 
     def title(self, path: Path) -> str | None:
         """Return the title of the character in the file ``path``, or None if it is not a character file."""
         try:
             status = path.stat()
-        except OSError:
+        except (OSError, ValueError):
             return None
         stamp = (status.st_mtime_ns, status.st_size)
         if self._titles.get(path, ((0, 0), None))[0] != stamp:
@@ -86,7 +83,7 @@ class CharacterLibrary:
     def new_path(self, stem: str) -> Path:
         """Return an unused file name in the library for a new character; the folder may not exist."""
         path, number = self.folder / f"{stem}{SUFFIX}", 2
-        while path.exists():
+        while paths.exists(path):
             path, number = self.folder / f"{stem}-{number}{SUFFIX}", number + 1
         return path
 
@@ -132,9 +129,6 @@ class CharacterLibrary:
 
 def _read_title(path: Path) -> str | None:
     """Return the title in the file ``path`` without reading its meshes, or None if it is not a character file."""
-    with suppress(OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError, RecursionError):
-        with np.load(path, allow_pickle=False) as archive:
-            meta = json.loads(archive["meta"].tobytes().decode("utf-8"))
-        if isinstance(meta, dict) and meta.get("format") == FORMAT and isinstance(meta.get("title"), str):
-            return str(meta["title"])
+    with suppress(FacePoserError):
+        return read_title(path)
     return None

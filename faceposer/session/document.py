@@ -3,6 +3,7 @@
 import json
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,13 +16,17 @@ from faceposer.animation.keyframes import Frame, Keyframes, KeyframesJson
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
+from faceposer.files.paths import expand_user
 from faceposer.geometry.camera import Camera
+from faceposer.geometry.strokes import MOST_EFFORT, MOST_PIXELS
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.aligning import DegeneratePinsError, aligned, unaligned
 from faceposer.photo.photo import Photo, PhotosJson
 from faceposer.session.character_version import CharacterVersion, CharacterVersionJson
 from faceposer.solve.constraints import codec
+from faceposer.solve.constraints.curve import CurveConstraint
 from faceposer.solve.constraints.registry import Constraint, constraint_from_json
+from faceposer.solve.constraints.stroke import StrokeConstraint
 from faceposer.solve.priors import Prior
 from faceposer.solve.problem import SPREAD
 
@@ -29,7 +34,7 @@ FORMAT = "faceposer.session"
 VERSION = 1
 _MAX_BYTES = 64 * 2**20
 _MAX_PRIOR_WEIGHT = 1000.0
-_MAX_CONSTRAINTS = 10_000
+_MAX_CONSTRAINTS, _MAX_DRAWN = 2_000, 500
 # A list of numbers over several lines, as the indented output has it.
 _NUMBERS = re.compile(r"\[\s+([-+.eE\d]+(?:,\s+[-+.eE\d]+)*)\s+\]")
 
@@ -217,6 +222,7 @@ class Document:
             photos=tuple(photo.photo() for photo in form.photos),
             contact=form.contact,
         )
+        _check_effort(document.constraints)
         if form.start is not UNSET:
             document = document.with_start(form.start)
         if form.coefficients is not UNSET:
@@ -266,11 +272,20 @@ def _aligned(photo: Photo, model: FaceModel, pose: NDArray[np.float64]) -> Photo
         return unaligned(photo, model)
 
 
+def _check_effort(constraints: Sequence[Constraint]) -> None:
+    """Raise a FacePoserError if strokes and curves are too many, or cover too many pixels, to be solved."""
+    drawn = sum(isinstance(c, StrokeConstraint | CurveConstraint) for c in constraints)
+    if drawn > _MAX_DRAWN:
+        raise FacePoserError(f"constraints has {drawn} strokes and curves; there may be {_MAX_DRAWN}.")
+    if sum(c.effort for c in constraints if isinstance(c, StrokeConstraint)) > MOST_EFFORT:
+        raise FacePoserError(f"the strokes of constraints must not cover more than {MOST_PIXELS} pixels together.")
+
+
 def absolute_character(character: str, folder: Path) -> str:
     """Return ``character`` with the path of a character file, relative to ``folder``, made absolute."""
     if not _is_file(character):
         return character
-    return os.path.normpath((folder / Path(character).expanduser()).absolute())
+    return os.path.normpath((folder / expand_user(character)).absolute())
 
 
 def portable_character(character: str, folder: Path) -> str:
@@ -285,7 +300,7 @@ def portable_character(character: str, folder: Path) -> str:
 
 def path_from(path: str, folder: Path) -> str:
     """Return the reference to the file ``path`` in a session file in ``folder``; see ``portable_character``."""
-    whole = os.path.normpath(Path(path).expanduser().absolute())
+    whole = os.path.normpath(expand_user(path).absolute())
     try:
         relative = Path(os.path.relpath(whole, folder.absolute()))
     except ValueError:  # on another drive
@@ -343,7 +358,10 @@ def write_document(path: Path, document: Document) -> str:
     Raises:
         FacePoserError: If the file cannot be written, or could not be opened again.
     """
-    text = json.dumps(document.to_json(), indent=1)
+    try:
+        text = json.dumps(document.to_json(), indent=1, allow_nan=False)
+    except ValueError as error:
+        raise FacePoserError(f"The session '{path}' cannot be written: a number in it is not finite.") from error
     text = _NUMBERS.sub(lambda found: f"[{', '.join(found[1].replace(',', ' ').split())}]", text) + "\n"
     try:
         Document.from_json(json.loads(text))

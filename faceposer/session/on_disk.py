@@ -5,6 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from faceposer.files import paths
+from faceposer.files.reading import open_file
 from faceposer.files.user_folders import state_folder
 from faceposer.session.file_lock import FileLock, take_lock
 
@@ -16,7 +17,7 @@ def content_of(path: Path) -> str | None:
     if not paths.is_file(path):
         return None
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             return hashlib.sha256(file.read(_LARGEST)).hexdigest()
     except (OSError, ValueError):
         return None

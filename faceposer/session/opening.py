@@ -7,6 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from faceposer.errors import FacePoserError
+from faceposer.files.paths import expand_user
 from faceposer.model.character_file import available_characters, load_character
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.photo.photo import absolute_path
@@ -26,8 +27,8 @@ def load_model(character: str) -> FaceModel:
     stamp: tuple[int, ...] = ()
     if character.lower().endswith(".npz"):
         # Detects a file that was rewritten.
-        with suppress(OSError):
-            status = Path(character).expanduser().stat()
+        with suppress(OSError, ValueError):
+            status = expand_user(character).stat()
             stamp = (status.st_mtime_ns, status.st_size, status.st_ino)
     return _load_model(character, stamp)
 

@@ -22,7 +22,7 @@ from faceposer.session.history import History
 from faceposer.session.saved_state import SavedState
 from faceposer.session.solver_worker import InlineWorker, SolveRequest, Worker
 from faceposer.solve.constraints.registry import Constraint
-from faceposer.solve.map_solver import Solution
+from faceposer.solve.map_solver import Solution, SolveError
 from faceposer.solve.priors import Prior
 
 Mode = Literal["live", "apply"]
@@ -67,6 +67,7 @@ class Session:
         self.path = path
         self.remark = remark
         self.solution: Solution | None = None
+        self._failure: SolveError | None = None
         self.revision = 0
         self.epoch = 0
         self._mode: Mode = "live"
@@ -349,11 +350,17 @@ class Session:
     def poll(self) -> bool:
         """Accept the result of the worker, if any; return True if the pose changed.
 
+        Constraints that have no solution leave the pose as it is; ``wait`` reports them.
+
         Raises:
-            Exception: The error of a solve of the current epoch.
+            Exception: Any other error of a solve of the current epoch.
         """
         result = self.worker.poll()
         if result is None or result.job.epoch != self.epoch:
+            return False
+        self._failure = result.error if isinstance(result.error, SolveError) else None
+        if self._failure is not None:
+            self.solution = None
             return False
         if result.error is not None:
             raise result.error
@@ -370,11 +377,13 @@ class Session:
         """Wait for the end of all solves and accept the result.
 
         Raises:
-            FacePoserError: If that takes longer than ``timeout`` seconds.
+            FacePoserError: If that takes longer than ``timeout`` seconds, or the constraints have no solution.
         """
         if not self.worker.wait_idle(timeout):
             raise FacePoserError(f"The solve did not end within {timeout:g} s.")
         self.poll()
+        if self._failure is not None:
+            raise self._failure
 
     # File
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from faceposer.model.face_model import FaceModel
 from faceposer.session.document import Document
-from faceposer.solve.map_solver import Solution, prepare, solve
+from faceposer.solve.map_solver import Solution, numeric_errors, prepare, solve
 from faceposer.solve.problem import PoseProblem
 
 
@@ -76,15 +76,16 @@ def run_job(job: SolveRequest, should_stop: Callable[[], bool] | None = None) ->
     """Solve ``job``; an exception becomes part of the result."""
     try:
         document = job.document
-        problem = PoseProblem(
-            job.model,
-            document.constraints,
-            document.start,
-            document.prior_weight,
-            prior=document.prior,
-            spread=document.spread,
-        )
-        return SolveResult(job, solve(problem, job.x0, should_stop=should_stop))
+        with numeric_errors():
+            problem = PoseProblem(
+                job.model,
+                document.constraints,
+                document.start,
+                document.prior_weight,
+                prior=document.prior,
+                spread=document.spread,
+            )
+            return SolveResult(job, solve(problem, job.x0, should_stop=should_stop))
     except Exception as error:  # raised again in the thread that polls
         return SolveResult(job, None, error)
 

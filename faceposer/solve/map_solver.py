@@ -1,12 +1,14 @@
 """Minimisation of the energy of a pose by Gauss-Newton, with L-BFGS as the fallback (Lau et al. 2009, section 6)."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from faceposer.errors import FacePoserError
 from faceposer.solve.bounded_model import BoundedModel
 from faceposer.solve.definite import solve_triangular
 from faceposer.solve.problem import PoseProblem
@@ -22,6 +24,8 @@ _NEWTON_STEPS, _HALVINGS, _SUFFICIENT_DECREASE = 30, 6, 0.05
 # Most problems converge so fast in the first steps that a tenth of the tolerance costs nothing; with strokes, later
 # steps gain less each.
 _NEWTON_TOLERANCE, _FAST_STEPS = 0.1 * SLOPE_TOLERANCE, 3
+# Largest coefficient of a pose; session files have no larger ones. A face has coefficients of a few units.
+_LARGEST = 1e6
 # Energies that differ by less are equal.
 _ROUNDING = 1e-9
 
@@ -47,6 +51,26 @@ class Solution:
     seconds: float
     residuals_px: tuple[float, ...]
     converged: bool
+
+
+class SolveError(FacePoserError):
+    """The constraints have no solution within the range of floating-point numbers."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "The constraints cannot be solved, since their numbers are too large or their cameras too near; move the "
+            "targets nearer to the face, or lower the weights."
+        )
+
+
+@contextmanager
+def numeric_errors() -> Iterator[None]:
+    """Report failures of linear algebra as ``SolveError``; values that are not finite are detected in the result."""
+    try:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            yield
+    except (np.linalg.LinAlgError, FloatingPointError, OverflowError) as error:
+        raise SolveError from error
 
 
 def prepare() -> None:
@@ -87,7 +111,25 @@ def solve(
         x0: Coefficients to start from, shape (r,); the result of ``best_start`` if None.
         on_iterate: Called with the coefficients after each iteration.
         should_stop: Called after each iteration; if it returns True, the solve ends with the current pose.
+
+    Raises:
+        SolveError: If the pose or its energy is not finite.
     """
+    with numeric_errors():
+        solution = _solve(problem, x0, on_iterate, should_stop)
+    pose = solution.coefficients
+    # Comparisons with NaN are False.
+    if not (np.abs(pose) <= _LARGEST).all() or not np.isfinite([solution.energy, *solution.residuals_px]).all():
+        raise SolveError
+    return solution
+
+
+def _solve(
+    problem: PoseProblem,
+    x0: ArrayLike | None,
+    on_iterate: Callable[[Array], None] | None,
+    should_stop: Callable[[], bool] | None,
+) -> Solution:
     began = time.perf_counter()
     compared = 0
     if problem.at_rest:

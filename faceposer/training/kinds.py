@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.files.names import is_hidden
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES
 from faceposer.geometry.mesh_sequence import ARRAY_SUFFIX
@@ -28,7 +29,7 @@ def kind_of(source: Path) -> Kind:
         FacePoserError: If it is none of these, or a folder that cannot be read.
     """
     suffix = source.suffix.lower()
-    if source.is_dir():
+    if paths.is_dir(source):
         try:
             stems = [path.stem for path in islice(source.iterdir(), _MOST_FILES) if not is_hidden(path)]
             return "rig" if len(set(match_with_ties(stems).shapes.values())) >= _SHAPES_IN_RIG else "examples"
@@ -48,5 +49,5 @@ def kind_of(source: Path) -> Kind:
 
 def plain_name(path: Path) -> str:
     """Derive the short name of a character from the name of its source."""
-    name = re.sub(r"[^a-z0-9]+", "-", (path.name if path.is_dir() else path.stem).lower()).strip("-")
+    name = re.sub(r"[^a-z0-9]+", "-", (path.name if paths.is_dir(path) else path.stem).lower()).strip("-")
     return name or "character"

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.model.character import Character
 from faceposer.progress import Progress
 from faceposer.training.examples import ExampleOptions, character_from_examples
@@ -58,7 +59,7 @@ def train(request: TrainingRequest, progress: Progress | None = None) -> Charact
         FacePoserError: If a file cannot be used.
         CancelledError: If the user cancels.
     """
-    if not request.source.exists():
+    if not paths.exists(request.source):
         raise FacePoserError(f"'{request.source}' does not exist; check the path.")
     if request.kind == "rig":
         options = RigOptions(

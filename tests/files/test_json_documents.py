@@ -195,7 +195,6 @@ def test_files_are_utf8_with_or_without_a_byte_order_mark(tmp_path: Path) -> Non
         (b"[" * 100_000, "nested too deeply"),
         (b"[" * 100_000 + b"]" * 100_000, "nested too deeply"),
         (b'{"a":' * 100_000, "nested too deeply"),
-        (b"1" * 5000, "not valid JSON, "),
     ],
 )
 def test_what_is_no_json_is_refused(tmp_path: Path, content: bytes, said: str) -> None:
@@ -227,19 +226,54 @@ def test_size_is_bounded_before_reading(tmp_path: Path, monkeypatch: pytest.Monk
     assert len(read_json(path, "session", parsed, 100)) == 98
     with path.open("wb") as file:
         file.truncate(2**40)
-    monkeypatch.setattr(Path, "open", lambda *_: pytest.fail("it is opened"))
+    monkeypatch.setattr(os, "open", lambda *_: pytest.fail("it is opened"))
     assert "it is larger than 64 MB" in refused(path, max_bytes=64 * 2**20)
 
 
 def test_numbers_that_json_does_not_have_are_refused_with_their_place(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
-    for number, name in (("NaN", "NaN"), ("Infinity", "Infinity"), ("-Infinity", "-Infinity"), ("1e999", "inf")):
+    for number, name in (
+        ("NaN", "NaN"),
+        ("Infinity", "Infinity"),
+        ("-Infinity", "-Infinity"),
+        ("1e999", "1e999"),
+        ("1" * 5000, "1" * 24),
+    ):
         path.write_text(f'{{"format": "face", "version": 1, "target": [1, {number}]}}')
-        with pytest.raises(FacePoserError, match=rf"cannot be used: target\[1\] must be a number .*, not {name}\."):
+        with pytest.raises(FacePoserError, match=rf"cannot be used: target\[1\] must be a number .*, not {name}"):
             read_json(path, "session", lambda data: convert(data, Face))
     path.write_text("[NaN]")
     with pytest.raises(FacePoserError, match=r"\[0\] must be a number, not NaN"):
         read_json(path, "session", lambda data: convert(data, list[float]))
+
+
+def test_memory_is_bounded_before_parsing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.json"
+    monkeypatch.setattr(json_documents, "_MAX_MEMORY", 2**20)
+    for content in ("[" + "[]," * 20_000 + "[]]", "[" + "{}," * 6_000 + "{}]", '["' + '","' * 20_000 + '"]'):
+        path.write_text(content)
+        assert "its values would take" in refused(path)
+    path.write_text("[" + "0," * 20_000 + "0]")
+    assert len(read_json(path, "session", parsed)) == 20_001
+
+
+def test_texts_that_cannot_be_encoded_have_a_place(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    head = '"format": "face", "version": 1'
+    for content, said in (
+        (f'{{{head}, "shape": "a\\ud800"}}', r"shape is 'a\ud800'; it must be one of 'line', 'closed'."),
+        (f'{{{head}, "a\\ud800": 1}}', r"the file has the unknown key 'a\ud800'; the keys here are 'anchors'"),
+        (
+            f'{{{head}, "weights": {{"a\\ud800": "x"}}}}',
+            r"weights.a\ud800 must be a number from -1000 to 1000, not 'x'.",
+        ),
+        (f'{{{head}, "anchors": [{{"a\\udfff": 1}}]}}', r"anchors[0] has the unknown key 'a\udfff'; the keys here are"),
+    ):
+        path.write_text(content)
+        with pytest.raises(FacePoserError) as caught:
+            read_json(path, "face", lambda data: convert(data, Face))
+        assert said in str(caught.value)
+        assert str(caught.value).isprintable()
 
 
 def test_of_keys_that_are_there_twice_the_last_counts_or_none(tmp_path: Path) -> None:
@@ -250,10 +284,10 @@ def test_of_keys_that_are_there_twice_the_last_counts_or_none(tmp_path: Path) ->
 
 
 def test_only_regular_files_are_read(tmp_path: Path) -> None:
-    assert "it is not a regular file" in refused(tmp_path)
+    assert "it is a folder" in refused(tmp_path)
     if hasattr(os, "mkfifo"):
         os.mkfifo(tmp_path / "pipe")
-        assert "it is not a regular file" in refused(tmp_path / "pipe")
+        assert "it is a pipe, not a file" in refused(tmp_path / "pipe")
     path = tmp_path / "a.json"
     path.write_text("[]")
     (tmp_path / "link").symlink_to(path)
@@ -271,7 +305,7 @@ def test_what_the_system_refuses_has_an_error_of_its_own(tmp_path: Path, monkeyp
         raise PermissionError(13, "Permission denied")
 
     with monkeypatch.context() as patch:
-        patch.setattr(Path, "open", denied)
+        patch.setattr(os, "open", denied)
         with pytest.raises(UnreadableError, match=r"cannot be read: Permission denied\.$"):
             read_json(path, "session", parsed)
     path.write_text("[")

@@ -1,14 +1,24 @@
 """Relaxed curves are as smooth as the paper says; brushes cover what they should; mirrors find what lies across."""
 
 import itertools
+import tracemalloc
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from faceposer.geometry.camera import OrbitView
 from faceposer.geometry.curves import curve_at, even_parameters, nearest_parameter, relaxed_bezier
 from faceposer.geometry.mirror import mirrored_camera, mirrored_pixels
-from faceposer.geometry.strokes import enclosed, resampled, smoothed, stroke_pixels
+from faceposer.geometry.strokes import (
+    STROKE_SHAPES,
+    StrokeShape,
+    enclosed,
+    resampled,
+    smoothed,
+    stroke_effort,
+    stroke_pixels,
+)
 
 
 def second_derivatives(piece: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -97,3 +107,55 @@ def test_a_mirrored_camera_sees_the_mirrored_world() -> None:
     seen = mirrored_camera(camera).project(points * (-1, 1, 1))
     np.testing.assert_allclose(seen, mirrored_pixels(camera.project(points), camera))
     assert mirrored_camera(mirrored_camera(camera)) == camera
+
+
+def dense_pixels(points: ArrayLike, width: float, shape: StrokeShape) -> set[tuple[float, float]]:
+    """Return the pixels of a stroke by testing every pixel of its box."""
+    line = np.asarray(points, dtype=np.float64)
+    low, high = np.floor(line.min(axis=0) - width) + 0.5, np.ceil(line.max(axis=0) + width)
+    at = np.stack(np.meshgrid(*(np.arange(low[i], high[i]) for i in (0, 1))), axis=-1).reshape(-1, 2)
+    ends = np.roll(line, -1, axis=0) if shape != "line" and len(line) > 2 else np.concatenate([line[1:], line[-1:]])
+    covered = np.zeros(len(at), dtype=bool)
+    for begin, end in zip(line, ends, strict=True):
+        along = end - begin
+        share = np.clip((at - begin) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
+        covered |= np.linalg.norm(at - begin - share[:, None] * along, axis=1) <= max(width / 2, np.sqrt(0.5)) + 1e-9
+    if shape == "filled" and len(line) > 2:
+        covered |= enclosed(at, line)
+    return set(map(tuple, at[covered].tolist()))
+
+
+def test_a_stroke_covers_the_pixels_near_its_path() -> None:
+    rng = np.random.default_rng(0)
+    for case in range(60):
+        path = rng.uniform(-40.0, 40.0, (int(rng.integers(1, 9)), 2))
+        path = np.round(2.0 * path) / 2.0 if case % 3 == 0 else path
+        width, shape = float(rng.choice([1.0, 1.2, 2.0, 5.5, 20.0])), STROKE_SHAPES[case % 3]
+        pixels = stroke_pixels(path, width, shape)
+        assert set(map(tuple, pixels.tolist())) == dense_pixels(path, width, shape)
+        assert pixels.tolist() == sorted(pixels.tolist(), key=lambda pixel: (pixel[1], pixel[0]))
+        assert stroke_effort(path, width, shape) >= len(pixels)
+
+
+def test_a_stroke_covers_the_pixels_that_its_path_passes_through() -> None:
+    for place in [(300.0, 300.0), (0.0, 0.0), (-7.0, 2.5), (300.999, 300.001)]:
+        covered = set(map(tuple, stroke_pixels([place], 1.0).tolist()))
+        assert (np.floor(place[0]) + 0.5, np.floor(place[1]) + 0.5) in covered
+    line = np.linspace((0.3, 0.8), (40.6, 23.1), 4000)
+    covered = set(map(tuple, stroke_pixels(line[[0, -1]], 1.0).tolist()))
+    assert set(map(tuple, (np.floor(line) + 0.5).tolist())) <= covered
+
+
+def test_long_strokes_take_memory_by_their_pixels() -> None:
+    tracemalloc.start()
+    try:
+        pixels = stroke_pixels([(0.0, 0.0), (30_000.0, 30_000.0)], 5.0)
+        assert 200_000 < len(pixels) < 220_000
+        assert len(stroke_pixels([(-5e5, 3.5), (5e5, 3.5)], 1.0)) == 1_000_002
+        assert tracemalloc.get_traced_memory()[1] < 400 * 2**20
+    finally:
+        tracemalloc.stop()
+    zigzag = [(k % 2 * 3.0, k % 3 * 1e5) for k in range(3000)]
+    for path, width in [([(0.0, 0.0), (1e6, 1e6)], 5.0), ([(0.0, 0.0), (2000.0, 0.0)] * 20_000, 200.0), (zigzag, 1.0)]:
+        with pytest.raises(ValueError, match="must not cover more than 4000000"):
+            stroke_pixels(path, width, "filled")

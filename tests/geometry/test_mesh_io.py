@@ -60,7 +60,7 @@ def test_other_formats_keep_their_order(tmp_path: Path) -> None:
         ("a.obj", "", "no faces"),
         ("a.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "Vertex 1 of the mesh .* is not finite"),
         ("a.ply", "ply\nnonsense", "does not begin with a PLY header"),
-        ("a.off", "nonsense", "cannot be read"),
+        ("a.off", "nonsense", "is broken or is not a mesh of type OFF"),
         ("a.txt", "hello", "not a supported mesh"),
     ],
 )

@@ -3,30 +3,33 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike
 
-from faceposer.files.json_documents import JsonObject, convert
+from faceposer.files.json_documents import JsonError, JsonObject, convert
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera, mirrored_pixels
 from faceposer.geometry.picking import SurfacePoints
-from faceposer.geometry.strokes import StrokeShape, stroke_pixels
+from faceposer.geometry.strokes import MOST_EFFORT, MOST_PIXELS, StrokeShape, stroke_effort, stroke_pixels
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson
 from faceposer.solve.constraints.stroke_terms import StrokeDistanceTerm, StrokeImageTerm
 from faceposer.solve.term import Array, Indices, Term
 
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
 Pixels = tuple[tuple[float, float], ...]
 StrokeEnergy = Literal["distance", "image"]
 STROKE_ENERGIES: tuple[StrokeEnergy, ...] = get_args(StrokeEnergy)
 WIDEST = 200.0
-# Largest number of points of a stroke that are evaluated.
-_SAMPLES = 200
+# Largest number of points of a stroke that are evaluated, and of pixels at which a source is picked.
+_SAMPLES, _MOST_PICKED = 200, 50_000
 
 
 class _PaintedJson(JsonObject):
@@ -40,6 +43,12 @@ class _StrokeJson(ConstraintJson, kw_only=True):
     camera: codec.CameraJson
     shape: StrokeShape = "line"
     energy: StrokeEnergy = "distance"
+
+    def __post_init__(self) -> None:
+        source = () if isinstance(self.source, _PaintedJson) else self.source
+        for key, path in (("source", source), ("target", self.target)):
+            if path and stroke_effort(path, self.width, self.shape) > MOST_EFFORT:
+                raise JsonError(f"must not cover more than {MOST_PIXELS} pixels", key)
 
 
 @dataclass(frozen=True)
@@ -86,8 +95,25 @@ class StrokeConstraint(ConstraintBase):
 
     @cached_property
     def target_pixels(self) -> Array:
-        """Centres of the pixels that the target covers, shape (m, 2)."""
+        """Centres of the pixels that the target covers, shape (m, 2).
+
+        Raises:
+            ValueError: If they are too many.
+        """
         return stroke_pixels(self.target, self.width, self.shape)
+
+    @cached_property
+    def _target_tree(self) -> "cKDTree":
+        # Imported late: the window starts without it.
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.target_pixels)
+
+    @property
+    def effort(self) -> float:
+        """Upper bound of the pixels that are handled to find what both strokes cover."""
+        paths = (self.target,) if isinstance(self.source, SurfacePoints) else (self.source, self.target)
+        return sum(stroke_effort(path, self.width, self.shape) for path in paths)
 
     @property
     def places(self) -> SurfacePoints | None:
@@ -104,12 +130,14 @@ class StrokeConstraint(ConstraintBase):
         """Return the constraint with points as its source, picked on the face ``p`` if it consists of pixels.
 
         Raises:
-            ValueError: If the source does not lie on the face.
+            ValueError: If the source does not lie on the face, or one of the strokes covers too many pixels.
         """
+        _ = self.target_pixels
         if isinstance(self.source, SurfacePoints):
             self.source.check(model.triangles)
             return self
-        points, met = model.pick(p, self.camera, stroke_pixels(self.source, self.width, self.shape))
+        pixels = stroke_pixels(self.source, self.width, self.shape)
+        points, met = model.pick(p, self.camera, pixels[_spread(len(pixels), _MOST_PICKED)])
         if not met.any():
             raise ValueError("its source does not touch the face")
         return replace(self, source=points)
@@ -128,7 +156,7 @@ class StrokeConstraint(ConstraintBase):
         from scipy.spatial import cKDTree
 
         target = self.target_pixels[_spread(len(self.target_pixels))]
-        to_target, _ = cKDTree(self.target_pixels).query(pixels)
+        to_target, _ = self._target_tree.query(pixels)
         to_source, _ = cKDTree(pixels).query(target)
         return float(0.5 * (to_target.mean() + to_source.mean()))
 
@@ -195,6 +223,6 @@ def as_pixels(points: ArrayLike) -> Pixels:
     return tuple((u, v) for u, v in np.asarray(points, dtype=np.float64).reshape(-1, 2).tolist())
 
 
-def _spread(count: int) -> Indices:
-    """Return at most ``_SAMPLES`` evenly spaced indices below ``count``."""
-    return np.unique(np.linspace(0, count - 1, min(count, _SAMPLES)).round().astype(np.intp))
+def _spread(count: int, most: int = _SAMPLES) -> Indices:
+    """Return at most ``most`` evenly spaced indices below ``count``."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.intp))

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from faceposer.solve.constraints.point import SIGMA_PX
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm
@@ -15,8 +16,9 @@ REVERSE = 0.5
 CENTRE = 0.5
 # sigma of the paper's eq. (12), so that a stroke of 150 pixels shifted by one pixel counts like its points.
 _SIGMA_IMAGE = 10.0
-# Margin in pixels around the target to which the image of a source is clipped, since a line search may try any face.
-_IMAGE_MARGIN = 600
+# Number of columns of the images, and their largest coordinate: a line search may try any face.
+_ROW = 1 << 31
+_FARTHEST = float(1 << 29)
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,7 @@ class StrokeImageTerm:
 
     def __init__(self, target: Array, points: Indices, weight: float) -> None:
         """Prepare the term for the pixels ``target``, (m, 2), and the indices of the source's ``points``, (n,)."""
-        self._target = np.floor(target).astype(np.intp)
+        self._target = _distinct(_keys(target))
         self._centre = target.mean(axis=0)
         self._points = points
         self._image = weight / _SIGMA_IMAGE**2
@@ -126,25 +128,21 @@ class StrokeImageTerm:
 
     def value_and_gradient(self, state: PoseState) -> tuple[float, Array]:
         """Return the energy and an estimate of its gradient with respect to the coefficients, shape (r,)."""
-        # Imported late: the window starts without it.
-        from scipy.ndimage import sobel
-
         pixels = state.pixels[self._points]
-        first, last = self._target.min(axis=0) - _IMAGE_MARGIN, self._target.max(axis=0) + _IMAGE_MARGIN
-        cells = np.clip(np.floor(pixels), first, last).astype(np.intp)
-        low = np.minimum(cells.min(axis=0), self._target.min(axis=0)) - 2
-        size = np.maximum(cells.max(axis=0), self._target.max(axis=0)) - low + 3
-        source_image, target_image = np.zeros(size[::-1]), np.zeros(size[::-1])
-        columns, rows = (cells - low).T
-        source_image[rows, columns] = 1.0
-        target_columns, target_rows = (self._target - low).T
-        target_image[target_rows, target_columns] = 1.0
-        difference = source_image - target_image
+        # The images are sets of pixels, so that memory does not depend on their extent.
+        keys = _keys(pixels)
+        source = _distinct(keys)
+        common = int(_contains(self._target, source).sum())
         centre = pixels.mean(axis=0) - self._centre
-        value = self._image * float((difference * difference).sum()) + self._extra * float(centre @ centre)
-        # The Sobel weights sum to 8 per unit of slope.
-        slopes = np.stack([sobel(source_image, axis)[rows, columns] / 8.0 for axis in (1, 0)], axis=1)
-        by_pixel = -2.0 * self._image * difference[rows, columns][:, None] * slopes
+        value = self._image * (len(source) + len(self._target) - 2 * common) + self._extra * float(centre @ centre)
+        difference = 1.0 - _contains(self._target, keys)
+        # Sobel's operator at the pixels of the source; its weights sum to 8 per unit of slope.
+        slopes = np.zeros((len(keys), 2))
+        for along in (-1, 1):
+            for across, weight in ((-1, 1.0), (0, 2.0), (1, 1.0)):
+                slopes[:, 0] += along * weight / 8.0 * _contains(source, keys + across * _ROW + along)
+                slopes[:, 1] += along * weight / 8.0 * _contains(source, keys + along * _ROW + across)
+        by_pixel = -2.0 * self._image * difference[:, None] * slopes
         by_pixel += 2.0 * self._extra * centre / len(pixels)
         return value, state.pull_back(self._points, by_pixel)
 
@@ -156,3 +154,22 @@ class StrokeImageTerm:
         scale = 2.0 * AS_MANY_POINTS * self._extra / len(jacobian)
         estimate: Array = scale * flat.T @ flat + 2.0 * self._extra * centre.T @ centre
         return estimate
+
+
+def _keys(pixels: Array) -> Indices:
+    """Return a number for the cell of each of ``pixels``, shape (n, 2), in the order of rows and columns."""
+    columns, rows = np.floor(np.clip(pixels, -_FARTHEST, _FARTHEST)).astype(np.int64).T
+    return rows * _ROW + columns
+
+
+def _distinct(keys: Indices) -> Indices:
+    """Return ``keys`` in order, each once."""
+    ordered = np.sort(keys)
+    kept: Indices = ordered[np.concatenate([[True], ordered[1:] != ordered[:-1]])]
+    return kept
+
+
+def _contains(cells: Indices, keys: Indices) -> NDArray[np.bool_]:
+    """Return the mask of ``keys`` among the sorted ``cells``."""
+    at = np.minimum(np.searchsorted(cells, keys), len(cells) - 1)
+    return cells[at] == keys

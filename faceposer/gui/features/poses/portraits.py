@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from faceposer.files.reading import open_file
 from faceposer.gui.context import EditorContext
 from faceposer.poses.portrait import portrait_view
 
@@ -17,6 +18,7 @@ _SUPERSAMPLING = 2
 _MOST_TEXTURES = 400
 # Largest width and height in pixels of an image file that is read.
 _LARGEST = 2048
+_MAX_BYTES = 32 * 2**20
 #: Width and height in pixels of the image next to a pose's file.
 FILE_SIZE = 256
 
@@ -110,7 +112,8 @@ def _texture(ctx: moderngl.Context, image: NDArray[np.uint8]) -> moderngl.Textur
 
 
 def _read(path: Path) -> NDArray[np.uint8] | None:
-    with contextlib.suppress(OSError, ValueError, Image.DecompressionBombError), Image.open(path) as image:
+    # The decoders of Pillow raise many kinds of errors for damaged files.
+    with contextlib.suppress(Exception), open_file(path, _MAX_BYTES) as file, Image.open(file) as image:
         if max(image.size) <= _LARGEST:
             return np.asarray(image.convert("RGB"))
     return None
