@@ -70,7 +70,7 @@ def test_clips_pictures_and_folders(tmp_path: Path, capsys: pytest.CaptureFixtur
         (("train", "--examples", "examples_encrypted.npz"), "is encrypted"),
         (("train", "--examples", "examples_memoryerror.npz"), "must be vertex numbers"),
         (("train", "--examples", "examples_tokenerror.npz"), "no readable header"),
-        (("train", "--examples", "set_case_clash"), "too unlike a face"),
+        (("train", "--examples", "set_case_clash"), "is not an expression of the neutral"),
         (("character", "check", "subject-fc31c308.npz"), "cannot be used"),
     ],
 )
