@@ -8,7 +8,7 @@ import numpy as np
 from faceposer.errors import FacePoserError
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
 from faceposer.geometry.polygon_mesh import MorphMesh
-from faceposer.geometry.shape_alignment import AlignmentReport, implausible, lay_on, still_share
+from faceposer.geometry.shape_alignment import AlignmentReport, implausible, lay_on, search_tree, still_share
 from faceposer.geometry.shape_folder import SHAPE_SUFFIXES, read_shape_folder
 
 
@@ -60,6 +60,7 @@ def _plausible(rig: MorphMesh, path: Path) -> MorphMesh:
     """
     report = AlignmentReport()
     neutral = rig.mesh.vertices
+    tree = search_tree(neutral)
     targets = dict(rig.targets)
     unusable = dict(rig.unusable)
     absolute = []
@@ -72,7 +73,7 @@ def _plausible(rig: MorphMesh, path: Path) -> MorphMesh:
             vertices = offsets.astype(np.float64)
         aligned = lay_on(vertices, neutral)
         report.add(name, aligned.change)
-        reason = implausible(aligned.vertices, neutral)
+        reason = implausible(aligned.vertices, neutral, tree)
         if reason:
             unusable[name] = (
                 f"The target '{name[:60]}' of the rig '{path}' is not an expression of its face: {reason}; export it "

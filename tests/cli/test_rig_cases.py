@@ -21,7 +21,7 @@ needs_cases = pytest.mark.skipif("FACEPOSER_CASES" not in os.environ, reason="FA
         ("rigs/cc3mixed.glb", "without their prefix 'A#_'"),
         ("rigs/suffix.glb", "52 of ARKit's 52 shapes"),
         ("rigs/scaled", "scaled by 100 against the neutral face"),
-        ("rigs/hashfew", "parts: head_#1, head_#2, eye_right"),
+        ("rigs/hashfew", "parts: head #1, head #2, eye_right"),
         ("rigs/cont", "10 of ARKit's 52 shapes"),
         ("rigs/umlaut", "Zähne_顔"),
     ],
