@@ -74,9 +74,7 @@ def test_the_neutral_is_found_and_prefixes_are_left_out(tmp_path: Path, neutral:
 
 def test_the_neutral_can_be_given(tmp_path: Path) -> None:
     inside = folder(tmp_path, "a.obj", smile=1)
-    with pytest.raises(
-        FacePoserError, match="has no neutral face among its 2 meshes; name it neutral, base, basis"
-    ):
+    with pytest.raises(FacePoserError, match="has no neutral face among its 2 meshes; name it neutral, base, basis"):
         read_rig(inside)
     assert list(read_rig(inside, inside / "a.obj").targets) == ["smile"]
     assert list(read_rig(inside, Path("a.obj")).targets) == ["smile"]
