@@ -121,8 +121,8 @@ class GltfObject:
 
 
 def clean_name(text: str) -> str:
-    """Return ``text`` in one line, without lone surrogates, which cannot be encoded."""
-    return " ".join(text.encode("utf-8", "replace").decode("utf-8").split())
+    """Return ``text`` in one line, without lone surrogates, which cannot be encoded; otherwise to the letter."""
+    return re.sub(r"[\x00-\x1f\x7f\x85\u2028\u2029]+", " ", text.encode("utf-8", "replace").decode("utf-8")).strip()
 
 
 class GltfFile:

@@ -10,7 +10,7 @@ from faceposer.files import paths
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
 from faceposer.geometry.mesh import first_unusable
 from faceposer.geometry.polygon_mesh import MorphMesh
-from faceposer.geometry.shape_alignment import AlignmentReport, implausible, lay_on, still_share
+from faceposer.geometry.shape_alignment import AlignmentReport, implausible, lay_on, search_tree, still_share
 from faceposer.geometry.shape_folder import SHAPE_SUFFIXES, read_shape_folder
 
 
@@ -61,6 +61,7 @@ def _plausible(rig: MorphMesh, path: Path) -> MorphMesh:
     """
     report = AlignmentReport()
     neutral = rig.mesh.vertices
+    tree = search_tree(neutral)
     targets = dict(rig.targets)
     unusable = dict(rig.unusable)
     absolute = []
@@ -73,7 +74,7 @@ def _plausible(rig: MorphMesh, path: Path) -> MorphMesh:
             vertices = offsets.astype(np.float64)
         aligned = lay_on(vertices, neutral)
         report.add(name, aligned.change)
-        reason = implausible(aligned.vertices, neutral)
+        reason = implausible(aligned.vertices, neutral, tree)
         if reason:
             unusable[name] = (
                 f"The target '{name[:60]}' of the rig '{path}' is not an expression of its face: {reason}; export it "

@@ -1,11 +1,16 @@
 """Alignment of shapes with the neutral face by the vertices that keep still, and tests of plausible displacements."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.geometry.alignment import determines_rotation, rigid_alignment
+
+if TYPE_CHECKING:
+    # Imported late to shorten the start of the window.
+    from scipy.spatial import cKDTree
 
 Array = NDArray[np.float64]
 
@@ -77,15 +82,14 @@ def lay_on(vertices: Array, neutral: Array) -> Alignment:
     return Alignment(best, _description(vertices, best, neutral, mirrored, size))
 
 
-def implausible(vertices: Array, neutral: Array) -> str:
+def implausible(vertices: Array, neutral: Array, tree: "cKDTree | None" = None) -> str:
     """Return why a shape cannot be an expression of the neutral face, as a clause; "" if it can.
 
     Args:
         vertices: Positions of the shape, shape (N, 3).
         neutral: Positions of the neutral face, shape (N, 3).
+        tree: Search tree of ``neutral``, to save time with many shapes.
     """
-    from scipy.spatial import cKDTree
-
     size = _size(neutral)
     if not (np.abs(vertices) < _LARGEST).all():
         return "a vertex is too far away"
@@ -93,10 +97,17 @@ def implausible(vertices: Array, neutral: Array) -> str:
     moved = np.flatnonzero(distances > 10.0 * _COINCIDENT * size)
     sample = moved[:: max(1, len(moved) // _SAMPLE)]
     if len(sample) >= _FEW and size > 0.0:
-        nearest, _ = cKDTree(neutral).query(vertices[sample], distance_upper_bound=_COINCIDENT * size)
+        nearest, _ = (tree or search_tree(neutral)).query(vertices[sample], distance_upper_bound=_COINCIDENT * size)
         if float(np.isfinite(nearest).mean()) > _REORDERED:
             return "its vertices are in another order"
     return implausible_size(distances, size)
+
+
+def search_tree(neutral: Array) -> "cKDTree":
+    """Return the search tree of the neutral face, (N, 3), for ``implausible``."""
+    from scipy.spatial import cKDTree
+
+    return cKDTree(neutral)
 
 
 def implausible_size(distances: Array, size: float) -> str:

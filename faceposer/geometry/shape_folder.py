@@ -13,10 +13,10 @@ from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.mtl_io import read_obj_textures
 from faceposer.geometry.obj_io import obj_content, read_obj_positions
 from faceposer.geometry.polygon_mesh import MorphMesh, PolygonMesh
-from faceposer.geometry.shape_alignment import AlignmentReport, implausible, lay_on
+from faceposer.geometry.shape_alignment import AlignmentReport, implausible, lay_on, search_tree
 
 SHAPE_SUFFIXES = (".obj", ".ply", ".stl", ".off")
-NEUTRAL_NAMES = ("neutral", "base", "rest", "generic_neutral_mesh")
+NEUTRAL_NAMES = ("neutral", "base", "basis", "rest", "generic_neutral_mesh")
 _MAX_OFFSET_BYTES = 2 << 30
 _MAX_FILE_BYTES = 1 << 30
 
@@ -61,11 +61,12 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
     names, unusable = _shape_names(shapes, neutral)
     targets = {}
     report = AlignmentReport()
+    tree = search_tree(rest.vertices)
     for name, path in names.items():
         positions = _positions(path, rest, neutral, faces, tail)
         aligned = lay_on(positions, rest.vertices)
         report.add(name, aligned.change)
-        reason = implausible(aligned.vertices, rest.vertices)
+        reason = implausible(aligned.vertices, rest.vertices, tree)
         if reason:
             unusable[name] = (
                 f"The shape '{path}' is not an expression of the neutral face '{neutral}': {reason}; export all shapes "
@@ -78,9 +79,14 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
 
 
 def _find_neutral(folder: Path, files: list[Path]) -> Path:
-    """Return the file with a name for the neutral face, or else the one with a name that ends in such a word."""
+    """Return the file with a name for the neutral face, else the one with a name that ends in or has such a word."""
     whole = [path for path in files if path.stem.lower() in NEUTRAL_NAMES]
-    found = whole or [path for path in files if _last_word(path.stem) in NEUTRAL_NAMES]
+    last = [path for path in files if _words(path.stem)[-1] in NEUTRAL_NAMES]
+    found = whole or last
+    if not found:
+        # The name of the mesh may follow, as in neutral_Head_Mesh.
+        inner = [path for path in files if not set(NEUTRAL_NAMES).isdisjoint(_words(path.stem))]
+        found = inner if len(inner) == 1 else []
     if len(found) > 1:
         raise FacePoserError(
             f"In the folder '{folder}' both '{found[0].name}' and '{found[1].name}' may be the neutral face; rename "
@@ -98,8 +104,8 @@ def _find_neutral(folder: Path, files: list[Path]) -> Path:
     return found[0]
 
 
-def _last_word(stem: str) -> str:
-    return re.split(r"[\W_]+|(?<=[a-z])(?=[A-Z])", stem)[-1].lower()
+def _words(stem: str) -> list[str]:
+    return [word.lower() for word in re.split(r"[\W_]+|(?<=[a-z])(?=[A-Z])", stem)]
 
 
 def _shape_names(shapes: list[Path], neutral: Path) -> tuple[dict[str, Path], dict[str, str]]:

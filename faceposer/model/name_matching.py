@@ -216,19 +216,20 @@ def _inner_shapes(name: str) -> Iterator[tuple[Affix, str]]:
     stops = [*(start for start, _ in gaps), len(name)]
     words = [name[begin:stop].lower() for begin, stop in zip(begins, stops, strict=True)]
     last = len(words) - 1
+    side = words[last] if words[last] in _SIDES else ""
     for first, begin in enumerate(begins):
         run = ""
         for end in range(first, min(first + _MOST_WORDS, len(words))):
             run += words[end]
             if not begins_shape(run):
                 break
-            found = [(spelled_shape(run), Affix(name[:begin], name[stops[end] :]))]
-            if words[last] in _SIDES and end + 1 < last:
-                found.append(
-                    (spelled_shape(run + words[last]), Affix(name[:begin], name[stops[end] : begins[last]], True))
-                )
+            found: list[tuple[str, Affix]] = []
+            if (shape := spelled_shape(run)) is not None:
+                found.append((shape, Affix(name[:begin], name[stops[end] :])))
+            if side and end + 1 < last and (shape := spelled_shape(run + side)) is not None:
+                found.append((shape, Affix(name[:begin], name[stops[end] : begins[last]], True)))
             for shape, affix in found:
-                if shape is not None and not affix.is_meaningful:
+                if not affix.is_meaningful:
                     yield affix, shape
                     if (numberless := affix.numberless) != affix:
                         yield numberless, shape

@@ -24,6 +24,7 @@ _RAW = "a raw image of a camera"
 _FOREIGN = {
     ".heic": "a HEIC image, as iPhones take them",
     ".heif": "a HEIF image",
+    ".jxl": "a JPEG XL image",
     ".psd": "a Photoshop document",
     **dict.fromkeys((".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2"), _RAW),
 }
@@ -149,6 +150,8 @@ def _foreign_format(path: Path) -> str:
             return _FOREIGN[".heic" if any(kind in start for kind in _HEIC_BRANDS) else ".heif"]
         if brand == b"crx ":
             return _RAW
+    if start.startswith((b"\xff\x0a", b"\x00\x00\x00\x0cJXL ")):
+        return _FOREIGN[".jxl"]
     if start.startswith(b"8BPS"):
         return _FOREIGN[".psd"]
     return _FOREIGN.get(path.suffix.lower(), "")

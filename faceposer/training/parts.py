@@ -1,6 +1,5 @@
 """Conversion of a file's mesh to parts of one material each, with seams welded and faces of three or four corners."""
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -241,10 +240,10 @@ def _split_mouth(
 
 
 def _distinct(names: list[str]) -> list[str]:
-    """Return ``names`` without spaces, made unique by numbers."""
+    """Return ``names`` made unique by numbers."""
     result: list[str] = []
     for name in names:
-        plain = re.sub(r"\s+", "_", name.strip()) or "mesh"
+        plain = name.strip() or "mesh"
         candidate, number = plain, 2
         while candidate in result:
             candidate, number = f"{plain}_{number}", number + 1

@@ -9,7 +9,7 @@ from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file, write_text
 from faceposer.model.character import ARKIT_SHAPES, Character
 from faceposer.model.face_model import FaceModel
-from faceposer.model.name_matching import match_arkit
+from faceposer.model.name_matching import match_with_ties
 from faceposer.model.shape_names import whole_shape_of
 
 _MANY = 6
@@ -122,7 +122,7 @@ def findings_of(character: Character, model: FaceModel) -> list[str]:
     """Return the shortcomings of a valid character, one sentence each."""
     found = []
     if character.summary.get("kind") not in ("examples", "markers"):
-        missing = match_arkit(character.shape_names, f"The character '{character.name}'").missing
+        missing = match_with_ties(character.shape_names).missing
         if missing:
             found.append(f"It lacks {_listed(missing)}: the face cannot make these expressions.")
     empty = [name for name, shape in zip(character.shape_names, character.shapes, strict=True) if not shape.any()]

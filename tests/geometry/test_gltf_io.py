@@ -351,6 +351,43 @@ def test_expressions_of_avatars_are_targets(tmp_path: Path, version: int) -> Non
     np.testing.assert_array_equal(rig.targets["joy"], rig.targets["Fcl_Smile"])
 
 
+@pytest.mark.parametrize(("version", "whole"), [(0, 1.0), (0, 100.0), (1, 1.0), (1, 100.0)])
+def test_weights_of_avatars_may_be_of_the_other_version(version: int, whole: float, tmp_path: Path) -> None:
+    builder = face()
+    holder = {"mesh": 0} if version == 0 else {"node": 0}
+    binds = {"A": [{**holder, "index": 0, "weight": 0.5 * whole}], "B": [{**holder, "index": 1, "weight": whole}]}
+    if version == 0:
+        groups = [{"name": name, "binds": group} for name, group in binds.items()]
+        builder.json["extensions"] = {"VRM": {"blendShapeMaster": {"blendShapeGroups": groups}}}
+    else:
+        custom = {name: {"morphTargetBinds": group} for name, group in binds.items()}
+        builder.json["extensions"] = {"VRMC_vrm": {"expressions": {"custom": custom}}}
+    rig = read_gltf(builder.write(tmp_path / "a.vrm"))
+    np.testing.assert_allclose(rig.targets["A"], 0.5 * SMILE, atol=1e-6)
+    np.testing.assert_allclose(rig.targets["B"], FROWN, atol=1e-6)
+    foreign = whole != (100.0 if version == 0 else 1.0)
+    assert [f"they were read as 0 to {whole:g}" in note for note in rig.notes] == [True] * foreign
+
+
+def test_textures_that_cannot_be_read_are_said(tmp_path: Path) -> None:
+    for image, said in (
+        ({"uri": "none.png"}, "its image is missing or cannot be read"),
+        ({"data": b"\xabKTX 20\xbb"}, "the format KTX2 is not supported"),
+        ({"data": PNG[:40]}, "it is not an image"),
+        ({"data": b"text"}, "it is not an image"),
+    ):
+        builder = face()
+        builder.json["meshes"][0]["primitives"][0]["material"] = 0
+        texture = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+        builder.json["materials"] = [{"name": "skin", **texture}]
+        builder.json["textures"] = [{"source": 0}]
+        data = image.pop("data", b"")
+        builder.json["images"] = [image or {"bufferView": builder.view(data), "mimeType": "image/png"}]
+        rig = read_gltf(builder.write(tmp_path / "a.glb"))
+        assert not rig.textures
+        assert f"of the material 'skin' is not used: {said}" in rig.notes[0]
+
+
 def broken(change: str) -> Builder:
     """Return a file with one thing wrong."""
     builder = face()

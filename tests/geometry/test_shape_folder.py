@@ -63,6 +63,8 @@ def test_shapes_are_offsets_and_the_rest_is_the_neutrals(tmp_path: Path) -> None
         ("head_neutral.obj", "head_jawOpen", "jawOpen"),
         ("my-head.Neutral.obj", "my-head.jawOpen", "jawOpen"),
         ("manBase.obj", "manJawOpen", "manJawOpen"),
+        ("Basis.obj", "jawOpen", "jawOpen"),
+        ("neutral_Head_Mesh.obj", "jawOpen_Head_Mesh", "jawOpen_Head_Mesh"),
     ],
 )
 def test_the_neutral_is_found_and_prefixes_are_left_out(tmp_path: Path, neutral: str, shape: str, name: str) -> None:
@@ -72,7 +74,7 @@ def test_the_neutral_is_found_and_prefixes_are_left_out(tmp_path: Path, neutral:
 
 def test_the_neutral_can_be_given(tmp_path: Path) -> None:
     inside = folder(tmp_path, "a.obj", smile=1)
-    with pytest.raises(FacePoserError, match="has no neutral face among its 2 meshes; name it neutral, base, rest or"):
+    with pytest.raises(FacePoserError, match="has no neutral face among its 2 meshes; name it neutral, base, basis"):
         read_rig(inside)
     assert list(read_rig(inside, inside / "a.obj").targets) == ["smile"]
     assert list(read_rig(inside, Path("a.obj")).targets) == ["smile"]

@@ -93,6 +93,16 @@ def test_a_mesh_that_was_moved_turned_and_scaled_is_laid_back(low: FaceModel, tm
     assert distance(low, read.coefficients, pose) < 0.01
 
 
+@pytest.mark.parametrize("mirror", [(-1.0, 1.0, 1.0), (1.0, -100.0, 1.0), (1.0, 1.0, -1.0), (-2.0, -2.0, -2.0)])
+def test_a_mirrored_mesh_is_mirrored_back(mirror: tuple[float, ...], low: FaceModel, tmp_path: Path) -> None:
+    coefficients = low.coefficients_of({"mouthSmileLeft": 1.0, "jawOpen": 0.3})
+    scale = np.abs(mirror).max() * np.sign(mirror)
+    write_obj(tmp_path / "a.obj", low.instance(coefficients) * scale, low.character.polygons)
+    read = read_pose(tmp_path / "a.obj", low)
+    assert "The mesh is mirrored; it was mirrored back." in read.note
+    np.testing.assert_allclose(read.coefficients, coefficients, atol=1e-3)
+
+
 def test_a_mesh_that_was_only_sculpted_stays_where_it_is(low: FaceModel, tmp_path: Path) -> None:
     pose = low.coefficients_of({"jawOpen": 0.5})
     sculpted = low.instance(pose).astype(np.float64)

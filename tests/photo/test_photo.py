@@ -89,6 +89,46 @@ def test_pictures_stand_upright_and_tell_their_focal_length(tmp_path: Path) -> N
     assert inspect_photo(tmp_path / "unknown.jpg").focal is None
 
 
+@pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif", ".webp", ".avif"])
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_size_and_pixels_agree_in_every_format(suffix: str, orientation: int, tmp_path: Path) -> None:
+    pixels = np.zeros((40, 60, 3), dtype=np.uint8)
+    for channel, quarter in enumerate((np.s_[:20, :30], np.s_[:20, 30:], np.s_[20:, :30])):
+        pixels[(*quarter, channel)] = 255
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".tif":
+        Image.fromarray(pixels).save(path, tiffinfo={0x0112: orientation})
+    else:
+        exif = Image.Exif()
+        exif[0x0112] = orientation
+        Image.fromarray(pixels).save(path, quality=95, exif=exif)
+    expected = np.array([pixels, pixels[:, ::-1], pixels[::-1, ::-1], pixels[::-1]][(orientation - 1) % 4])
+    if orientation > 4:
+        turned = pixels.swapaxes(0, 1)
+        expected = [turned, turned[:, ::-1], turned[::-1, ::-1], turned[::-1]][orientation - 5]
+    upright = read_photo(path)
+    height, width = upright.shape[:2]
+    assert inspect_photo(path).size == (width, height)
+    assert upright.shape == expected.shape
+    for y, x in ((5, 5), (5, -5), (-5, 5), (-5, -5)):
+        assert np.abs(upright[y, x].astype(int) - expected[y, x]).max() < 60
+    assert read_photo(path, 30).shape[0] * width == pytest.approx(read_photo(path, 30).shape[1] * height, rel=0.05)
+
+
+def test_heic_is_told_by_its_content_and_jpeg_by_its_own(tmp_path: Path) -> None:
+    heic = b"\x00\x00\x00\x18ftypheic\x00\x00\x00\x00mif1heic" + bytes(100)
+    for name in ("a.heic", "a.jpg", "a.heif"):
+        (tmp_path / name).write_bytes(heic)
+        with pytest.raises(FacePoserError, match=rf"{name}' is a HEIC image, .* save it as JPEG"):
+            inspect_photo(tmp_path / name)
+    write_jpeg(tmp_path / "b.jpg")
+    (tmp_path / "b.jpg").rename(tmp_path / "b.heic")
+    assert inspect_photo(tmp_path / "b.heic").size == (60, 40)
+    (tmp_path / "c.nef").write_bytes(b"II*\x00" + bytes(60))
+    with pytest.raises(FacePoserError, match="is a raw image of a camera"):
+        read_photo(tmp_path / "c.nef")
+
+
 def test_pictures_are_brought_down_and_lose_their_transparency(tmp_path: Path) -> None:
     layer = np.zeros((50, 100, 4), dtype=np.uint8)
     layer[..., 3] = 255
