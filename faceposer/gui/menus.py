@@ -53,7 +53,7 @@ def _tool_actions(context: Shell, do: Commands, idle: Callable[[], bool]) -> lis
             "Tools",
             partial(do.nudge, dx * step, dy * step),
             (f"Shift+{key}" if step > 1 else key,),
-            lambda: idle() and bool(context.toolbox.selection),
+            lambda: idle() and context.toolbox.selects_unlocked,
             repeats=True,
             help=f"Move the selection by {step} pixel{'s' if step > 1 else ''}",
             listed=False,
@@ -100,6 +100,8 @@ def build_actions(context: Shell) -> Actions:
         toolbox = context.toolbox
         unfinished = toolbox.curve_tool.points or toolbox.stroke_tool.draws_target or toolbox.distance_tool.first
         drawn = toolbox.chosen is toolbox.trajectory_tool and toolbox.trajectory_tool.can_step_back
+        if toolbox.chosen is toolbox.photo_tool:
+            drawn = toolbox.photo_tool.can_step_back(context.session.depth)
         return idle() and (bool(unfinished) or drawn or context.session.can_undo)
 
     def can_redo() -> bool:
@@ -166,7 +168,7 @@ def build_actions(context: Shell) -> Actions:
                 "Edit",
                 do.delete_selected,
                 ("Delete", "Backspace"),
-                lambda: idle() and (do.pin_selected or bool(context.toolbox.selection) or context.features.selects),
+                lambda: idle() and (do.pin_selected or context.toolbox.selects_unlocked or context.features.selects),
                 separated=True,
             ),
             Action(

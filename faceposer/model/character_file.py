@@ -16,7 +16,7 @@ from typing import IO, Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, MissingCharacterError
 from faceposer.files.atomic import atomic_file
 from faceposer.model.character import Character, Floats, Ints, Part
 from faceposer.model.expression_statistics import ExpressionStatistics
@@ -54,9 +54,10 @@ def load_character(name_or_path: str | os.PathLike[str]) -> Character:
         installed = asset_path(f"characters/{text}.npz") if text == path.name and text else None
         if installed is None or not installed.is_file():
             names = ", ".join(f"'{p.stem}'" for p in sorted(asset_path("characters").glob("*.npz")))
-            raise FacePoserError(
+            raise MissingCharacterError(
                 f"There is no character '{text}'; choose one of {names or '(none installed)'}, or give the path of a "
-                "character file (.npz)."
+                "character file (.npz).",
+                text,
             )
         path = installed
     members = _read_members(path, None)
@@ -138,7 +139,7 @@ def _read_members(path: Path, named: set[str] | None) -> dict[str, NDArray[Any]]
                         members[name] = _read_array(stream, entry.file_size)
             return members
     except FileNotFoundError:
-        raise FacePoserError(f"There is no character file '{path}'; check the path.") from None
+        raise MissingCharacterError(f"There is no character file '{path}'; check the path.", str(path)) from None
     except OSError as error:
         _refuse(path, f"it cannot be read ({error.strerror or error})")
     except (zipfile.BadZipFile, EOFError, zlib.error, NotImplementedError, RuntimeError):

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, MissingCharacterError
 from faceposer.model.character_file import available_characters, load_character
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.photo.photo import absolute_path
@@ -36,15 +36,22 @@ def _load_model(character: str, _stamp: tuple[int, ...]) -> FaceModel:
     return build_face_model(load_character(character))
 
 
-def open_session(what: str, worker: Worker | None = None) -> Session:
+def open_session(what: str, worker: Worker | None = None, character: str = "") -> Session:
     """Return a session for ``what``: the name or path of a character, or the path of a session file.
 
+    Args:
+        what: Name or path.
+        worker: Solver; None to solve in the caller's thread.
+        character: Name or path of another character for a session file, in place of the one that the file names.
+
     Raises:
+        MissingCharacterError: If the character of a session file is not found.
         FacePoserError: If it cannot be found or read, or if the session does not fit its character.
     """
     path = Path(what)
     if path.suffix.lower() == ".json":
-        return session_for(read_document(path), path, worker)
+        document = read_document(path)
+        return session_for(replace(document, character=character) if character else document, path, worker)
     if path.suffix.lower() != ".npz":
         names = [name for name, _ in available_characters()]
         if what not in names:
@@ -74,6 +81,14 @@ def session_for(document: Document, path: Path | None, worker: Worker | None = N
         model = load_model(character)
         rebinding = rebind(replace(document, character=character, photos=photos), model)
         return Session(model, rebinding.document, worker, path, rebinding.remark)
+    except MissingCharacterError as error:
+        if path is None:
+            raise
+        raise MissingCharacterError(
+            f"The session '{path}' needs the character '{Path(character).stem}', which was removed or moved: there is "
+            f"no '{character}'.",
+            character,
+        ) from error
     except FacePoserError as error:
         if path is None:
             raise

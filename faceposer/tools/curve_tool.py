@@ -26,6 +26,7 @@ class CurveTool(PosingTool):
     """
 
     name = "curve"
+    drag_hint = "Move: shift the point of the curve   ·   release: confirm   ·   Esc: cancel"
     cursor = "pick"
     handle_order = 3
 

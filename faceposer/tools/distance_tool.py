@@ -73,6 +73,7 @@ class DistanceTool(PosingTool):
     """
 
     name = "distance"
+    drag_hint = "Move: choose the second point, or change the distance   ·   release: confirm   ·   Esc: cancel"
     cursor = "pick"
     handle_order = 2
 

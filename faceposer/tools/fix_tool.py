@@ -24,6 +24,7 @@ class FixTool(PosingTool):
     """
 
     name = "fix"
+    drag_hint = "Move: mark vertices   ·   release: confirm   ·   Esc: cancel"
     cursor = "draw"
 
     def __init__(self, tool_settings: ToolSettings) -> None:

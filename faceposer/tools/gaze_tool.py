@@ -85,6 +85,7 @@ class GazeTool(PosingTool):
     """Turns both eyes to a handle."""
 
     name = "gaze"
+    drag_hint = "Move: turn both eyes   ·   release: confirm   ·   Esc: cancel"
     cursor = "press"
     drag_cursor = "grab"
     handle_order = 0

@@ -36,6 +36,7 @@ class StrokeTool(PosingTool):
     """
 
     name = "stroke"
+    drag_hint = "Move: draw   ·   release: end the stroke   ·   Esc: cancel"
     cursor = "draw"
 
     def __init__(self, tool_settings: ToolSettings) -> None:

@@ -210,6 +210,12 @@ class Toolbox:
         session.remove_constraints(chosen, label)
         return True
 
+    @property
+    def selects_unlocked(self) -> bool:
+        """True if a selected constraint is not locked."""
+        constraints = self._context.session.document.constraints
+        return any(not constraints[i].locked for i in self.selection if i < len(constraints))
+
     def nudge(self, dx: float, dy: float) -> bool:
         """Move the targets of the selected constraints by (dx, dy) pixels of the view; return True if any moved.
 
@@ -257,7 +263,10 @@ class Toolbox:
         if self._active is self.camera_tool:
             return "Move: navigate the view   ·   release: confirm   ·   Esc: cancel"
         if self._active is not None:
-            return self.chosen.drag_hint
+            return self._active.drag_hint if isinstance(self._active, PosingTool) else self.chosen.drag_hint
+        pin = None if self.hover is None else self.hover.pin
+        if pin is not None and self._context.session.document.constraints[pin].locked:
+            return "Locked: unlock it in the list to move or remove it   ·   click: select it"
         if self.chosen is not self.point_tool:
             if self.hover is not None and self.hover.pin is not None:
                 return "Drag: edit the constraint   ·   right click: remove it"

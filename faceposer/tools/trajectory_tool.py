@@ -76,6 +76,7 @@ class TrajectoryTool(PosingTool):
     """
 
     name = "trajectory"
+    drag_hint = "Move: draw the path   ·   release: end it   ·   Esc: cancel"
     cursor = "draw"
 
     def __init__(self, tool_settings: ToolSettings) -> None:

@@ -55,9 +55,10 @@ class ConstraintsPanel:
         self._draw_rows(context)
         imgui.spacing()
         width = button_width(2)
-        action_button(context.widget_rects, context.actions["delete"], width, "Delete")
+        reason = "The selection is locked; unlock it first." if context.toolbox.selection else "Nothing is selected."
+        action_button(context.widget_rects, context.actions["delete"], width, "Remove", reason=reason)
         imgui.same_line()
-        action_button(context.widget_rects, context.actions["clear"], width, "Clear all")
+        action_button(context.widget_rects, context.actions["clear"], width, "Remove all")
         selected = sorted(context.toolbox.selection)
         if len(selected) == 1:
             imgui.spacing()
@@ -126,7 +127,7 @@ class ConstraintsPanel:
         removed = self._small_button(Icon.CLOSE, True, left, begin.y, row) and free
         imgui.end_disabled()
         context.widget_rects.record(f"point:{index}:delete")
-        tooltip("Remove")
+        tooltip("Remove\nThis constraint is locked; unlock it first." if constraint.locked else "Remove")
         imgui.set_cursor_pos(ImVec2(begin.x, begin.y + row.height))
         if removed:
             context.toolbox.select(index)

@@ -60,8 +60,8 @@ class PosePanel:
         session = context.session
 
         tip = (
-            "How much of the face follows a pulled point. Local: only the required muscles. Whole face: everything "
-            "that usually moves with it in real faces. Ctrl+click to type a value; Esc cancels a drag."
+            "How much of the face follows a pulled point: from only the required muscles at 0 (Local) to everything "
+            "that usually moves with it in real faces at 1 (Whole face). Ctrl+click to type; Esc cancels a drag."
         )
         # The other priors have no spread.
         imgui.begin_disabled(session.document.prior != "regions")

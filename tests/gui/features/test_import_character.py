@@ -367,7 +367,7 @@ def test_unsaved_work_is_asked_about_before_the_new_face_opens(robot: Robot, glb
     finish(robot)
     press(robot, "open")
     robot.frames(4)
-    assert app.dialogs.waiting[0].title == "Save this pose?"
+    assert app.dialogs.waiting[0].title == "Save the session?"
     robot.click_widget("choice:2")
     assert app.session.model.character.name == "man"
 
