@@ -178,7 +178,7 @@ class ImportDialog:
             "Source",
             importing.form.source,
             tip,
-            ("Rigs, arrays and motions", every),
+            ("Sources of characters", every),
             "File or folder",
             folder=True,
             done=importing.set_source,

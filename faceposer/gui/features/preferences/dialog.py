@@ -101,7 +101,7 @@ class PreferencesDialog:
         row_label("", width=_LABEL)
         if imgui.button("Reset light"):
             preferences.set_look(Look(backdrop=context.scene.look.backdrop))
-        rects.record("preferences:usual-light")
+        rects.record("preferences:reset-light")
         heading(context.fonts, "Files")
         row_label("Autosave folder", "Folder in which unsaved work is kept in case of a crash", _LABEL)
         folder = str(preferences.autosave_folder)
