@@ -300,7 +300,7 @@ def build_actions(context: Shell) -> Actions:
                 help="Search all commands by name",
             ),
             guide,
-            Action("keys", "Keys and mouse", "Help", do.show_keys, ("F1",)),
-            Action("about", "About Face Poser", "Help", do.about),
+            Action("keys", "Keys and mouse", "Help", do.show_keys, ("F1",), idle),
+            Action("about", "About Face Poser", "Help", do.about, (), idle),
         ]
     )

@@ -81,7 +81,7 @@ class CurveTool(PosingTool):
         found = [
             (i, constraint)
             for i, constraint in enumerate(context.session.document.constraints)
-            if isinstance(constraint, CurveConstraint) and not constraint.locked
+            if isinstance(constraint, CurveConstraint) and not constraint.locked and i not in context.unmarked
         ]
         return sorted(found, key=lambda item: (item[0] not in chosen, -item[0]))
 

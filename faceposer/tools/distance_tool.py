@@ -91,7 +91,7 @@ class DistanceTool(PosingTool):
         best, found = _REACH * context.ui_scale, None
         for mark in pair_marks(context):
             constraint = context.session.document.constraints[mark.index]
-            if constraint.locked:
+            if constraint.locked or mark.index in context.unmarked:
                 continue
             distances = np.hypot(*(mark.ends - position).T)
             end = int(np.argmin(distances))

@@ -58,7 +58,7 @@ class StrokeTool(PosingTool):
     def _target_at(self, position: Pixel, context: ToolContext) -> int | None:
         """Return the stroke of this view whose target passes within reach of ``position``, or None."""
         for i, constraint in reversed(list(enumerate(context.session.document.constraints))):
-            if isinstance(constraint, StrokeConstraint) and not constraint.locked:
+            if isinstance(constraint, StrokeConstraint) and not constraint.locked and i not in context.unmarked:
                 seen = pixels_in_view(constraint.target, constraint.camera, context.camera)
                 reach = _REACH * context.ui_scale + constraint.width / 2.0
                 if seen is not None and _distance_to_line(position, seen) <= reach:

@@ -15,7 +15,10 @@ from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.solve.conflicts import NOTABLE_PX
 from faceposer.solve.constraints.registry import Constraint
 
-_MAX_ROWS = 8
+# Rows that are always shown; more are if the panel has room.
+_LEAST_ROWS = 4
+# Height of the buttons and settings below the list, in units of the font size.
+_BELOW = 7.5
 # In units of the font size: side of a row's buttons, width of the icon, padding above and below the text.
 _BUTTON, _ICON, _PAD = 1.45, 1.4, 0.3
 #: Text of the empty list, by the chosen tool.
@@ -44,6 +47,10 @@ class _Row:
 
 class ConstraintsPanel:
     """The list of constraints, and the settings of the selected one."""
+
+    def __init__(self) -> None:
+        # Selection to which the list was scrolled last.
+        self._revealed: frozenset[int] = frozenset()
 
     def draw(self, context: EditorContext) -> None:
         """Draw the panel."""
@@ -83,8 +90,15 @@ class ConstraintsPanel:
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0.0, em(_PAD)))
         # Room for the scroll bar is always reserved, so that rows do not change when it appears.
         rows = self._rows(context, imgui.get_content_region_avail().x - imgui.get_style().scrollbar_size)
-        imgui.begin_child("##constraints", ImVec2(0.0, sum(row.height for row in rows[:_MAX_ROWS])))
+        whole = sum(row.height for row in rows)
+        least = sum(row.height for row in rows[:_LEAST_ROWS])
+        room = imgui.get_content_region_avail().y - em(_BELOW)
+        imgui.begin_child("##constraints", ImVec2(0.0, min(whole, max(room, least))))
+        new = frozenset(context.toolbox.selection) - self._revealed
+        self._revealed = frozenset(context.toolbox.selection)
         for i, row in enumerate(rows):
+            if i in new:
+                _reveal(imgui.get_cursor_pos().y, row.height)
             imgui.push_id(i)
             removed = self._draw_row(context, i, row)
             imgui.pop_id()
@@ -193,3 +207,12 @@ class ConstraintsPanel:
     def _change(self, context: EditorContext, index: int, label: str, **switches: Any) -> None:
         constraint: Any = context.session.document.constraints[index]
         context.session.change_constraint(index, replace(constraint, **switches), label)
+
+
+def _reveal(top: float, height: float) -> None:
+    """Scroll the current window to the row at ``top``, if it is not visible."""
+    scroll, room = imgui.get_scroll_y(), imgui.get_window_height()
+    if top < scroll:
+        imgui.set_scroll_y(top)
+    elif top + height > scroll + room:
+        imgui.set_scroll_y(top + height - room)
