@@ -13,8 +13,8 @@ _VIEWS = (
     ("front", "Front", "1"),
     ("back", "Back", "Ctrl+1"),
     ("three-quarter", "Three-quarter", "2"),
-    ("left", "Left side", "3"),
-    ("right", "Right side", "Ctrl+3"),
+    ("left", "Left", "3"),
+    ("right", "Right", "Ctrl+3"),
     ("top", "Top", "7"),
     ("bottom", "Bottom", "Ctrl+7"),
 )
@@ -164,7 +164,7 @@ def build_actions(context: Shell) -> Actions:
             ),
             Action(
                 "delete",
-                "Delete selected",
+                "Remove selected",
                 "Edit",
                 do.delete_selected,
                 ("Delete", "Backspace"),
@@ -173,7 +173,7 @@ def build_actions(context: Shell) -> Actions:
             ),
             Action(
                 "clear",
-                "Clear all constraints",
+                "Remove all constraints",
                 "Edit",
                 do.clear_points,
                 (),

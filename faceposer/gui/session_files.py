@@ -1,6 +1,7 @@
 """Opening, saving and closing: unsaved work is never lost without a question."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,12 +15,15 @@ from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.interchange.meshes import foreign_library, write_posed_obj
 from faceposer.session.character_library import SUFFIX as CHARACTER_SUFFIX
+from faceposer.session.document import FORMAT
 from faceposer.session.opening import open_session
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
 
 # Suffixes of the files that can be opened: sessions and characters.
 SUFFIXES = (".json", ".npz")
+# Bytes in which a session file names its format.
+_HEAD = 4096
 
 
 class SessionFiles:
@@ -115,7 +119,7 @@ class SessionFiles:
             return session
 
         missing = ask if Path(what).suffix.lower() == ".json" else None
-        if self.show(opening, "The file cannot be opened", "", missing):
+        if self.show(opening, "The file cannot be opened", _remedy(Path(what)), missing):
             self.remember(what)
 
     def remember(self, what: str) -> None:
@@ -296,6 +300,16 @@ class SessionFiles:
                 ),
             )
         )
+
+
+def _remedy(path: Path) -> str:
+    """Return what to do with a file that is no session but may hold weights, or ""."""
+    with suppress(OSError):
+        if path.suffix.lower() == ".json":
+            with path.open("rb") as stream:
+                if FORMAT.encode() not in stream.read(_HEAD):
+                    return " Weights and poses are opened with File > Open pose."
+    return ""
 
 
 def _stem(character: str) -> str:

@@ -157,3 +157,31 @@ def test_unsaved_work_is_called_a_session(robot: Robot) -> None:
     pull(robot)
     robot.app.files.guard(lambda: None)
     assert robot.app.dialogs.waiting[0].title == "Save the session?"
+
+
+def test_weights_opened_as_a_session_point_to_the_command_for_them(robot: Robot, tmp_path: Path) -> None:
+    path = tmp_path / "weights.json"
+    path.write_text('{"jawOpen": 0.5}')
+    robot.app.files.open(str(path))
+    assert "File > Open pose" in robot.app.dialogs.waiting[0].text
+    robot.app.dialogs.waiting.clear()
+    broken = tmp_path / "broken.json"
+    broken.write_text('{"format": "faceposer.session", ')
+    robot.app.files.open(str(broken))
+    assert "Open pose" not in robot.app.dialogs.waiting[0].text
+
+
+def test_one_word_for_one_thing(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Buttons have the label of their action: views, tools, and what removes constraints."""
+    app = robot.app
+    shown: list[str] = []
+    button = imgui.button
+    monkeypatch.setattr(
+        imgui, "button", lambda label, *size: (shown.append(label.split("##")[0]), button(label, *size))[1]
+    )
+    robot.click_widget("tab:View")
+    robot.frames(2)
+    for name in ("front", "three-quarter", "left", "right", "top"):
+        assert app.actions[f"view-{name}"].label in shown
+    labels = [action.label for action in app.actions]
+    assert not [label for label in labels if label.startswith(("Delete", "Clear"))]

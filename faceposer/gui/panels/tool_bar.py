@@ -41,7 +41,7 @@ _TITLES = {
     "distance": "Distance",
     "stroke": "Stroke",
     "curve": "Curve",
-    "fix": "Fixed vertices",
+    "fix": "Fix",
     "gaze": "Gaze",
     "trajectory": "Trajectories",
 }

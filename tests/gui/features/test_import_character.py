@@ -291,7 +291,8 @@ def test_errors_are_one_sentence_and_can_be_mended(robot: Robot, glb: Path, tmp_
     broken.write_bytes(b"glTF but not really")
     open_by_menu(robot)
     press(robot, "start")
-    assert importer(app).error == "Choose a source for the character."
+    assert importer(app).page == "form"
+    assert importer(app).form.missing == "Choose a source for the character."
     enter(robot, "source", str(broken))
     press(robot, "start")
     finish(robot)
@@ -392,7 +393,8 @@ def test_sources_and_outputs_are_chosen_in_the_browser(robot: Robot, glb: Path, 
     robot.click_widget("import:kind:2")
     robot.frames(4)
     robot.click_widget("import:start")
-    assert "map" in importer(app).error
+    assert importer(app).page == "form"
+    assert "map" in importer(app).form.missing
     robot.click_widget("import:marker_map:file")
     robot.frames(4)
     robot.key("Esc")

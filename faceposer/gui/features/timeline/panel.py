@@ -121,7 +121,7 @@ def _draw_fields(timeline: TimelineEditor) -> None:
     if changed:
         timeline.go_to(frame - 1)
     rects.record("frame-shown")
-    tooltip("Current frame. Drag, or double-click to type a number.")
+    tooltip("Current frame. Drag, or Ctrl+click to type a value.")
     imgui.same_line()
     if _width_in_em() > _NO_LENGTH:
         _draw_length(timeline)
@@ -143,7 +143,7 @@ def _draw_length(timeline: TimelineEditor) -> None:
         timeline.change(replace(keyframes, length=length), "Change the length", merges=True)
     rects.record("length")
     seconds = keyframes.length / keyframes.rate
-    tooltip(f"Length of the animation in frames, {seconds:.2f} s. Drag, or double-click to type a number.")
+    tooltip(f"Length of the animation in frames, {seconds:.2f} s. Drag, or Ctrl+click to type a value.")
     imgui.same_line()
 
 
