@@ -19,6 +19,18 @@ class NoWindowError(FacePoserError):
     """The system cannot show a window, because there is no display or no sufficient OpenGL; commands still work."""
 
 
+class MissingCharacterError(FacePoserError):
+    """The character of a session is not found.
+
+    Attributes:
+        character: Name or path of the character.
+    """
+
+    def __init__(self, message: str, character: str) -> None:
+        super().__init__(message)
+        self.character = character
+
+
 class FacePoserWarning(UserWarning):
     """A remark for users of the Python interface about changes or possibly unintended results."""
 

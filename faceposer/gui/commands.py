@@ -76,7 +76,7 @@ class Commands:
         """Remove all constraints that are not locked."""
         self._context.toolbox.cancel()
         free = {i for i, c in enumerate(self._context.session.document.constraints) if not c.locked}
-        self._context.session.remove_constraints(free, "Clear all constraints")
+        self._context.session.remove_constraints(free, "Remove all constraints")
 
     def reset(self) -> None:
         """Return to the neutral face."""

@@ -145,7 +145,9 @@ class Editor:
         self.redraw()
 
     def _new_drawn_constraints(self, session: Session) -> DrawnConstraints:
-        return DrawnConstraints(session, self.scene, self.viewport, self.toolbox, lambda: self.busy)
+        drawn = DrawnConstraints(session, self.scene, self.viewport, self.toolbox, lambda: self.busy)
+        self.viewport.hidden_among = drawn.hidden.indices
+        return drawn
 
     def set_mode(self, mode: Mode) -> None:
         """Solve after every change, or only when the user applies."""
@@ -215,7 +217,8 @@ class Editor:
         if self.comparing:
             hint = "This is the neutral face   ·   C: back to the pose"
         else:
-            hint = f"{self.toolbox.hint()}{'   ·   Enter: apply' if self.session.pending else ''}"
+            waits = self.session.pending and self.session.mode == "apply"
+            hint = f"{self.toolbox.hint()}{'   ·   Enter: apply' if waits else ''}"
         return self.actions.with_current_keys(hint)
 
     def notify(self, text: str) -> None:

@@ -181,7 +181,7 @@ def _draw_view(context: Shell, position: tuple[float, float], size: tuple[float,
         draw_badge(draw, context.viewport, "Neutral", 0.0)
     else:
         _draw_constraints(context, draw)
-        if context.session.pending:
+        if context.session.pending and context.session.mode == "apply":
             draw_badge(draw, context.viewport, _pending_text(context), 0.0, warm=True)
     context.features.draw_over(draw)
     if context.notice:

@@ -13,8 +13,8 @@ _VIEWS = (
     ("front", "Front", "1"),
     ("back", "Back", "Ctrl+1"),
     ("three-quarter", "Three-quarter", "2"),
-    ("left", "Left side", "3"),
-    ("right", "Right side", "Ctrl+3"),
+    ("left", "Left", "3"),
+    ("right", "Right", "Ctrl+3"),
     ("top", "Top", "7"),
     ("bottom", "Bottom", "Ctrl+7"),
 )
@@ -49,7 +49,7 @@ def _tool_actions(context: Shell, do: Commands, idle: Callable[[], bool]) -> lis
             "Tools",
             partial(do.nudge, dx * step, dy * step),
             (f"Shift+{key}" if step > 1 else key,),
-            lambda: idle() and bool(context.toolbox.selection),
+            lambda: idle() and context.toolbox.selects_unlocked,
             repeats=True,
             help=f"Move the selection by {step} pixel{'s' if step > 1 else ''}",
             listed=False,
@@ -87,10 +87,10 @@ def build_actions(context: Shell) -> Actions:
         return idle() and (solvable or context.toolbox.chosen.can_accept)
 
     def can_undo() -> bool:
-        return idle() and (context.toolbox.chosen.can_step_back or context.session.can_undo)
+        return idle() and (context.toolbox.can_step_back or context.session.can_undo)
 
     def can_redo() -> bool:
-        return idle() and (context.toolbox.chosen.can_step_forward or context.session.can_redo)
+        return idle() and (context.toolbox.can_step_forward or context.session.can_redo)
 
     entries = context.features.actions()
     # These two have a fixed place in the menus.
@@ -147,16 +147,16 @@ def build_actions(context: Shell) -> Actions:
             ),
             Action(
                 "delete",
-                "Delete selected",
+                "Remove selected",
                 "Edit",
                 do.delete_selected,
                 ("Delete", "Backspace"),
-                lambda: idle() and (do.pin_selected or bool(context.toolbox.selection) or context.features.selects),
+                lambda: idle() and (do.pin_selected or context.toolbox.selects_unlocked or context.features.selects),
                 separated=True,
             ),
             Action(
                 "clear",
-                "Clear all constraints",
+                "Remove all constraints",
                 "Edit",
                 do.clear_points,
                 (),
@@ -283,7 +283,7 @@ def build_actions(context: Shell) -> Actions:
                 help="Search all commands by name",
             ),
             guide,
-            Action("keys", "Keys and mouse", "Help", do.show_keys, ("F1",)),
-            Action("about", "About Face Poser", "Help", do.about),
+            Action("keys", "Keys and mouse", "Help", do.show_keys, ("F1",), idle),
+            Action("about", "About Face Poser", "Help", do.about, (), idle),
         ]
     )

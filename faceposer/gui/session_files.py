@@ -1,19 +1,22 @@
 """Opening, saving and closing: unsaved work is never lost without a question."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, MissingCharacterError
 from faceposer.files import paths
 from faceposer.gui.actions import Action
 from faceposer.gui.context import EditorContext
+from faceposer.gui.missing_character import ask_for_character
 from faceposer.gui.recent_files import RecentFiles
 from faceposer.gui.settings import MAX_CHARACTERS, last_folder
 from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.interchange.meshes import foreign_library, write_posed_obj
 from faceposer.session.character_library import SUFFIX as CHARACTER_SUFFIX
+from faceposer.session.document import FORMAT
 from faceposer.session.on_disk import OpenFile, open_files_folder
 from faceposer.session.opening import open_session
 from faceposer.session.session import Session
@@ -21,6 +24,8 @@ from faceposer.session.solver_worker import Worker
 
 # Suffixes of the files that can be opened: sessions and characters.
 SUFFIXES = (".json", ".npz")
+# Bytes in which a session file names its format.
+_HEAD = 4096
 
 
 class SessionFiles:
@@ -107,8 +112,20 @@ class SessionFiles:
             )
         )
 
-    def _open(self, what: str) -> None:
-        if self.show(lambda worker: open_session(what, worker), "The file cannot be opened"):
+    def _open(self, what: str, character: str = "") -> None:
+        """Open ``what``, a session with another ``character`` if that is given, and ask for one if it is missing."""
+
+        def ask(error: MissingCharacterError) -> None:
+            ask_for_character(self._context, error, lambda other: self._open(what, other))
+
+        def opening(worker: Worker) -> Session:
+            session = open_session(what, worker, character)
+            if character:
+                session.mark_unsaved()
+            return session
+
+        missing = ask if Path(what).suffix.lower() == ".json" else None
+        if self.show(opening, "The file cannot be opened", _remedy(Path(what)), missing):
             self.remember(what)
 
     def remember(self, what: str) -> None:
@@ -137,13 +154,20 @@ class SessionFiles:
             for entry in known
         ]
 
-    def show(self, opening: Callable[[Worker], Session], failure: str, remedy: str = "") -> bool:
+    def show(
+        self,
+        opening: Callable[[Worker], Session],
+        failure: str,
+        remedy: str = "",
+        missing: Callable[[MissingCharacterError], None] | None = None,
+    ) -> bool:
         """Edit the session that ``opening`` returns; the caller has asked about unsaved changes.
 
         Args:
             opening: Called with the solver for the session; its FacePoserError is reported, and nothing changes.
             failure: Title of that report.
             remedy: Text appended to the error.
+            missing: Called in place of the report if the character is not found.
 
         Returns:
             True on success.
@@ -154,7 +178,10 @@ class SessionFiles:
             session = opening(worker)
         except FacePoserError as error:
             worker.close()
-            context.dialogs.report(failure, f"{error}{remedy}")
+            if missing is not None and isinstance(error, MissingCharacterError):
+                missing(error)
+            else:
+                context.dialogs.report(failure, f"{error}{remedy}")
             return False
         except Exception:
             worker.close()
@@ -310,7 +337,7 @@ class SessionFiles:
         if not context.session.dirty:
             go_on()
             return
-        name = context.session.path.name if context.session.path else "this pose"
+        name = context.session.path.name if context.session.path else "the session"
         context.dialogs.ask(
             Question(
                 f"Save {name}?",
@@ -322,6 +349,16 @@ class SessionFiles:
                 ),
             )
         )
+
+
+def _remedy(path: Path) -> str:
+    """Return what to do with a file that is no session but may hold weights, or ""."""
+    with suppress(OSError):
+        if path.suffix.lower() == ".json":
+            with path.open("rb") as stream:
+                if FORMAT.encode() not in stream.read(_HEAD):
+                    return " Weights and poses are opened with File > Open pose."
+    return ""
 
 
 def _stem(character: str) -> str:

@@ -1,5 +1,6 @@
 """The view of the face, as a rectangle of the window and as the context of tools."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from faceposer.geometry.picture_view import PictureView, View
 from faceposer.model.framing import face_view
 from faceposer.render.scene import Scene
 from faceposer.session.session import Session
+from faceposer.solve.constraints.registry import Constraint
 from faceposer.tools.tool import Navigation
 
 Pixel = tuple[float, float]
@@ -26,6 +28,7 @@ class Viewport:
         origin: Top left corner in the window.
         size: Width and height, at least 1.
         ui_scale: Window units per unit of the interface, which is a pixel at normal density and zoom 1.
+        hidden_among: Returns the indices of constraints whose marks the user has hidden.
     """
 
     def __init__(self, scene: Scene, session: Session, navigation: Navigation) -> None:
@@ -35,6 +38,7 @@ class Viewport:
         self.origin: Pixel = (0.0, 0.0)
         self.size = (1, 1)
         self.ui_scale = 1.0
+        self.hidden_among: Callable[[tuple[Constraint, ...]], frozenset[int]] = lambda _: frozenset()
         self._scene = scene
         self._camera: tuple[object, Camera] | None = None
         self.view: View = self.framed()
@@ -46,6 +50,11 @@ class Viewport:
         if self._camera is None or self._camera[0] != key:
             self._camera = (key, self.view.camera(self.size))
         return self._camera[1]
+
+    @property
+    def unmarked(self) -> frozenset[int]:
+        """Constraints whose marks the user has hidden; their handles cannot be grabbed."""
+        return self.hidden_among(self.session.document.constraints)
 
     def place(self, origin: Pixel, size: tuple[int, int], ui_scale: float) -> None:
         """Set the rectangle to ``origin`` and ``size``, at least 1 by 1."""

@@ -105,6 +105,10 @@ class Character:
             object.__setattr__(self, "shape_limits", unit)
         check_character(self)
 
+    def set_title(self, title: str) -> None:
+        """Change the title, after it has been changed in the file; nothing that was computed depends on it."""
+        object.__setattr__(self, "title", title)
+
     @cached_property
     def triangles(self) -> Ints:
         """Vertex ids of all triangles, shape (T, 3); a quad (a, b, c, d) is split into (a, b, c) and (a, c, d)."""

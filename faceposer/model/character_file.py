@@ -18,7 +18,7 @@ from typing import IO, Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, MissingCharacterError
 from faceposer.files import paths
 from faceposer.files.atomic import atomic_file
 from faceposer.files.json_documents import parse_json
@@ -63,9 +63,10 @@ def load_character(name_or_path: str | os.PathLike[str]) -> Character:
         installed = asset_path(f"characters/{text}.npz") if text == path.name and text else None
         if installed is None or not paths.is_file(installed):
             names = ", ".join(f"'{p.stem}'" for p in sorted(asset_path("characters").glob("*.npz")))
-            raise FacePoserError(
+            raise MissingCharacterError(
                 f"There is no character '{text}'; choose one of {names or '(none installed)'}, or give the path of a "
-                "character file (.npz)."
+                "character file (.npz).",
+                text,
             )
         path = installed
     members = _read_members(path, None)
@@ -178,7 +179,7 @@ def _read_members(path: Path, named: set[str] | None) -> dict[str, NDArray[Any]]
     except _DamagedError as error:
         _refuse(path, str(error))
     except FileNotFoundError:
-        raise FacePoserError(f"There is no character file '{path}'; check the path.") from None
+        raise MissingCharacterError(f"There is no character file '{path}'; check the path.", str(path)) from None
     except OSError as error:
         _refuse(path, f"it cannot be read ({error.strerror or error})")
     except (zipfile.BadZipFile, EOFError, zlib.error, lzma.LZMAError, NotImplementedError, RuntimeError, ValueError):

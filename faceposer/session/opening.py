@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, MissingCharacterError
 from faceposer.files.paths import expand_user
 from faceposer.model.character_file import available_characters, load_character
 from faceposer.model.face_model import FaceModel, build_face_model
@@ -38,16 +38,23 @@ def _load_model(character: str, _stamp: tuple[int, ...]) -> FaceModel:
     return build_face_model(load_character(character))
 
 
-def open_session(what: str, worker: Worker | None = None) -> Session:
+def open_session(what: str, worker: Worker | None = None, character: str = "") -> Session:
     """Return a session for ``what``: the name or path of a character, or the path of a session file.
 
+    Args:
+        what: Name or path.
+        worker: Solver; None to solve in the caller's thread.
+        character: Name or path of another character for a session file, in place of the one that the file names.
+
     Raises:
+        MissingCharacterError: If the character of a session file is not found.
         FacePoserError: If it cannot be found or read, or if the session does not fit its character.
     """
     path = Path(what)
     if path.suffix.lower() == ".json":
         content = content_of(path)
-        return session_for(read_document(path), path, worker, content)
+        document = read_document(path)
+        return session_for(replace(document, character=character) if character else document, path, worker, content)
     if path.suffix.lower() != ".npz":
         names = [name for name, _ in available_characters()]
         if what not in names:
@@ -80,6 +87,14 @@ def session_for(
         model = load_model(character)
         rebinding = rebind(replace(document, character=character, photos=photos), model)
         return Session(model, rebinding.document, worker, path, rebinding.remark, content)
+    except MissingCharacterError as error:
+        if path is None:
+            raise
+        raise MissingCharacterError(
+            f"The session '{path}' needs the character '{Path(character).stem}', which was removed or moved: there is "
+            f"no '{character}'.",
+            character,
+        ) from error
     except FacePoserError as error:
         if path is None:
             raise

@@ -30,6 +30,7 @@ class CurveTool(PosingTool):
     key = "K"
     help = "Click points of a curve on the face, then drag its control points"
     empty_text = "Click points of a curve on the face and accept it, then drag its control points."
+    drag_hint = "Move: shift the point of the curve   ·   release: confirm   ·   Esc: cancel"
     cursor = "pick"
     handle_order = 3
 
@@ -84,7 +85,7 @@ class CurveTool(PosingTool):
         found = [
             (i, constraint)
             for i, constraint in enumerate(context.session.document.constraints)
-            if isinstance(constraint, CurveConstraint) and not constraint.locked
+            if isinstance(constraint, CurveConstraint) and not constraint.locked and i not in context.unmarked
         ]
         return sorted(found, key=lambda item: (item[0] not in chosen, -item[0]))
 

@@ -77,6 +77,7 @@ class DistanceTool(PosingTool):
     key = "D"
     help = "Set the distance between two points in the view, such as the height of the mouth"
     empty_text = "Drag from one point of the face to another, or choose a distance above, then set it with its slider."
+    drag_hint = "Move: choose the second point, or change the distance   ·   release: confirm   ·   Esc: cancel"
     cursor = "pick"
     handle_order = 2
 
@@ -94,7 +95,7 @@ class DistanceTool(PosingTool):
         best, found = _REACH * context.ui_scale, None
         for mark in pair_marks(context):
             constraint = context.session.document.constraints[mark.index]
-            if constraint.locked:
+            if constraint.locked or mark.index in context.unmarked:
                 continue
             distances = np.hypot(*(mark.ends - position).T)
             end = int(np.argmin(distances))

@@ -28,6 +28,7 @@ class FixTool(PosingTool):
     key = "H"
     help = "Fix vertices in place"
     empty_text = "Paint the area to hold in place, or choose a region above."
+    drag_hint = "Move: mark vertices   ·   release: confirm   ·   Esc: cancel"
     cursor = "draw"
 
     def __init__(self, tool_settings: ToolSettings) -> None:

@@ -89,6 +89,7 @@ class GazeTool(PosingTool):
     key = "G"
     help = "Drag anywhere in the view to turn both eyes"
     empty_text = "Drag in the view to turn both eyes to the ring."
+    drag_hint = "Move: turn both eyes   ·   release: confirm   ·   Esc: cancel"
     cursor = "press"
     drag_cursor = "grab"
     handle_order = 0
@@ -136,7 +137,9 @@ class GazeTool(PosingTool):
         """Return True if the press ``event`` hits the handle of a gaze constraint."""
         found = self.constraint(context)
         left = event.button == "left" and not event.modifiers
-        return left and found is not None and not found[1].locked and self._hits_visible_handle(event.position, context)
+        if not left or found is None or found[1].locked or found[0] in context.unmarked:
+            return False
+        return self._hits_visible_handle(event.position, context)
 
     @property
     def works_off_face(self) -> bool:

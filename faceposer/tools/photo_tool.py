@@ -41,6 +41,9 @@ class PhotoTool(PosingTool):
         self.place: Place | None = None
         self.selected: int | None = None
         self.problem = ""
+        # Depth of the history and place of each skip, and the present depth.
+        self._skips: list[tuple[int, Place]] = []
+        self._depth = 0
 
     def photo(self, context: ToolContext) -> Photo | None:
         """Return the photo whose camera is that of the view, or None."""
@@ -168,8 +171,45 @@ class PhotoTool(PosingTool):
         return index is not None
 
     def skip(self, context: ToolContext) -> None:
-        """Go to the next place; after the last one, to the first without a pin."""
+        """Go to the next place; after the last one, to the first without a pin. Undo returns to the skipped one."""
+        self.follow_history(context.session.depth)
+        if self.place is not None:
+            self._skips.append((self._depth, self.place))
         self.place = self.next_place(context, self.place) or self.next_place(context)
+
+    def follow_history(self, depth: int) -> None:
+        """Drop the skips after which steps of the session's history were undone."""
+        self._depth = depth
+        self._skips = [skip for skip in self._skips if skip[0] <= depth]
+
+    @property
+    def can_step_back(self) -> bool:
+        """True if the last step, of the session and of the tool, is a skip."""
+        return bool(self._skips) and self._skips[-1][0] == self._depth
+
+    def step_back(self) -> bool:
+        """Return to the place that was skipped last, unless pins were set since; return True if there is one."""
+        if not self.can_step_back:
+            return False
+        self.place = self._skips.pop()[1]
+        return True
+
+    def follow_pins(self, before: tuple[Place, ...], context: ToolContext) -> None:
+        """Ask for a place again whose pin was undone, and for the next one after a redo.
+
+        Args:
+            before: Places with a pin before the step.
+            context: The view.
+        """
+        photo = self.photo(context)
+        if photo is None:
+            return
+        now = tuple(pin.place for pin in photo.pins)
+        undone = [place for place in before if place not in now]
+        if undone and context.session.can_redo:
+            self.place = undone[0]
+        elif self.place in now and self.place not in before:
+            self.place = self.next_place(context, self.place)
 
     def discard(self) -> bool:
         """Stop setting pins until a place is chosen; return True if a place was active."""

@@ -64,7 +64,7 @@ class PointTool(PosingTool):
 
         A pin at a hidden point is out of reach, unless it was made in this view.
         """
-        handles = handle_pixels(context)
+        handles = {i: pixel for i, pixel in handle_pixels(context).items() if i not in context.unmarked}
         if not handles:
             return None
         order = sorted(handles, reverse=True)

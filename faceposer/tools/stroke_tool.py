@@ -40,6 +40,7 @@ class StrokeTool(PosingTool):
     key = "S"
     help = "Draw a stroke on the face, then draw its target"
     empty_text = "Draw a stroke on the face, then draw its target."
+    drag_hint = "Move: draw   ·   release: end the stroke   ·   Esc: cancel"
     cursor = "draw"
 
     def __init__(self, tool_settings: ToolSettings) -> None:
@@ -61,7 +62,7 @@ class StrokeTool(PosingTool):
     def _target_at(self, position: Pixel, context: ToolContext) -> int | None:
         """Return the stroke of this view whose target passes within reach of ``position``, or None."""
         for i, constraint in reversed(list(enumerate(context.session.document.constraints))):
-            if isinstance(constraint, StrokeConstraint) and not constraint.locked:
+            if isinstance(constraint, StrokeConstraint) and not constraint.locked and i not in context.unmarked:
                 seen = pixels_in_view(constraint.target, constraint.camera, context.camera)
                 reach = _REACH * context.ui_scale + constraint.width / 2.0
                 if seen is not None and _distance_to_line(position, seen) <= reach:

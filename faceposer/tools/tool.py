@@ -85,6 +85,11 @@ class ToolContext(Protocol):
         """The camera of the view."""
         ...
 
+    @property
+    def unmarked(self) -> frozenset[int]:
+        """Constraints whose marks the user has hidden; their handles cannot be grabbed."""
+        ...
+
     def pick(self, pixel: tuple[float, float]) -> SurfacePoint | None:
         """Return the point of the visible face under ``pixel``, or None."""
         ...

@@ -183,6 +183,18 @@ class Toolbox:
         """Finish the edit of the tool (Enter); return True if there was one."""
         return self._gesture is None and self.chosen.accept(self._context)
 
+    @property
+    def can_step_back(self) -> bool:
+        """True if ``step_back`` would revert a step."""
+        self.chosen.follow_history(self._context.session.depth)
+        return self.chosen.can_step_back
+
+    @property
+    def can_step_forward(self) -> bool:
+        """True if ``step_forward`` would repeat a step."""
+        self.chosen.follow_history(self._context.session.depth)
+        return self.chosen.can_step_forward
+
     def step_back(self) -> bool:
         """Revert the last step of the tool's unfinished edit; return True if there was one."""
         self.chosen.follow_history(self._context.session.depth)
@@ -214,6 +226,12 @@ class Toolbox:
         label = f"Remove {article} {noun}" if len(chosen) == 1 else f"Remove {len(chosen)} {noun}s"
         session.remove_constraints(chosen, label)
         return True
+
+    @property
+    def selects_unlocked(self) -> bool:
+        """True if a selected constraint is not locked."""
+        constraints = self._context.session.document.constraints
+        return any(not constraints[i].locked for i in self.selection if i < len(constraints))
 
     def nudge(self, dx: float, dy: float) -> bool:
         """Move the targets of the selected constraints by (dx, dy) pixels of the view; return True if any moved.
@@ -262,7 +280,10 @@ class Toolbox:
         if self._active is self.camera_tool:
             return "Move: navigate the view   ·   release: confirm   ·   Esc: cancel"
         if self._active is not None:
-            return self.chosen.drag_hint
+            return self._active.drag_hint if isinstance(self._active, PosingTool) else self.chosen.drag_hint
+        pin = None if self.hover is None else self.hover.pin
+        if pin is not None and self._context.session.document.constraints[pin].locked:
+            return "Locked: unlock it in the list to move or remove it   ·   click: select it"
         if self.chosen is not self.point_tool:
             if self.hover is not None and self.hover.pin is not None:
                 return "Drag: edit the constraint   ·   right click: remove it"

@@ -80,6 +80,7 @@ class TrajectoryTool(PosingTool):
     key = "J"
     help = "Draw the paths of points over time; the face follows them"
     empty_text = "Draw the paths of points. Solving turns them into keys of the timeline, not into constraints."
+    drag_hint = "Move: draw the path   ·   release: end it   ·   Esc: cancel"
     cursor = "draw"
 
     def __init__(self, tool_settings: ToolSettings) -> None:

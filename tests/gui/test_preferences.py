@@ -84,7 +84,7 @@ def test_light_by_its_sliders(robot: Robot) -> None:
     robot.move((right - 4, middle), 3)
     robot.release()
     assert robot.app.scene.look.key == LIMITS["key_light"][1]
-    robot.click_widget("preferences:usual-light")
+    robot.click_widget("preferences:reset-light")
     assert robot.app.scene.look == Look()
 
 

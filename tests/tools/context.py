@@ -27,6 +27,7 @@ class HeadlessContext:
         self.size = (800, 800)
         self.ui_scale = 1.0
         self.navigation: Navigation = "blender"
+        self.unmarked: frozenset[int] = frozenset()
         self.toolbox = Toolbox(self)
 
     @property

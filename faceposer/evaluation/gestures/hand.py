@@ -111,6 +111,7 @@ class Hand:
 
     ui_scale = 1.0
     navigation: Navigation = "blender"
+    unmarked: frozenset[int] = frozenset()
 
     def __init__(self, model: FaceModel, settings: PriorSettings | None = None) -> None:
         """Start at the neutral face of ``model``."""

@@ -100,9 +100,9 @@ def _ask_for_title(context: EditorContext, entry: LibraryEntry) -> None:
 
     def rename(title: str) -> None:
         context.characters.rename(entry, title)
-        context.notify(f"Renamed {entry.title} to {title.strip()}")
         if current:
-            context.notify("The new name is shown when the session is opened again")
+            context.session.model.character.set_title(title.strip())
+        context.notify(f"Renamed {entry.title} to {title.strip()}")
 
     context.dialogs.ask(TextQuestion(f"Rename {entry.title}", entry.title, "Rename", rename))
 
@@ -118,5 +118,5 @@ def _remove(context: EditorContext, entry: LibraryEntry) -> None:
         context.notify(f"Removed {entry.title}")
 
     context.dialogs.ask(
-        Question(f"Remove {entry.title}?", text, (Choice("Remove", delete), Choice("Cancel")), bad=True)
+        Question(f"Remove {entry.title}?", text, (Choice("Remove", delete), Choice("Cancel")), bad=True, default=1)
     )

@@ -15,7 +15,10 @@ from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.solve.conflicts import NOTABLE_PX
 from faceposer.solve.constraints.registry import Constraint
 
-_MAX_ROWS = 8
+# Rows that are always shown; more are if the panel has room.
+_LEAST_ROWS = 4
+# Height of the buttons and settings below the list, in units of the font size.
+_BELOW = 7.5
 # In units of the font size: side of a row's buttons, width of the icon, padding above and below the text.
 _BUTTON, _ICON, _PAD = 1.45, 1.4, 0.3
 
@@ -34,6 +37,10 @@ class _Row:
 class ConstraintsPanel:
     """The list of constraints, and the settings of the selected one."""
 
+    def __init__(self) -> None:
+        # Selection to which the list was scrolled last.
+        self._revealed: frozenset[int] = frozenset()
+
     def draw(self, context: EditorContext) -> None:
         """Draw the panel."""
         count = len(context.session.document.constraints)
@@ -44,9 +51,10 @@ class ConstraintsPanel:
         self._draw_rows(context)
         imgui.spacing()
         width = button_width(2)
-        action_button(context.widget_rects, context.actions["delete"], width, "Delete")
+        reason = "The selection is locked; unlock it first." if context.toolbox.selection else "Nothing is selected."
+        action_button(context.widget_rects, context.actions["delete"], width, "Remove", reason=reason)
         imgui.same_line()
-        action_button(context.widget_rects, context.actions["clear"], width, "Clear all")
+        action_button(context.widget_rects, context.actions["clear"], width, "Remove all")
         selected = sorted(context.toolbox.selection)
         if len(selected) == 1:
             imgui.spacing()
@@ -71,8 +79,15 @@ class ConstraintsPanel:
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0.0, em(_PAD)))
         # Room for the scroll bar is always reserved, so that rows do not change when it appears.
         rows = self._rows(context, imgui.get_content_region_avail().x - imgui.get_style().scrollbar_size)
-        imgui.begin_child("##constraints", ImVec2(0.0, sum(row.height for row in rows[:_MAX_ROWS])))
+        whole = sum(row.height for row in rows)
+        least = sum(row.height for row in rows[:_LEAST_ROWS])
+        room = imgui.get_content_region_avail().y - em(_BELOW)
+        imgui.begin_child("##constraints", ImVec2(0.0, min(whole, max(room, least))))
+        new = frozenset(context.toolbox.selection) - self._revealed
+        self._revealed = frozenset(context.toolbox.selection)
         for i, row in enumerate(rows):
+            if i in new:
+                _reveal(imgui.get_cursor_pos().y, row.height)
             imgui.push_id(i)
             removed = self._draw_row(context, i, row)
             imgui.pop_id()
@@ -115,7 +130,7 @@ class ConstraintsPanel:
         removed = self._small_button(Icon.CLOSE, True, left, begin.y, row) and free
         imgui.end_disabled()
         context.widget_rects.record(f"point:{index}:delete")
-        tooltip("Remove")
+        tooltip("Remove\nThis constraint is locked; unlock it first." if constraint.locked else "Remove")
         imgui.set_cursor_pos(ImVec2(begin.x, begin.y + row.height))
         if removed:
             context.toolbox.select(index)
@@ -181,3 +196,12 @@ class ConstraintsPanel:
     def _change(self, context: EditorContext, index: int, label: str, **switches: Any) -> None:
         constraint: Any = context.session.document.constraints[index]
         context.session.change_constraint(index, replace(constraint, **switches), label)
+
+
+def _reveal(top: float, height: float) -> None:
+    """Scroll the current window to the row at ``top``, if it is not visible."""
+    scroll, room = imgui.get_scroll_y(), imgui.get_window_height()
+    if top < scroll:
+        imgui.set_scroll_y(top)
+    elif top + height > scroll + room:
+        imgui.set_scroll_y(top + height - room)

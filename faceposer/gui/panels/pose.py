@@ -60,8 +60,8 @@ class PosePanel:
         session = context.session
 
         tip = (
-            "How much of the face follows a pulled point. Local: only the required muscles. Whole face: everything "
-            "that usually moves with it in real faces. Ctrl+click to type a value; Esc cancels a drag."
+            "How much of the face follows a pulled point: from only the required muscles at 0 (Local) to everything "
+            "that usually moves with it in real faces at 1 (Whole face). Ctrl+click to type; Esc cancels a drag."
         )
         # The other priors have no spread.
         imgui.begin_disabled(session.document.prior != "regions")
@@ -163,9 +163,10 @@ class PosePanel:
         """Draw a slider for the weight of all fixed vertices."""
         session = context.session
         fixed = [i for i, c in enumerate(session.document.constraints) if isinstance(c, FixedConstraint)]
-        if not fixed:
+        # With the Fix tool the row is there before the first area, so that no button moves under the pointer.
+        if not fixed and context.toolbox.chosen is not context.toolbox.fix_tool:
             return
-        weight = session.document.constraints[fixed[0]].weight
+        weight = session.document.constraints[fixed[0]].weight if fixed else FixedConstraint.weight
         tip = "How strongly all fixed areas are held in place, from 0 (free) upwards."
 
         def change(value: float) -> None:
@@ -180,6 +181,7 @@ class PosePanel:
             with session.edit("Change the hold weight"):
                 session.replace(document)
 
+        imgui.begin_disabled(not fixed)
         self._draw_slider(
             context,
             "hold-weight",
@@ -191,3 +193,4 @@ class PosePanel:
             tip,
             logarithmic=True,
         )
+        imgui.end_disabled()

@@ -1,9 +1,12 @@
 """The status bar: a hint for the mouse, and the result of the last solve."""
 
+from collections.abc import Sequence
+
 from imgui_bundle import imgui
 
+from faceposer.gui.actions import HINT_SEPARATOR
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.text import displayed, truncated
+from faceposer.gui.widgets.text import Measure, text_width, truncated
 from faceposer.gui.widgets.theme import FAINT, em
 from faceposer.gui.widgets.tooltips import tooltip
 
@@ -14,26 +17,34 @@ def status_height() -> float:
 
 
 def draw_status_bar(context: EditorContext) -> None:
-    """Draw the bar into the current window."""
-    right = displayed(_figures(context))
+    """Draw the bar into the current window; figures that leave no room for the whole hint are left out."""
+    hint, gap = context.hint(), em(1.5)
     edge = imgui.get_window_width() - imgui.get_style().window_padding.x
-    width = imgui.calc_text_size(right).x
     imgui.set_cursor_pos_y((imgui.get_window_height() - imgui.get_font_size()) / 2.0)
-    left = imgui.get_cursor_screen_pos()
-    end = imgui.get_window_pos().x + edge - width - em(1.5)
-    hint = context.hint()
-    shown = truncated(hint, max(end - left.x, em(2.0)))
+    room = edge - imgui.get_cursor_pos_x()
+    figures = fitting(_figures(context), room - text_width(hint) - gap, text_width)
+    shown = truncated(hint, max(room, em(2.0)))
     imgui.text_unformatted(shown)
     if shown != hint:
         tooltip(hint)
-    if edge - width > em(8):
-        imgui.same_line(edge - width)
-        imgui.text_colored(FAINT, right)
+    if figures:
+        imgui.same_line(edge - text_width(figures))
+        imgui.text_colored(FAINT, figures)
 
 
-def _figures(context: EditorContext) -> str:
+def fitting(parts: Sequence[str], width: float, measure: Measure) -> str:
+    """Return the line of those ``parts`` that fit into ``width``; the first ones are left out first."""
+    for first in range(len(parts)):
+        line = HINT_SEPARATOR.join(parts[first:])
+        if measure(line) <= width:
+            return line
+    return ""
+
+
+def _figures(context: EditorContext) -> list[str]:
+    """Return the figures, the least important first."""
     session = context.session
-    parts = [session.model.character.title]
+    parts = [displayed(session.model.character.title)]
     if session.document.constraints:
         worst = max(
             (r for r, c in zip(session.residuals_px, session.document.constraints, strict=True) if c.enabled),
@@ -44,4 +55,4 @@ def _figures(context: EditorContext) -> str:
         parts.append(f"solved in {session.solution.seconds * 1e3:.1f} ms")
     if context.debug:
         parts.append(f"frame {context.frame_seconds * 1e3:.1f} ms")
-    return "   ·   ".join(reversed(parts))
+    return parts[::-1]

@@ -19,19 +19,16 @@ _SWITCHES = (
 def draw_view_panel(context: EditorContext) -> None:
     """Draw the View tab."""
     heading(context.fonts, "View from", first=True)
-    for row in (("front", "three-quarter", "frame"), ("left", "right", "top")):
+    for row in (("front", "three-quarter"), ("left", "right", "top"), ("frame",)):
         width = button_width(len(row))
         for i, name in enumerate(row):
             if i:
                 imgui.same_line()
-            label = {"three-quarter": "3/4", "frame": "Frame"}.get(name, name.capitalize())
-            action_button(
-                context.widget_rects, context.actions[name if name == "frame" else f"view-{name}"], width, label
-            )
+            action_button(context.widget_rects, context.actions[name if name == "frame" else f"view-{name}"], width)
     heading(context.fonts, "Display")
     key = context.actions["clay"].bracketed_shortcut
     tips = (f"Show textures of skin, eyes and teeth{key}", f"Show plain clay, to judge the form{key}")
-    chosen = choice(context.widget_rects, "shading", ("Full", "Clay"), int(context.shading == "clay"), tips)
+    chosen = choice(context.widget_rects, "shading", ("Textured", "Clay"), int(context.shading == "clay"), tips)
     context.shading = "clay" if chosen else "full"
     for action, label in _SWITCHES:
         _switch(context, action, label)

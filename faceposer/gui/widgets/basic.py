@@ -74,8 +74,10 @@ def button_width(count: int) -> float:
     return max((imgui.get_content_region_avail().x - spacing * (count - 1)) / count, 1.0)
 
 
-def action_button(rects: WidgetRects, action: Action, width: float, label: str = "", strong: bool = False) -> None:
-    """Draw a button for ``action``, highlighted if ``strong``."""
+def action_button(
+    rects: WidgetRects, action: Action, width: float, label: str = "", strong: bool = False, reason: str = ""
+) -> None:
+    """Draw a button for ``action``, highlighted if ``strong``; its tooltip gives the ``reason`` if it is disabled."""
     on = action.checked is not None and action.checked()
     if on or strong:
         _push_button_colour(ACCENT_DARK if on else ACCENT_MID)
@@ -91,7 +93,7 @@ def action_button(rects: WidgetRects, action: Action, width: float, label: str =
         action.run()
     imgui.end_disabled()
     rects.record(action.name)
-    tooltip(action.tooltip)
+    tooltip(f"{action.tooltip}\n{reason}" if reason and not action.enabled() else action.tooltip)
     if on or strong:
         imgui.pop_style_color(3)
 

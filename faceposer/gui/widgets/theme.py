@@ -125,6 +125,8 @@ def apply_theme(scale: float) -> None:
     style.window_border_size = style.child_border_size = 0.0
     style.popup_border_size = style.frame_border_size = round(1.0 * scale)
     style.frame_border_size = 0.0
+    # Smaller than the status bar at the least scale, which would otherwise reach beyond the window.
+    style.window_min_size = ImVec2(8.0, 8.0)
     style.window_title_align = ImVec2(0.0, 0.5)
     style.window_menu_button_position = imgui.Dir.none
     style.hover_stationary_delay, style.hover_delay_normal = 0.25, 0.5

@@ -291,7 +291,8 @@ def test_errors_are_one_sentence_and_can_be_mended(robot: Robot, glb: Path, tmp_
     broken.write_bytes(b"glTF but not really")
     open_by_menu(robot)
     press(robot, "start")
-    assert importer(app).error == "Choose a source for the character."
+    assert importer(app).page == "form"
+    assert importer(app).form.missing == "Choose a source for the character."
     enter(robot, "source", str(broken))
     press(robot, "start")
     finish(robot)
@@ -367,7 +368,7 @@ def test_unsaved_work_is_asked_about_before_the_new_face_opens(robot: Robot, glb
     finish(robot)
     press(robot, "open")
     robot.frames(4)
-    assert app.dialogs.waiting[0].title == "Save this pose?"
+    assert app.dialogs.waiting[0].title == "Save the session?"
     robot.click_widget("choice:2")
     assert app.session.model.character.name == "man"
 
@@ -392,7 +393,8 @@ def test_sources_and_outputs_are_chosen_in_the_browser(robot: Robot, glb: Path, 
     robot.click_widget("import:kind:2")
     robot.frames(4)
     robot.click_widget("import:start")
-    assert "map" in importer(app).error
+    assert importer(app).page == "form"
+    assert "map" in importer(app).form.missing
     robot.click_widget("import:marker_map:file")
     robot.frames(4)
     robot.key("Esc")

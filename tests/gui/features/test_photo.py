@@ -373,3 +373,31 @@ def test_names_of_pins_are_whole_in_the_list(quick: Robot, photo: Path, monkeypa
     assert not any("..." in line for line in written)
     for name in guided(app.session.model.character):
         assert titles[name] in text
+
+
+def test_undo_asks_for_the_pin_and_for_skipped_ones_again(quick: Robot, photo: Path) -> None:
+    robot, app, tool = quick, quick.app, quick.app.toolbox.photo_tool
+    open_photo(robot, photo)
+    pin(robot, 2)
+    third = tool.place
+    robot.key("Tab")
+    fourth = tool.place
+    assert fourth not in (third, None)
+    robot.click(at(robot, (50.0, 60.0)))
+    fifth = tool.place
+    assert app.session.document.photos[0].pins[-1].place == fourth
+    robot.key("Ctrl+Z")
+    robot.frames(2)
+    assert tool.place == fourth
+    robot.key("Ctrl+Z")
+    robot.frames(2)
+    assert tool.place == third, "the skipped one"
+    assert len(app.session.document.photos[0].pins) == 2
+    robot.key("Ctrl+Z")
+    robot.frames(2)
+    assert tool.place == GUIDED[1]
+    assert len(app.session.document.photos[0].pins) == 1
+    robot.key("Ctrl+Shift+Z")
+    robot.frames(2)
+    assert tool.place == third
+    assert fifth != fourth

@@ -147,7 +147,7 @@ def test_finished_gestures_outlive_the_program(start: Start, state: Path, ending
         program.communicate()
     assert len(finished.constraints) == 2
     robot = start()
-    assert asked(robot) == "Recover the unsaved pose of 'man'?"
+    assert asked(robot) == "Recover the unsaved session with 'man'?"
     answer(robot, 0)
     assert asked(robot) == ""
     same_work(robot, finished)
@@ -277,7 +277,7 @@ def test_changes_are_asked_about_and_then_dropped(start: Start, state: Path, tmp
         robot.frames(2)
 
     replace()
-    assert asked(robot) == "Save this pose?"
+    assert asked(robot) == "Save the session?"
     answer(robot, 2)
     assert app.session.document.character == "man"
     assert len(journals(state)) == 1
@@ -318,7 +318,7 @@ def test_what_cannot_be_recovered_is_told_and_kept(start: Start, state: Path) ->
     data["session"]["subject"] = "/nowhere/hero.npz"
     journal.write_text(json.dumps(data))
     robot = start()
-    assert asked(robot) == "Recover the unsaved pose of 'hero'?"
+    assert asked(robot) == "Recover the unsaved session with 'hero'?"
     answer(robot, 0)
     assert asked(robot) == "The work cannot be recovered"
     assert "hero.npz" in robot.app.dialogs.waiting[0].text

@@ -90,6 +90,8 @@ def _draw_options(context: EditorContext, feature: "ExportFeature") -> None:
     rects, chosen = context.widget_rects, FORMATS[feature.form.suffix]
     animated = feature.performance() is not None
     _draw_content_options(rects, feature.form, animated)
+    if not chosen.contact:
+        caption("Without contact: lids, eyes, lips and teeth may intersect, because weights cannot express it.")
     if chosen.materials:
         row_label("Materials", "Materials and textures written next to the mesh", _LABEL)
         settings = context.settings

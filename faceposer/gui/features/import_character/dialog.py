@@ -144,7 +144,7 @@ class ImportDialog:
         form.output = _path_row(
             importing, "output", "Save as", form.output, tip, ("Characters", (".npz",)), purpose="save"
         )
-        opened = imgui.tree_node("Advanced")
+        opened = imgui.tree_node_ex("Advanced", imgui.TreeNodeFlags_.span_avail_width.value)
         rects.record("import:advanced")
         if opened:
             self._draw_advanced(rects, form)
@@ -180,7 +180,7 @@ class ImportDialog:
             "Source",
             importing.form.source,
             tip,
-            ("Rigs, arrays and motions", every),
+            ("Sources of characters", every),
             "File or folder",
             folder=True,
             done=importing.set_source,

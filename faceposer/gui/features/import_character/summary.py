@@ -52,7 +52,7 @@ def draw_summary(fonts: Fonts, rects: WidgetRects, about: dict[str, Any]) -> Non
             _row(label, text)
     for warning in about["summary"].get("warnings", []):
         _row("Note", warning, WARNING)
-    opened = imgui.tree_node("Details")
+    opened = imgui.tree_node_ex("Details", imgui.TreeNodeFlags_.span_avail_width.value)
     rects.record("import:details")
     if not opened:
         return

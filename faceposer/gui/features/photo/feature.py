@@ -64,6 +64,8 @@ class PhotoFeature(Feature):
         self._textures: dict[str, moderngl.Texture | None] = {}
         # Path of the photo and its number of pins in the last frame.
         self._last_pin_count = ("", 0)
+        # Path of the photo and places of its pins in the last frame, and the revision of the session.
+        self._last_pins: tuple[str, tuple[Place, ...], int] = ("", (), -1)
         # True if the photo has to be framed as soon as the view has a size.
         self._framing_pending = False
 
@@ -138,6 +140,7 @@ class PhotoFeature(Feature):
             self._framing_pending = False
             self._look_through(self.photo, reset=True)
         self._adopt_view_camera()
+        self._follow_undo()
         photo, view = self.photo, viewport.view
         layer = None
         if photo is not None and isinstance(view, PictureView) and view.photo.size == photo.size:
@@ -162,6 +165,16 @@ class PhotoFeature(Feature):
         if len(self._textures) > _MOST_TEXTURES:
             # Released here rather than when a texture is added, because this frame may still draw it.
             self._release(kept="" if photo is None else photo.path)
+
+    def _follow_undo(self) -> None:
+        """Ask for the place of a pin again that was undone."""
+        photo, session = self.photo, self.context.session
+        if photo is None or self.context.toolbox.active or session.revision == self._last_pins[2]:
+            return
+        path, before, _ = self._last_pins
+        self._last_pins = (photo.path, tuple(pin.place for pin in photo.pins), session.revision)
+        if path == photo.path and self.context.toolbox.chosen is self.tool:
+            self.tool.follow_pins(before, self.context.viewport)
 
     def _adopt_view_camera(self) -> None:
         """Activate the photo that has the camera of the view, such as after going to a constraint's view."""

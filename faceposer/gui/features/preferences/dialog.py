@@ -101,7 +101,7 @@ class PreferencesDialog:
         row_label("", width=_LABEL)
         if imgui.button("Reset light"):
             preferences.set_look(Look(backdrop=context.scene.look.backdrop))
-        rects.record("preferences:usual-light")
+        rects.record("preferences:reset-light")
         heading(context.fonts, "Files")
         row_label("Autosave folder", "Folder in which unsaved work is kept in case of a crash", _LABEL)
         folder = str(preferences.autosave_folder)
@@ -153,14 +153,20 @@ class PreferencesDialog:
         text = preferences.problem
         if preferences.capturing:
             text = "Press the new key with its modifiers; Esc cancels."
+        imgui.align_text_to_frame_padding()
         imgui.text_colored(ACCENT if preferences.capturing else BAD, text or " ")
+        if preferences.refused is not None:
+            imgui.same_line()
+            if imgui.button("Reassign"):
+                preferences.reassign()
+            context.widget_rects.record("preferences:reassign")
+            tooltip("Take the key from the other action")
         filter_text = self._filter.strip().lower()
         imgui.begin_child("##keys")
         menu = ""
         for action in context.actions:
             written = ", ".join(display_key(key) for key in action.keys)
-            in_label = filter_text in action.label.lower()
-            if not in_label and filter_text not in written.lower().split(", "):
+            if not _matches(filter_text, action.label, written):
                 continue
             if action.menu != menu:
                 menu = action.menu
@@ -168,6 +174,8 @@ class PreferencesDialog:
             imgui.push_id(action.name)
             self._draw_action(action, written)
             imgui.pop_id()
+        if not menu:
+            imgui.text_disabled("No matching actions.")
         imgui.end_child()
 
     def _draw_action(self, action: Action, written: str) -> None:
@@ -201,3 +209,9 @@ class PreferencesDialog:
         imgui.end_disabled()
         rects.record(f"keymap:{action.name}:reset")
         tooltip(f"Reset to {', '.join(map(display_key, default)) or 'no key'}")
+
+
+def _matches(text: str, label: str, keys: str) -> bool:
+    """Return True if ``text`` is in the ``label``, is one of the ``keys``, or begins one with modifiers ("ctrl+")."""
+    written = keys.lower().split(", ")
+    return text in label.lower() or text in written or ("+" in text and any(key.startswith(text) for key in written))

@@ -6,7 +6,7 @@ from pathlib import Path
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
 from faceposer.files.user_folders import home_folder
-from faceposer.gui.actions import Action, Submenu
+from faceposer.gui.actions import Action, Submenu, parsed_key
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.preferences.dialog import PreferencesDialog
@@ -27,6 +27,7 @@ class PreferencesFeature(Feature):
         open: True while the dialog is shown.
         capturing: Name of the action that waits for its new key, or "".
         problem: Reason why a key was not assigned, one sentence, or "".
+        refused: Action and key that were not assigned because another action has the key, or None.
         ended_capture: True while the key that ended a capture is still down, so that it has no other effect.
     """
 
@@ -35,6 +36,7 @@ class PreferencesFeature(Feature):
         self.open = False
         self.capturing = ""
         self.problem = ""
+        self.refused: tuple[str, str] | None = None
         self.ended_capture = False
         self._dialog = PreferencesDialog(self)
 
@@ -62,7 +64,7 @@ class PreferencesFeature(Feature):
         """Open the dialog."""
         self.context.toolbox.finish()
         self.context.slider_edit.let_go()
-        self.open, self.capturing, self.problem = True, "", ""
+        self.open, self.capturing, self.problem, self.refused = True, "", "", None
         self.context.redraw()
 
     def hide(self) -> None:
@@ -114,7 +116,7 @@ class PreferencesFeature(Feature):
 
     def capture(self, name: str) -> None:
         """Assign the next key that is pressed to the action ``name``; if ``name`` is "", end the capture."""
-        self.capturing, self.problem = name, ""
+        self.capturing, self.problem, self.refused = name, "", None
         self.context.redraw()
 
     def take_key(self, key: str) -> bool:
@@ -130,16 +132,30 @@ class PreferencesFeature(Feature):
     def change_keys(self, name: str, keys: Sequence[str]) -> None:
         """Assign ``keys`` to the action ``name``, unless another action has one of them."""
         actions = self.context.actions
+        self.refused = None
         try:
             actions.change_keys(name, keys)
         except FacePoserError as error:
             self.problem = str(error)
+            taken = [key for key in keys if (other := actions.owner(key)) is not None and other.name != name]
+            if len(keys) == 1 and taken:
+                self.refused = (name, taken[0])
             return
         self.problem = ""
         if tuple(keys) == actions.default_keys(name):
             self.settings.keys.pop(name, None)
         else:
             self.settings.keys[name] = list(keys)
+
+    def reassign(self) -> None:
+        """Take the key that was refused from the action that has it."""
+        if self.refused is None:
+            return
+        name, key = self.refused
+        other = self.context.actions.owner(key)
+        if other is not None:
+            self.change_keys(other.name, tuple(kept for kept in other.keys if parsed_key(kept) != parsed_key(key)))
+        self.change_keys(name, (key,))
 
     def reset_keys(self) -> None:
         """Reset the keys of all actions to their defaults."""

@@ -111,7 +111,7 @@ class RecoveryFeature(Feature):
         text = f"Face Poser ended before this work was saved. It was autosaved on {saved_at}."
         if orphan.outdated:
             text += f" {orphan.name} has been saved since then, with other content."
-        name = orphan.name if orphan.path is not None else f"the unsaved pose of '{orphan.name}'"
+        name = orphan.name if orphan.path is not None else f"the unsaved session with '{orphan.name}'"
         self.context.dialogs.ask(
             Question(
                 f"Recover {name}?",

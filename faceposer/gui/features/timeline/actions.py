@@ -73,12 +73,12 @@ def build_timeline_actions(timeline: TimelineEditor) -> list[Action]:
         ),
         Action(
             "delete-keys",
-            "Delete keys",
+            "Remove keys",
             _MENU,
             lambda: timeline.delete(timeline.targets),
             ("Alt+I",),
             lambda: free() and bool(timeline.targets),
-            help="Delete the selected keys, or the key at the current frame",
+            help="Remove the selected keys, or the key at the current frame",
         ),
         Action(
             "copy-keys",

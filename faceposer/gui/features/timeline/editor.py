@@ -182,9 +182,9 @@ class TimelineEditor:
         self.context.redraw()
 
     def delete(self, frames: Collection[int]) -> None:
-        """Delete the keys at ``frames``."""
+        """Remove the keys at ``frames``."""
         if frames:
-            self.change(self.keyframes.without(frames), f"Delete {counted(frames)}")
+            self.change(self.keyframes.without(frames), f"Remove {counted(frames)}")
 
     def move(self, frames: Collection[int], by: int) -> None:
         """Move the keys at ``frames`` by ``by`` frames, and keep them selected."""

@@ -33,13 +33,27 @@ _NO_RATE, _NO_LENGTH, _NO_ENDS = 37.0, 30.0, 24.0
 _STATES: dict["Shown", tuple[str, Colour, str]] = {
     "unkeyed": ("No keys yet", FAINT, "Pose the face and set a key, then go to another frame and set the next one."),
     "key": ("Key", KEYED, "This pose is a key of the animation."),
-    "between": ("In between", INK, "This pose is interpolated from the keys."),
+    "between": ("Between keys", INK, "This pose is interpolated from the keys."),
     "changed": (
         "Changed, no key",
         WARNING,
         "This pose differs from the animation. Set a key to keep it; going to another frame discards it.",
     ),
 }
+# State of a pose outside of all keys.
+_BEFORE = ("Before the first key", INK, "The animation holds the pose of its first key here.")
+_AFTER = ("After the last key", INK, "The animation holds the pose of its last key here.")
+
+
+def state_of(timeline: TimelineEditor) -> tuple[str, Colour, str]:
+    """Return label, colour and tooltip of the state of the current pose."""
+    keyframes, frame = timeline.keyframes, timeline.animation.frame
+    if timeline.animation.shown == "between" and not keyframes.loop:
+        if keyframes.next_frame(frame) is None:
+            return _AFTER
+        if keyframes.previous_frame(frame) is None:
+            return _BEFORE
+    return _STATES[timeline.animation.shown]
 
 
 def _width_in_em() -> float:
@@ -107,7 +121,7 @@ def _draw_fields(timeline: TimelineEditor) -> None:
     if changed:
         timeline.go_to(frame - 1)
     rects.record("frame-shown")
-    tooltip("Current frame. Drag, or double-click to type a number.")
+    tooltip("Current frame. Drag, or Ctrl+click to type a value.")
     imgui.same_line()
     if _width_in_em() > _NO_LENGTH:
         _draw_length(timeline)
@@ -129,7 +143,7 @@ def _draw_length(timeline: TimelineEditor) -> None:
         timeline.change(replace(keyframes, length=length), "Change the length", merges=True)
     rects.record("length")
     seconds = keyframes.length / keyframes.rate
-    tooltip(f"Length of the animation in frames, {seconds:.2f} s. Drag, or double-click to type a number.")
+    tooltip(f"Length of the animation in frames, {seconds:.2f} s. Drag, or Ctrl+click to type a value.")
     imgui.same_line()
 
 
@@ -154,7 +168,7 @@ def _draw_state(timeline: TimelineEditor) -> None:
     context = timeline.context
     action = context.actions["set-key"]
     imgui.begin_disabled(not action.enabled())
-    text, colour, meaning = _STATES[timeline.animation.shown]
+    text, colour, meaning = state_of(timeline)
     # The colour of the icon shows the state where there is no room for the text.
     imgui.push_style_color(imgui.Col_.text, ImVec4(*colour))
     pressed = imgui.button(f"{Icon.KEY}##set-key")

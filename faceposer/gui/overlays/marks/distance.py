@@ -13,6 +13,8 @@ from faceposer.tools.distance_tool import PairMark, pair_mark
 
 # Residual in pixels at normal density from which the target is drawn.
 _VISIBLE_GAP = 1.5
+# Distance in pixels at normal density of a label from the length.
+_BELOW = 26.0
 
 
 @dataclass(frozen=True)
@@ -20,6 +22,7 @@ class DistanceMark:
     """A distance in the view."""
 
     pair: PairMark
+    scale: float
 
     def paint(self, painter: Painter, alpha: float) -> None:
         """Draw the mark with opacity ``alpha``."""
@@ -39,10 +42,10 @@ class DistanceMark:
 
     @property
     def anchor(self) -> Pixel | None:
-        """The middle of the line."""
-        return as_pixel(self.pair.ends.mean(axis=0))
+        """Below the length, which is written at the middle of the line."""
+        return as_pixel(self.pair.ends.mean(axis=0) + (0.0, _BELOW * self.scale))
 
 
 def mark_of(index: int, constraint: DistanceConstraint, view: MarkView) -> DistanceMark:
     """Return the mark of ``constraint``."""
-    return DistanceMark(pair_mark(index, constraint, view.viewport))
+    return DistanceMark(pair_mark(index, constraint, view.viewport), view.viewport.ui_scale)

@@ -12,4 +12,4 @@ def draw(context: EditorContext, index: int, constraint: FixedConstraint) -> Non
     """Draw the number of vertices and a slider for the weight."""
     caption(f"{len(constraint.points)} fixed vertices")
     tip, limits = "How strongly the vertices are held in place, from 0 (free) upwards.", (0.0, LARGEST_HOLD)
-    attribute_slider(context, index, "Hold", "weight", constraint.weight, limits, "%.2f", tip, logarithmic=True)
+    attribute_slider(context, index, "Hold weight", "weight", constraint.weight, limits, "%.2f", tip, logarithmic=True)
