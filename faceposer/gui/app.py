@@ -18,6 +18,7 @@ from faceposer.gui.events import Modifiers
 from faceposer.gui.features import build_features
 from faceposer.gui.features.guide.feature import GuideFeature
 from faceposer.gui.features.recovery.feature import RecoveryFeature
+from faceposer.gui.heap import return_free_memory
 from faceposer.gui.imgui_frame import Gui
 from faceposer.gui.input_router import Router
 from faceposer.gui.layout import draw_window
@@ -58,6 +59,7 @@ _SAMPLES = 4
 # Seconds: a moving picture is drawn coarser when frames take longer than the one, finer when shorter than the other.
 _SLOW_FRAME, _FAST_FRAME = 0.040, 0.010
 _MOST_FAILURES = 10
+_FRAMES_BETWEEN_TRIMS = 1000
 
 
 class App:
@@ -242,6 +244,8 @@ class App:
         self.gui.draw()
         self.window.swap()
         self.frames_drawn += 1
+        if self.frames_drawn % _FRAMES_BETWEEN_TRIMS == 0:
+            return_free_memory()
         self.frame_seconds = time.perf_counter() - begun
         self._choose_coarseness()
         if failure is None:
