@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.gui.editor import Editor
+from faceposer.gui.heap import return_free_memory
 from faceposer.gui.layout import draw_window
 from faceposer.gui.settings import Settings
 from faceposer.gui.signals import interrupted_by_signals
@@ -22,6 +23,7 @@ from faceposer.render.images import drawn_pixels
 _SOLVE_PATIENCE = 0.005
 # Frames in a row that may fail before the program ends.
 _MAX_FAILURES = 10
+_FRAMES_BETWEEN_TRIMS = 1000
 
 
 class App(Editor):
@@ -154,6 +156,8 @@ class App(Editor):
         self.gui.draw()
         self.window.swap()
         self.frames_drawn += 1
+        if self.frames_drawn % _FRAMES_BETWEEN_TRIMS == 0:
+            return_free_memory()
         self.frame_seconds = time.perf_counter() - start
         if self.toolbox.active:
             self.resolution.update(self.frame_seconds)

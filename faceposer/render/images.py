@@ -94,4 +94,5 @@ def drawn_pixels(ctx: moderngl.Context, size: tuple[int, int], draw: Callable[[]
         return target.read()
     finally:
         target.release()
-        ctx.screen.use()
+        if ctx.screen is not None:
+            ctx.screen.use()

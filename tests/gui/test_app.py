@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import moderngl
 import numpy as np
 import pytest
 
@@ -302,6 +303,14 @@ def test_a_file_that_cannot_be_opened_is_told_and_changes_nothing(robot: Robot, 
     assert "mood" in app.dialogs.waiting[0].text
     answer(robot, 0)
     assert not app.dialogs.open
+
+
+def test_frames_that_nobody_sees_do_not_queue_up_in_the_driver(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    finished = []
+    monkeypatch.setattr(moderngl.Context, "finish", lambda _context: finished.append(robot.app.frames_drawn))
+    drawn = robot.app.frames_drawn
+    robot.frames(5)
+    assert finished == list(range(drawn, drawn + 5))
 
 
 def test_resizing_minimising_and_a_dense_display(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,6 +13,7 @@ from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.picking import pick
 from faceposer.model.face_model import FaceModel
 from faceposer.render.framebuffers import ColourTarget, IdTarget
+from faceposer.render.images import drawn_pixels
 from faceposer.render.offscreen import offscreen_context, plain_character, render_character, render_mesh
 from faceposer.render.renderer import Renderer
 
@@ -166,3 +167,23 @@ def test_a_head_that_ends_above_the_neck_does_not_fade(model: FaceModel) -> None
     rows = np.flatnonzero(np.abs(whole - faded).max(axis=(1, 2)) > 20)
     assert len(rows) > 2
     assert rows.min() > 150, "only the lowest part is another"
+
+
+def test_pictures_leave_nothing_on_the_gpu(ctx: moderngl.Context) -> None:
+    before = gl_names(ctx)
+    picture = drawn_pixels(ctx, (30, 20), lambda: ctx.clear(1.0, 0.5, 0.0))
+    assert picture.shape == (20, 30, 3)
+    assert picture[0, 0].tolist() == [255, 128, 0]
+    assert gl_names(ctx) == before
+    ColourTarget(ctx, (30, 20), 4).release()
+    assert gl_names(ctx) == before
+
+
+def gl_names(ctx: moderngl.Context) -> tuple[int, int]:
+    """Return the names that the next renderbuffer and framebuffer get: those released last, or the next higher ones."""
+    buffer = ctx.renderbuffer((1, 1))
+    framebuffer = ctx.framebuffer([buffer])
+    names = (buffer.glo, framebuffer.glo)
+    framebuffer.release()
+    buffer.release()
+    return names

@@ -6,7 +6,7 @@ from imgui_bundle import imgui
 
 from faceposer.gui.actions import HINT_SEPARATOR
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.text import Measure, text_width, truncated
+from faceposer.gui.widgets.text import Measure, displayed, text_width, truncated
 from faceposer.gui.widgets.theme import FAINT, em
 from faceposer.gui.widgets.tooltips import tooltip
 
