@@ -416,7 +416,7 @@ def _plain(folder: Path) -> None:
     user.robot.frames(3)
     user.robot.key("Esc")
     user.app.actions["pose-save"].run()
-    user.robot.frames(3)
+    user.answer()
     user.robot.key("Enter")
     user.robot.key("Esc")
     user.answer()
