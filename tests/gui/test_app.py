@@ -1,11 +1,14 @@
 """The window, driven by pointer and key events alone: a hidden one, on GLFW's null platform."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_io import read_mesh
+from faceposer.gui import editor
 from faceposer.gui.app import App
 from faceposer.gui.events import CloseRequest, Drop, FocusLost
 from faceposer.gui.settings import Settings
@@ -411,3 +414,38 @@ def test_solving_beside_the_frames(tmp_path: Path) -> None:
         assert not app.session.solving
     finally:
         app.close()
+
+
+@pytest.mark.gl
+def test_closing_releases_everything_whatever_fails(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    app = App("low", hidden=True, threaded=False, settings=Settings(window_size=(640, 480)))
+    app.remembers = True
+    closed: list[str] = []
+
+    def failing(name: str) -> Callable[[], None]:
+        def fail() -> None:
+            closed.append(name)
+            raise ZeroDivisionError(name)
+
+        return fail
+
+    def unwritable(_: Settings) -> None:
+        raise FacePoserError("The settings cannot be written: No space left on device.")
+
+    monkeypatch.setattr(editor, "save_settings", unwritable)
+    for part in ("features", "files", "session", "scene"):
+        monkeypatch.setattr(getattr(app, part), "close" if part != "scene" else "release", failing(part))
+    with pytest.raises(ZeroDivisionError):
+        app.close()
+    assert closed == ["features", "files", "session", "scene"]
+    assert app._window is None
+    assert capsys.readouterr().err.count("The settings cannot be written") == 1
+    # The window and Dear ImGui are released, so that another can open, also after one that could not be set up.
+    monkeypatch.setattr(editor, "SessionFiles", failing("files of a new window"))
+    with pytest.raises(TypeError):
+        App("low", hidden=True, threaded=False, settings=Settings(window_size=(640, 480)))
+    monkeypatch.undo()
+    again = App("low", hidden=True, threaded=False, settings=Settings(window_size=(640, 480)))
+    again.close()
