@@ -1,5 +1,7 @@
 """The window, driven by pointer and key events alone: a hidden one, on GLFW's null platform."""
 
+import ctypes
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -449,3 +451,12 @@ def test_closing_releases_everything_whatever_fails(
     monkeypatch.undo()
     again = App("low", hidden=True, threaded=False, settings=Settings(window_size=(640, 480)))
     again.close()
+
+
+@pytest.mark.gl
+def test_dropped_names_that_are_not_utf8_arrive(open_window: OpenWindow, tmp_path: Path) -> None:
+    app = open_window().app
+    drop = next(callback for callback in app.window._callbacks if hasattr(callback, "argtypes"))
+    names = (ctypes.c_char_p * 2)(os.fsencode(tmp_path) + b"/caf\xe9.json", "ü.json".encode())
+    drop(None, 2, names)
+    assert Drop((f"{tmp_path}/caf\udce9.json", "ü.json")) in app.window.take_events()
