@@ -451,10 +451,10 @@ def test_folders_that_cannot_be_written_are_refused_before_any_work(tmp_path: Pa
     check_new_folder(tmp_path)
     check_folder_of(tmp_path / "a.obj")
     for path in (tmp_path / "file" / "x", tmp_path / ("n" * 300), tmp_path / "circle" / "x", tmp_path / "file"):
-        with pytest.raises(FacePoserError, match="cannot be (written|created)"):
+        with pytest.raises(FacePoserError, match=r"cannot be (written|created)"):
             check_new_folder(path)
     for path in (tmp_path / "no" / "x", tmp_path / ("n" * 300), tmp_path / "circle" / "x", tmp_path / "file" / "x"):
-        with pytest.raises(FacePoserError, match="cannot be written|does not exist"):
+        with pytest.raises(FacePoserError, match=r"cannot be written|does not exist"):
             check_folder_of(path)
 
 
