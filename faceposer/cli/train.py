@@ -7,7 +7,7 @@ from typing import Any
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
-from faceposer.files.atomic import check_not_input, check_output
+from faceposer.files.atomic import check_new_folder, check_not_input, check_output
 
 NAME = "train"
 
@@ -86,6 +86,8 @@ def run(options: argparse.Namespace) -> int:
     check_not_input(options.output, options.examples, options.scan)
     if options.summary is not None and paths.exists(options.summary) and not paths.is_dir(options.summary):
         raise FacePoserError(f"'{options.summary}' is a file; give a folder for the summary.")
+    if options.summary is not None:
+        check_new_folder(options.summary)
     from faceposer.model.character_file import save_character
     from faceposer.training.request import TrainingRequest, plain_name, train
     from faceposer.training.summary import text_of_summary, write_summary

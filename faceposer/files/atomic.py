@@ -181,6 +181,23 @@ def check_folder_of(path: Path) -> None:
         raise FacePoserError(f"The folder '{folder}' of the output is not writable; choose another.")
 
 
+def check_new_folder(path: Path) -> None:
+    """Check that the folder ``path`` could be written, or created with its parents, before any work is done for it.
+
+    Raises:
+        FacePoserError: If it could not.
+    """
+    if reason := path_checks.problem(path):
+        raise FacePoserError(f"The folder '{path}' cannot be written: {reason}.")
+    folder = path_checks.absolute(path)
+    while not path_checks.exists(folder) and folder != folder.parent:
+        folder = folder.parent
+    if not path_checks.is_dir(folder):
+        raise FacePoserError(f"The folder '{path}' cannot be created, since '{folder}' is a file.")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise FacePoserError(f"The folder '{folder}' is not writable; choose another.")
+
+
 def _check_replaceable(path: Path, kind: str) -> None:
     """Raise ``FacePoserError`` if ``path`` is a folder, a device or another special file."""
     if path_checks.exists(path) and not path_checks.is_file(path):

@@ -59,7 +59,11 @@ class App(Editor):
         self.interrupted = 0
         self._failures = 0
         self._prepared: FaceModel | None = None
-        super().__init__(what, hidden, threaded, settings, journal)
+        try:
+            super().__init__(what, hidden, threaded, settings, journal)
+        except BaseException:
+            self._release_unfinished()
+            raise
 
     # The loop
 
@@ -204,6 +208,13 @@ class App(Editor):
                 self._save_settings_at_end,
             ):
                 stack.callback(part)
+
+    def _release_unfinished(self) -> None:
+        """Release what exists of an editor that could not be set up, so that another window can open."""
+        with ExitStack() as stack:
+            for name, method in (("window", "close"), ("gui", "close"), ("scene", "release"), ("session", "close")):
+                if hasattr(self, name):
+                    stack.callback(getattr(getattr(self, name), method))
 
     def _save_settings_at_end(self) -> None:
         if self._window is None:

@@ -130,8 +130,12 @@ def _checked_keys(value: Any) -> dict[str, list[str]]:
     return {
         name: keys
         for name, keys in entries
-        if isinstance(keys, list) and len(keys) <= 4 and all(isinstance(key, str) and 0 < len(key) < 40 for key in keys)
+        if isinstance(keys, list) and len(keys) <= 4 and all(_is_key(key) for key in keys)
     }
+
+
+def _is_key(value: Any) -> bool:
+    return isinstance(value, str) and 0 < len(value) < 40 and value.isprintable() and "##" not in value
 
 
 def _is_absolute_path(value: Any) -> bool:

@@ -5,9 +5,10 @@ of a gesture.
 """
 
 import ctypes
+import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 import moderngl
@@ -215,7 +216,10 @@ class Window:
         glfw.set_cursor_enter_callback(window, guarded(self._on_enter))
         glfw.set_key_callback(window, guarded(self._on_key))
         glfw.set_char_callback(window, guarded(lambda _code: self._add(Changed())))
-        glfw.set_drop_callback(window, guarded(lambda paths: self._add(Drop(tuple(paths)))))
+        # The package's own callback fails for names that are not UTF-8.
+        drop = glfw._GLFWdropfun(guarded(lambda count, names: self._add(Drop(dropped_paths(names[:count])))))  # type: ignore[attr-defined]
+        self._callbacks.append(drop)
+        glfw._glfw.glfwSetDropCallback(window, drop)  # type: ignore[attr-defined]
         glfw.set_window_focus_callback(window, guarded(self._on_focus))
         glfw.set_window_close_callback(window, guarded(self._on_close))
         for place_register in (glfw.set_window_size_callback, glfw.set_window_pos_callback):
@@ -332,3 +336,8 @@ class Window:
         self.ctx.release()
         glfw.destroy_window(self._handle)
         glfw.terminate()
+
+
+def dropped_paths(names: Sequence[bytes]) -> tuple[str, ...]:
+    """Return the paths of dropped files; bytes that are not UTF-8 become surrogates, as in all paths."""
+    return tuple(os.fsdecode(name) for name in names)

@@ -98,3 +98,14 @@ def test_pins_that_no_view_shows_are_told(files: tuple[Path, Path], tmp_path: Pa
     pins.write_text(json.dumps(data | {"pins": shuffled}))
     assert run("photo", "man", photo, "--pins", pins, "-o", out) == 0
     assert "No camera explains these pins" in capsys.readouterr().out
+
+
+def test_pins_at_one_pixel_write_nothing(files: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
+    photo, pins = files
+    data = json.loads(pins.read_text())
+    for pin in data["pins"]:
+        pin["pixel"] = [200.0, 150.0]
+    pins.write_text(json.dumps(data))
+    assert run("photo", "man", photo, "--pins", pins, "-o", tmp_path / "out.json") == 2
+    assert "The pins determine no camera" in capsys.readouterr().err
+    assert not (tmp_path / "out.json").exists()

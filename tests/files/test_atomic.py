@@ -14,7 +14,15 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.files import temporary
-from faceposer.files.atomic import atomic_file, atomic_folder, check_not_input, check_output, write_text
+from faceposer.files.atomic import (
+    atomic_file,
+    atomic_folder,
+    check_folder_of,
+    check_new_folder,
+    check_not_input,
+    check_output,
+    write_text,
+)
 
 
 def names(folder: Path) -> list[str]:
@@ -434,3 +442,36 @@ def test_outputs_that_could_not_be_written(tmp_path: Path) -> None:
     ):
         with pytest.raises(FacePoserError, match=said):
             check_output(path, ".obj", ".ply", ".glb")
+
+
+def test_folders_that_cannot_be_written_are_refused_before_any_work(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "circle").symlink_to("circle")
+    check_new_folder(tmp_path / "new" / "deep")
+    check_new_folder(tmp_path)
+    check_folder_of(tmp_path / "a.obj")
+    for path in (tmp_path / "file" / "x", tmp_path / ("n" * 300), tmp_path / "circle" / "x", tmp_path / "file"):
+        with pytest.raises(FacePoserError, match=r"cannot be (written|created)"):
+            check_new_folder(path)
+    for path in (tmp_path / "no" / "x", tmp_path / ("n" * 300), tmp_path / "circle" / "x", tmp_path / "file" / "x"):
+        with pytest.raises(FacePoserError, match=r"cannot be written|does not exist"):
+            check_folder_of(path)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has other special files")
+def test_special_files_are_not_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.obj")
+    (tmp_path / "device.obj").symlink_to("/dev/null")
+    for name in ("pipe.obj", "device.obj"):
+        with pytest.raises(FacePoserError, match="is a device or another special file"):
+            check_output(tmp_path / name, ".obj")
+        with pytest.raises(FacePoserError, match="is a device or another special file"):
+            write_text(tmp_path / name, "x", "mesh")
+    assert names(tmp_path) == ["device.obj", "pipe.obj"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows counts letters")
+def test_long_names_have_temporary_files_of_their_own(tmp_path: Path) -> None:
+    paths = [tmp_path / ("n" * 251 + suffix) for suffix in (".mtl", ".obj")]
+    assert len({temporary.temporary_path(path) for path in paths}) == 2
+    assert all(len(os.fsencode(temporary.temporary_path(path).name)) <= 255 for path in paths)

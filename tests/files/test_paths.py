@@ -49,3 +49,29 @@ def test_expand_user(monkeypatch: pytest.MonkeyPatch) -> None:
     assert paths.expand_user("~/face.json") == Path("/home/somebody/face.json")
     assert paths.expand_user("~no such user/face.json") == Path("~no such user/face.json")
     assert paths.expand_user(Path("face.json")) == Path("face.json")
+
+
+def test_why_nothing_can_be_found_out(tmp_path: Path) -> None:
+    reasons = [paths.problem(path) for path in _unanswerable(tmp_path)]
+    assert reasons[:4] == ["File name too long"] * 2 + ["Too many levels of symbolic links"] * 2
+    assert all(reasons[4:6])
+    assert paths.problem(tmp_path) == paths.problem(tmp_path / "missing") == ""
+
+
+def test_paths_are_resolved_as_far_as_they_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for path in _unanswerable(tmp_path):
+        assert paths.resolved(path).is_absolute()
+        assert not paths.can_enter(path)
+        assert paths.files_in(path) == []
+    assert paths.can_enter(tmp_path)
+    (tmp_path / "a.json").touch()
+    (tmp_path / "b.lock").touch()
+    assert paths.files_in(tmp_path, ".json") == [tmp_path / "a.json"]
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert paths.absolute("a.json") == Path("a.json")
+    assert paths.resolved("a.json") == Path("a.json")
+    monkeypatch.chdir(tmp_path)
+    assert paths.absolute("a.json") == tmp_path / "a.json"

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from faceposer.files.user_folders import config_folder, data_folder, state_folder
+from faceposer.files.user_folders import config_folder, data_folder, documents_folder, home_folder, state_folder
 
 FOLDERS = {config_folder: ("XDG_CONFIG_HOME", ".config"), data_folder: ("XDG_DATA_HOME", ".local/share")}
 FOLDERS |= {state_folder: ("XDG_STATE_HOME", ".local/state")}
@@ -31,3 +31,22 @@ def test_asking_for_a_folder_does_not_make_it(tmp_path: Path, monkeypatch: pytes
     assert len(set(paths)) == len(paths)
     assert all(path.is_absolute() and not path.exists() for path in paths)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has its home folder elsewhere")
+def test_a_home_that_is_no_folder_gives_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "home").mkdir()
+    monkeypatch.chdir(tmp_path)
+    for home in (str(tmp_path / "file"), "/no/such/home", "relative", "/dev/null"):
+        monkeypatch.setenv("HOME", home)
+        assert home_folder() == documents_folder() == tmp_path
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    assert home_folder() == documents_folder() == tmp_path / "home"
+    monkeypatch.setenv("HOME", "/no/such/home")
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert home_folder() == Path("/")
+    monkeypatch.chdir(tmp_path)

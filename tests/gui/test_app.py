@@ -1,12 +1,17 @@
 """The window, driven by pointer and key events alone: a hidden one, on GLFW's null platform."""
 
+import ctypes
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 import moderngl
 import numpy as np
 import pytest
 
+from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_io import read_mesh
+from faceposer.gui import editor
 from faceposer.gui.app import App
 from faceposer.gui.events import CloseRequest, Drop, FocusLost
 from faceposer.gui.settings import Settings
@@ -420,3 +425,47 @@ def test_solving_beside_the_frames(tmp_path: Path) -> None:
         assert not app.session.solving
     finally:
         app.close()
+
+
+@pytest.mark.gl
+def test_closing_releases_everything_whatever_fails(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    app = App("low", hidden=True, threaded=False, settings=Settings(window_size=(640, 480)))
+    app.remembers = True
+    closed: list[str] = []
+
+    def failing(name: str) -> Callable[[], None]:
+        def fail() -> None:
+            closed.append(name)
+            raise ZeroDivisionError(name)
+
+        return fail
+
+    def unwritable(_: Settings) -> None:
+        raise FacePoserError("The settings cannot be written: No space left on device.")
+
+    monkeypatch.setattr(editor, "save_settings", unwritable)
+    for part in ("features", "files", "session", "scene"):
+        monkeypatch.setattr(getattr(app, part), "close" if part != "scene" else "release", failing(part))
+    with pytest.raises(ZeroDivisionError):
+        app.close()
+    assert closed == ["features", "files", "session", "scene"]
+    assert app._window is None
+    assert capsys.readouterr().err.count("The settings cannot be written") == 1
+    # The window and Dear ImGui are released, so that another can open, also after one that could not be set up.
+    monkeypatch.setattr(editor, "SessionFiles", failing("files of a new window"))
+    with pytest.raises(TypeError):
+        App("low", hidden=True, threaded=False, settings=Settings(window_size=(640, 480)))
+    monkeypatch.undo()
+    again = App("low", hidden=True, threaded=False, settings=Settings(window_size=(640, 480)))
+    again.close()
+
+
+@pytest.mark.gl
+def test_dropped_names_that_are_not_utf8_arrive(open_window: OpenWindow, tmp_path: Path) -> None:
+    app = open_window().app
+    drop = next(callback for callback in app.window._callbacks if hasattr(callback, "argtypes"))
+    names = (ctypes.c_char_p * 2)(os.fsencode(tmp_path) + b"/caf\xe9.json", "ü.json".encode())
+    drop(None, 2, names)
+    assert Drop((f"{tmp_path}/caf\udce9.json", "ü.json")) in app.window.take_events()

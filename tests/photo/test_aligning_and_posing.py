@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint
 from faceposer.model.face_model import FaceModel
-from faceposer.photo.aligning import aligned, first_camera, residuals_px
+from faceposer.photo.aligning import DegeneratePinsError, aligned, first_camera, residuals_px, unaligned
 from faceposer.photo.photo import Photo, Pin
 from faceposer.photo.places import ALIGNING, GUIDED, guided, rigidity
 from faceposer.photo.posing import expression_constraints
 from faceposer.photo.reading import LIKELY_FOCAL_MM, focal_in_pixels
+from faceposer.session.document import Document
 from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
@@ -119,3 +120,17 @@ def test_places_that_a_face_lacks_are_passed_over(model: FaceModel) -> None:
         expression_constraints(photo, model)
     assert guided(model.character) == list(GUIDED)
     assert rigidity("9.3", model) > rigidity("2.1", model) > rigidity("8.3", model) > 0.0
+
+
+@pytest.mark.parametrize("count", [4, 9])
+@pytest.mark.parametrize("spread", [0.0, 1e-3, 0.2])
+def test_pins_that_determine_no_camera_are_refused(model: FaceModel, count: int, spread: float) -> None:
+    pins = tuple(Pin(name, (500.0 + spread * i, 400.0)) for i, name in enumerate(GUIDED[:count]))
+    photo = Photo("a.jpg", SIZE, pins)
+    with pytest.raises(DegeneratePinsError, match="The pins determine no camera"):
+        aligned(photo, model, model.neutral())
+    kept = unaligned(photo, model).camera
+    assert kept is not None
+    assert kept.same_viewpoint(first_camera(photo, model))
+    document = Document("man", photos=(photo,)).resolved(model)
+    assert document.photos[0].camera is not None, "the session opens, so that the pins can be moved"

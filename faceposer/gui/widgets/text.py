@@ -28,7 +28,7 @@ def displayed(text: str, label: bool = True) -> str:
         text = _cut(text, _LONGEST)
     lines = (_HIDDEN.sub(lambda match: printable(match[0], _LONGEST), line) for line in text.split("\n"))
     text = "\n".join(lines)
-    return text.replace("##", "# #") if label else text
+    return re.sub("#(?=#)", "# ", text) if label else text
 
 
 def widget_id(name: str) -> str:
