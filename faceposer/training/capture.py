@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.sample_times import Frames, frames_at, frames_in_order, frames_numbered
-from faceposer.files.tables import Row, decimal_number, open_table
+from faceposer.files.tables import Row, decimal_number, decimal_numbers, open_table
 from faceposer.files.time_columns import is_frame_number, is_time, is_timecode, numbers_of, shown_heading, times_of
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.shape_names import canonical_shape, whole_shape_of
@@ -162,7 +162,8 @@ def _parse(lines: Iterator[Row], path: Path) -> Capture:
         header, rate = _header(first, lines, path)
         rows = lines
     columns = _columns(header, path)
-    frames: list[list[float]] = []
+    reader = _FrameReader(header, columns, path)
+    frames: list[NDArray[np.float64]] = []
     seen: list[bool] = []
     times: list[str] = []
     clock: int | None = None
@@ -171,7 +172,7 @@ def _parse(lines: Iterator[Row], path: Path) -> Capture:
             raise FacePoserError(f"'{path}' has more than {_MOST_ROWS:,} frames; split it into shorter takes.")
         if not seen:
             clock = _time_column(header, cells)
-        frame = _frame(cells, header, columns, path, number)
+        frame = reader.frame(cells, number)
         seen.append(frame is not None)
         if frame is not None:
             frames.append(frame)
@@ -265,27 +266,34 @@ def _columns(header: list[str], path: Path) -> dict[str, list[int]]:
     return {shape: found[shape] for shape in ARKIT_SHAPES if shape in found}
 
 
-def _frame(
-    cells: list[str], header: list[str], columns: Mapping[str, list[int]], path: Path, number: int
-) -> list[float] | None:
-    """Return the weights of one line, or None if the face was lost."""
-    used = [column for group in columns.values() for column in group]
-    if all(column >= len(cells) or not cells[column].strip() for column in used):
-        return None
-    if len(cells) < len(header) or any(cell.strip() for cell in cells[len(header) :]):
-        commas = " (decimal commas need another separator)" if len(cells) > len(header) else ""
-        raise FacePoserError(
-            f"Line {number} of '{path}' has {len(cells)} values instead of {len(header)}; fix or delete "
-            f"the line{commas}."
-        )
-    try:
-        values = {column: float(cells[column]) for column in used}
-        plain = all(_LOWEST <= value <= _HIGHEST for value in values.values())
-    except ValueError:
-        plain = False
-    if not plain:
-        values = {column: _weight(cells[column], header[column], path, number) for column in used}
-    return [sum(values[column] for column in group) / len(group) for group in columns.values()]
+class _FrameReader:
+    """Reads the weights of lines."""
+
+    def __init__(self, header: list[str], columns: Mapping[str, list[int]], path: Path) -> None:
+        self._header = header
+        self._path = path
+        self._used = [column for group in columns.values() for column in group]
+        self._starts = np.cumsum([0, *map(len, columns.values())][:-1])
+        self._sizes = np.array([len(group) for group in columns.values()], dtype=np.float64)
+
+    def frame(self, cells: list[str], number: int) -> Array | None:
+        """Return the weights of the line ``number``, shape (S,), or None if the face was lost."""
+        header, path = self._header, self._path
+        if all(column >= len(cells) or not cells[column].strip() for column in self._used):
+            return None
+        if len(cells) < len(header) or any(cell.strip() for cell in cells[len(header) :]):
+            commas = " (decimal commas need another separator)" if len(cells) > len(header) else ""
+            raise FacePoserError(
+                f"Line {number} of '{path}' has {len(cells)} values instead of {len(header)}; fix or delete "
+                f"the line{commas}."
+            )
+        values = decimal_numbers([cells[column] for column in self._used])
+        if values is None or min(values) < _LOWEST or max(values) > _HIGHEST:
+            values = [_weight(cells[column], header[column], path, number) for column in self._used]
+        weights = np.array(values)
+        if len(self._sizes) < len(values):
+            weights = np.add.reduceat(weights, self._starts) / self._sizes
+        return weights
 
 
 def _weight(cell: str, name: str, path: Path, number: int) -> float:
