@@ -72,7 +72,7 @@ def decimal_numbers(cells: Sequence[str]) -> list[float] | None:
         values = list(map(float, cells))
     except ValueError:
         return None
-    plain = all(map(math.isfinite, values)) and not any("_" in cell for cell in cells)
+    plain = all(map(math.isfinite, values)) and "_" not in "".join(cells)
     return values if plain else None
 
 
