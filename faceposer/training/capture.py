@@ -172,6 +172,7 @@ def _parse(lines: Iterator[Row], path: Path) -> Capture:
             raise FacePoserError(f"'{path}' has more than {_MOST_ROWS:,} frames; split it into shorter takes.")
         if not seen:
             clock = _time_column(header, cells)
+            rate = rate or _rate_column(header, cells)
         frame = reader.frame(cells, number)
         seen.append(frame is not None)
         if frame is not None:
@@ -211,6 +212,13 @@ def _stated_rate(cells: list[str]) -> float | None:
         if _RATE.fullmatch(name) and number is not None and 0.0 < number <= _FASTEST:
             return number
     return None
+
+
+def _rate_column(header: list[str], cells: list[str]) -> float | None:
+    """Return the frames per second in a column of its own, by the ``header`` and the ``cells`` of the first row."""
+    named = [cell for name, cell in zip(header, cells, strict=False) if _RATE.fullmatch(name[:80])]
+    rate = decimal_number(named[0]) if named else None
+    return rate if rate is not None and 0.0 < rate <= _FASTEST else None
 
 
 def _time_column(header: list[str], cells: list[str]) -> int | None:

@@ -62,6 +62,8 @@ def test_rates_stated_above_the_header(low: FaceModel, tmp_path: Path) -> None:
         (tmp_path / "a.csv").write_text(facts + "jawOpen\n" + "\n".join(["0.5"] * 50))
         read = read_take(tmp_path / "a.csv")
         assert (read.rate, read.notes) == (25.0, ())
+    (tmp_path / "a.csv").write_text("frame,FPS,jawOpen\n" + "\n".join(f"{i},25,0.5" for i in range(50)))
+    assert (read_take(tmp_path / "a.csv").rate, read_take(tmp_path / "a.csv").notes) == (25.0, ())
     (tmp_path / "a.csv").write_text("jawOpen\n" + "\n".join(["0.5"] * 50))
     assert read_take(tmp_path / "a.csv").notes == ("It does not state times; 30 frames per second were assumed.",)
 
