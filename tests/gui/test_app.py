@@ -1,5 +1,6 @@
 """The window, driven by pointer and key events alone: a hidden one, on GLFW's null platform."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -411,3 +412,15 @@ def test_solving_beside_the_frames(tmp_path: Path) -> None:
         assert not app.session.solving
     finally:
         app.close()
+
+
+def test_long_notices_are_wrapped_and_stay_longer(open_window: OpenWindow) -> None:
+    app = open_window("low", (700, 560), pictures=False).app
+    app.step()
+    before = app.screenshot().astype(int)
+    app.notify("It does not state times; 30 frames per second were assumed. " * 4)
+    assert app._notice_until - time.perf_counter() > 10.0
+    app.step()
+    rows = np.flatnonzero(np.abs(app.screenshot().astype(int) - before).max(axis=(1, 2)) > 40)
+    line = 20
+    assert np.ptp(rows) > 3 * line
