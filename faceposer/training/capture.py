@@ -32,6 +32,8 @@ _MAX_BYTES = 256 * 2**20
 _MOST_ROWS = 250_000
 # Channels range from 0 to 1, and tracking exceeds this slightly; values beyond these are percentages or invalid.
 _LOWEST, _HIGHEST = -1.0, 2.0
+# Percentages: their limit, the frames that it takes to tell, and the share of weights, if not 0, beyond those limits.
+_MOST_PERCENT, _FRAMES_TO_TELL, _SHARE_TO_TELL = 110.0, 10, 0.2
 # Columns before the weights in a Face Cap frame: "k", the time, and the poses of the head and the eyes.
 _FACE_CAP_WEIGHTS = 12
 _FACE_CAP_LINES = ("info", "bs", "k")
@@ -92,11 +94,13 @@ class Capture:
         weights: Shape (frames, S), from 0 for a relaxed muscle to 1 for a full contraction; apps may slightly exceed
             this range.
         clock: Times of a take as it was read, None after frames were left out.
+        notes: What was assumed of the weights, one sentence each.
     """
 
     shape_names: tuple[str, ...]
     weights: Array
     clock: Clock | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def lost(self) -> int:
@@ -182,7 +186,8 @@ def _parse(lines: Iterator[Row], path: Path) -> Capture:
     if not frames:
         raise FacePoserError(f"The capture '{path}' has no frame with a face; record it again.")
     heading = "" if clock is None else header[clock]
-    return Capture(tuple(columns), np.array(frames), Clock(np.array(seen), heading, tuple(times), rate))
+    weights, notes = reader.in_range(np.array(frames))
+    return Capture(tuple(columns), weights, Clock(np.array(seen), heading, tuple(times), rate), notes)
 
 
 def _header(first: list[str], lines: Iterator[Row], path: Path) -> tuple[list[str], float | None]:
@@ -283,6 +288,7 @@ class _FrameReader:
         self._used = [column for group in columns.values() for column in group]
         self._starts = np.cumsum([0, *map(len, columns.values())][:-1])
         self._sizes = np.array([len(group) for group in columns.values()], dtype=np.float64)
+        self._beyond: FacePoserError | None = None
 
     def frame(self, cells: list[str], number: int) -> Array | None:
         """Return the weights of the line ``number``, shape (S,), or None if the face was lost."""
@@ -296,22 +302,44 @@ class _FrameReader:
                 f"the line{commas}."
             )
         values = decimal_numbers([cells[column] for column in self._used])
-        if values is None or min(values) < _LOWEST or max(values) > _HIGHEST:
+        if values is None:
             values = [_weight(cells[column], header[column], path, number) for column in self._used]
+        if self._beyond is None and (min(values) < _LOWEST or max(values) > _HIGHEST):
+            i = next(i for i, value in enumerate(values) if not _LOWEST <= value <= _HIGHEST)
+            column = self._used[i]
+            self._beyond = _no_weight(cells[column], header[column], path, number)
         weights = np.array(values)
         if len(self._sizes) < len(values):
             weights = np.add.reduceat(weights, self._starts) / self._sizes
         return weights
 
+    def in_range(self, weights: Array) -> tuple[Array, tuple[str, ...]]:
+        """Return the ``weights`` of all lines, shape (F, S), from 0 to 1, and a sentence about percentages.
+
+        Raises:
+            FacePoserError: If a weight is neither from 0 to 1 nor a percentage.
+        """
+        if self._beyond is None:
+            return weights, ()
+        sizes = np.abs(weights[weights != 0.0])
+        share = float((sizes > _HIGHEST).mean())
+        if sizes.max() > _MOST_PERCENT or share < _SHARE_TO_TELL or len(weights) < _FRAMES_TO_TELL:
+            raise self._beyond
+        return weights / 100.0, (f"Its weights reach {sizes.max():.4g} and were read as percentages.",)
+
 
 def _weight(cell: str, name: str, path: Path, number: int) -> float:
     value = decimal_number(cell)
-    if value is None or not _LOWEST <= value <= _HIGHEST:
-        raise FacePoserError(
-            f"Line {number} of '{path}' has '{cell.strip()[:20]}' in column {name}, which is not a weight from 0 to 1; "
-            "fix or delete the line."
-        )
+    if value is None:
+        raise _no_weight(cell, name, path, number)
     return value
+
+
+def _no_weight(cell: str, name: str, path: Path, number: int) -> FacePoserError:
+    return FacePoserError(
+        f"Line {number} of '{path}' has '{cell.strip()[:20]}' in column {name}, which is not a weight from 0 to 1; "
+        "fix or delete the line."
+    )
 
 
 def _channel(name: str) -> str | None:
