@@ -83,9 +83,9 @@ def test_percentages_are_told_from_single_wrong_values(tmp_path: Path) -> None:
     assert capture.notes == ("Its weights reach 100 and were read as percentages.",)
     wrong = [row([0.1, 0.5]) for _ in jaw]
     wrong[7] = row([57.5, 0.5])
-    with pytest.raises(FacePoserError, match="Line 9 of .* '57.5' in column JawOpen"):
+    with pytest.raises(FacePoserError, match=r"Line 9 of .* '57.5' in column JawOpen"):
         read_capture(write(tmp_path / "b.csv", wrong, names))
-    with pytest.raises(FacePoserError, match="Line 2 of .* '1000' in column JawOpen"):
+    with pytest.raises(FacePoserError, match=r"Line 2 of .* '1000' in column JawOpen"):
         read_capture(write(tmp_path / "c.csv", [row([1000, 0.5])] * 20, names))
 
 
