@@ -23,8 +23,8 @@ _CLOCK, _ROUNDED = 4e-4, 0.02
 # Frames by which a sample may be off its place in an even sequence: in few samples, in many, and with rounded times.
 _EVEN_FEW, _EVEN, _EVEN_ROUNDED = 0.1, 0.25, 0.6
 _FEW = 10
-# Share of samples at the time of another one from which times are rounded rather than repeated.
-_MANY_EQUAL = 0.05
+# Shares of samples at the time of another one from which times are rounded, not repeated: of coarse and of fine times.
+_MANY_EQUAL, _MOST_REPEATED = 0.05, 0.2
 # Frames per second below which uneven samples are keys rather than frames.
 _SLOWEST_CAMERA = 10.0
 # Part of a step by which most steps may be off a whole number of steps.
@@ -140,7 +140,10 @@ def _apart(times: Array) -> Array:
     if different < 0.5:
         # Several samples at each time, as of a clock in whole seconds or a slower timecode.
         return _spread(times)
-    return _on_a_line(times) if different < 1.0 - _MANY_EQUAL else times
+    quantum = _decimal_quantum(times)
+    coarse = quantum is not None and float(np.median(steps[steps > 0.0])) <= 2.0 * quantum
+    rounded = 1.0 - different > (_MANY_EQUAL if coarse else _MOST_REPEATED)
+    return _on_a_line(times) if rounded and len(times) >= _FEW else times
 
 
 def _repeated_notes(number: int) -> tuple[str, ...]:
@@ -189,6 +192,9 @@ def interpolated(frames: Frames, seen: NDArray[np.bool_], values: Array) -> tupl
     placed = np.isfinite(frames.places)
     at = frames.places[seen & placed]
     known = values[placed[seen]]
+    if not len(at):
+        # The only samples with values are at the times of others.
+        at, known = np.zeros(1), values[-1:]
     wanted = np.arange(float(frames.length))
     if frames.even and len(at) == frames.length:
         return known, ()
@@ -294,11 +300,17 @@ def _tolerance(times: Array, rate: float) -> float:
     """Return the frames by which samples at ``times`` may be off their places, by how many and how rounded they are."""
     if len(times) < _FEW:
         return _EVEN_FEW
+    quantum = _decimal_quantum(times)
+    return _EVEN if quantum is None else float(np.clip(0.55 * quantum * rate, _EVEN, _EVEN_ROUNDED))
+
+
+def _decimal_quantum(times: Array) -> float | None:
+    """Return the unit from 1 to 0.001 seconds to which ``times`` are rounded, or None if they are finer."""
     since = times - times[0]
     for quantum in (1.0, 0.1, 0.01, 0.001):
         if np.abs(since / quantum - np.rint(since / quantum)).max() < 1e-3:
-            return float(np.clip(0.55 * quantum * rate, _EVEN, _EVEN_ROUNDED))
-    return _EVEN
+            return quantum
+    return None
 
 
 def _on_a_line(times: Array) -> Array:

@@ -5,7 +5,7 @@ import csv
 import itertools
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
@@ -20,6 +20,7 @@ _SEPARATORS = ("\t", ";", ",", "|")
 _HEAD = 40
 _LONGEST_LINE = 2**20
 _MOST_CELLS = 20_000
+_MOST_LINES = 1_100_000
 _LONGEST_CELL = 2**16
 _CHUNK = 2**20
 _MARKS = (
@@ -31,7 +32,7 @@ _MARKS = (
 )
 # Spreadsheets of Western Windows write this where they do not write UTF-8.
 _FALLBACK = "cp1252"
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
+_NUMBER = re.compile(r"[+-]?(\d+(,\d*)?|,\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
 
 
 @contextmanager
@@ -60,12 +61,29 @@ def open_table(path: Path, kind: str, most_bytes: int, blank: bool = False) -> I
         raise FacePoserError(f"The {kind} '{path}' cannot be read: {error.strerror or error}.") from error
 
 
+def decimal_numbers(cells: Sequence[str]) -> list[float] | None:
+    """Return the finite numbers in all ``cells``, which have decimal points, or None: the fast case of most rows."""
+    try:
+        values = list(map(float, cells))
+    except ValueError:
+        return None
+    plain = all(map(math.isfinite, values)) and "_" not in "".join(cells)
+    return values if plain else None
+
+
 def decimal_number(text: str) -> float | None:
     """Return the finite number in ``text``, with a decimal point or a decimal comma, or None."""
-    text = text.strip()
-    if not _NUMBER.fullmatch(text):
-        return None
-    value = float(text.replace(",", "."))
+    try:
+        value = float(text)
+    except ValueError:
+        text = text.strip()
+        if not _NUMBER.fullmatch(text):
+            return None
+        value = float(text.replace(",", "."))
+    else:
+        # Python's numbers may have other digits and underscores.
+        if "_" in text or not text.isascii():
+            return None
     return value if math.isfinite(value) else None
 
 
@@ -89,10 +107,12 @@ def _decodes(path: Path, encoding: str) -> bool:
     """Return True if all of the file is text in ``encoding``, without control characters other than white space."""
     # Windows-1252 leaves some bytes undefined.
     decoder = codecs.getincrementaldecoder(encoding)("replace" if encoding == _FALLBACK else "strict")
+    wide = encoding.startswith(("utf-16", "utf-32"))
     with open_file(path) as file:
         try:
             while chunk := file.read(_CHUNK):
-                if _CONTROL.search(decoder.decode(chunk)):
+                text = decoder.decode(chunk)
+                if _CONTROL.search(text) if wide else len(chunk.translate(None, _CONTROL_BYTES)) < len(chunk):
                     return False
             decoder.decode(b"", final=True)
         except UnicodeDecodeError:
@@ -100,7 +120,9 @@ def _decodes(path: Path, encoding: str) -> bool:
     return True
 
 
+# All but tabs, line ends, and the end mark of old files.
 _CONTROL = re.compile(r"[\0-\x08\x0e-\x19\x1b-\x1f]")
+_CONTROL_BYTES = bytes(code for code in range(32) if _CONTROL.match(chr(code)))
 
 
 def _rows(file: TextIO, path: Path, blank: bool) -> Iterator[Row]:
@@ -139,6 +161,8 @@ def _lines(file: TextIO, path: Path) -> Iterator[str]:
     number = 0
     while line := file.readline(_LONGEST_LINE):
         number += 1
+        if number > _MOST_LINES:
+            raise FacePoserError(f"'{path}' has more than {_MOST_LINES:,} lines; split it into shorter takes.")
         if len(line) == _LONGEST_LINE:
             raise FacePoserError(
                 f"Line {number} of '{path}' has more than {_LONGEST_LINE - 1:,} characters; check the file."

@@ -109,7 +109,8 @@ def _time_heading(heading: str) -> tuple[float | None] | None:
     """Return the unit in the ``heading`` of a column of times, in seconds, as a tuple; None if it has none."""
     if len(heading) > 64:
         return None
-    match = _TIME.fullmatch(_letters(heading))
+    # What stands in brackets may be a unit, or a format such as HH:MM:SS.
+    match = _TIME.fullmatch(_letters(heading)) or _TIME.fullmatch(_letters(re.sub(r"[(\[].*", "", heading)))
     if match is None:
         return None
     unit = match[1]

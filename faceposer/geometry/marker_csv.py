@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.sample_times import Frames, frames_at, frames_in_order, frames_numbered, placed
-from faceposer.files.tables import Row, decimal_number, open_table
+from faceposer.files.tables import Row, decimal_number, decimal_numbers, open_table
 from faceposer.files.time_columns import is_frame_number, is_time, shown_heading, times_of
 
 #: Limits of a plausible motion of a face.
 MAX_MARKERS = 2_000
 MAX_FRAMES = 1_000_000
 MAX_BYTES = 256 * 2**20
-_MAX_VALUES = 50_000_000
+_MAX_VALUES = 30_000_000
 
 _AXES = "xyz"
 _PLAIN_COLUMN = re.compile(r"^(.*?)[ ._:]([xyz])$", re.IGNORECASE)
@@ -199,15 +199,13 @@ def _table(layout: _Layout, lines: Iterator[Row], path: Path, rate: float | None
             )
         frames += unseen * [np.full(len(used), np.nan)]
         unseen = 0
-        frames.append(np.array([_coordinate(cells[c], layout.header[c], path, number) for c in used]))
+        values = decimal_numbers([cells[column] for column in used])
+        if values is None:
+            values = [_coordinate(cells[column], layout.header[column], path, number) for column in used]
+        frames.append(np.array(values))
         if time_column is not None:
             times.append(cells[time_column])
-            time = decimal_number(cells[time_column])
-            if time is not None and time < last:
-                raise FacePoserError(
-                    f"Line {number} of '{path}' has the time {time:g} after {last:g}; times must not decrease."
-                )
-            last = last if time is None else time
+            last = _later(cells[time_column], last, path, number)
         elif frame_column is not None:
             found = decimal_number(cells[frame_column])
             numbers.append(math.nan if found is None else found)
@@ -224,6 +222,16 @@ def _table(layout: _Layout, lines: Iterator[Row], path: Path, rate: float | None
     # That a rate is assumed is said where one is needed.
     notes = (*said, *(() if clock.assumed else clock.notes), *gaps)
     return MarkerTable(names, positions, None if clock.assumed else clock.rate, unit.strip("\0"), notes)
+
+
+def _later(cell: str, last: float, path: Path, number: int) -> float:
+    """Return the time in ``cell`` if it is a number, else ``last``, which it must not precede."""
+    time = decimal_number(cell)
+    if time is not None and time < last:
+        raise FacePoserError(
+            f"Line {number} of '{path}' has the time {time:g} after {last:g}; times must not decrease."
+        )
+    return last if time is None else time
 
 
 def _frames(

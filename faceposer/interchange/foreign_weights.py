@@ -111,6 +111,8 @@ def _search(data: Any, where: str, names: tuple[str, ...], rate: float | None, d
     """Return the weights in ``data``; ``names`` and ``rate`` are those stated around it."""
     if depth > _DEEPEST or not isinstance(data, dict | list):
         return []
+    if len(data) > _MOST_FRAMES:
+        raise FacePoserError(f"it has a list of {len(data):,} values, more than {_MOST_FRAMES:,}.")
     if isinstance(data, dict):
         names = next((own for value in data.values() if (own := _names(value))), names)
         rate = next((value for key, value in data.items() if _is_rate(key, value)), rate)

@@ -21,4 +21,4 @@ def read_take(path: Path, rate: float | None = None) -> NamedWeights:
     assert capture.clock is not None
     frames = capture.clock.frames(path, rate)
     weights, gaps = interpolated(frames, capture.clock.seen, capture.weights)
-    return NamedWeights(capture.shape_names, weights, frames.rate, (*frames.notes, *gaps))
+    return NamedWeights(capture.shape_names, weights, frames.rate, (*capture.notes, *frames.notes, *gaps))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.sample_times import Frames, frames_at, frames_in_order, frames_numbered
-from faceposer.files.tables import Row, decimal_number, open_table
+from faceposer.files.tables import Row, decimal_number, decimal_numbers, open_table
 from faceposer.files.time_columns import is_frame_number, is_time, is_timecode, numbers_of, shown_heading, times_of
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.shape_names import canonical_shape, whole_shape_of
@@ -32,6 +32,8 @@ _MAX_BYTES = 256 * 2**20
 _MOST_ROWS = 250_000
 # Channels range from 0 to 1, and tracking exceeds this slightly; values beyond these are percentages or invalid.
 _LOWEST, _HIGHEST = -1.0, 2.0
+# Percentages: their limit, the frames that it takes to tell, and the share of weights, if not 0, beyond those limits.
+_MOST_PERCENT, _FRAMES_TO_TELL, _SHARE_TO_TELL = 110.0, 10, 0.2
 # Columns before the weights in a Face Cap frame: "k", the time, and the poses of the head and the eyes.
 _FACE_CAP_WEIGHTS = 12
 _FACE_CAP_LINES = ("info", "bs", "k")
@@ -92,11 +94,13 @@ class Capture:
         weights: Shape (frames, S), from 0 for a relaxed muscle to 1 for a full contraction; apps may slightly exceed
             this range.
         clock: Times of a take as it was read, None after frames were left out.
+        notes: What was assumed of the weights, one sentence each.
     """
 
     shape_names: tuple[str, ...]
     weights: Array
     clock: Clock | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def lost(self) -> int:
@@ -162,7 +166,8 @@ def _parse(lines: Iterator[Row], path: Path) -> Capture:
         header, rate = _header(first, lines, path)
         rows = lines
     columns = _columns(header, path)
-    frames: list[list[float]] = []
+    reader = _FrameReader(header, columns, path)
+    frames: list[NDArray[np.float64]] = []
     seen: list[bool] = []
     times: list[str] = []
     clock: int | None = None
@@ -171,7 +176,8 @@ def _parse(lines: Iterator[Row], path: Path) -> Capture:
             raise FacePoserError(f"'{path}' has more than {_MOST_ROWS:,} frames; split it into shorter takes.")
         if not seen:
             clock = _time_column(header, cells)
-        frame = _frame(cells, header, columns, path, number)
+            rate = rate or _rate_column(header, cells)
+        frame = reader.frame(cells, number)
         seen.append(frame is not None)
         if frame is not None:
             frames.append(frame)
@@ -180,7 +186,8 @@ def _parse(lines: Iterator[Row], path: Path) -> Capture:
     if not frames:
         raise FacePoserError(f"The capture '{path}' has no frame with a face; record it again.")
     heading = "" if clock is None else header[clock]
-    return Capture(tuple(columns), np.array(frames), Clock(np.array(seen), heading, tuple(times), rate))
+    weights, notes = reader.in_range(np.array(frames))
+    return Capture(tuple(columns), weights, Clock(np.array(seen), heading, tuple(times), rate), notes)
 
 
 def _header(first: list[str], lines: Iterator[Row], path: Path) -> tuple[list[str], float | None]:
@@ -210,6 +217,13 @@ def _stated_rate(cells: list[str]) -> float | None:
         if _RATE.fullmatch(name) and number is not None and 0.0 < number <= _FASTEST:
             return number
     return None
+
+
+def _rate_column(header: list[str], cells: list[str]) -> float | None:
+    """Return the frames per second in a column of its own, by the ``header`` and the ``cells`` of the first row."""
+    named = [cell for name, cell in zip(header, cells, strict=False) if _RATE.fullmatch(name[:80])]
+    rate = decimal_number(named[0]) if named else None
+    return rate if rate is not None and 0.0 < rate <= _FASTEST else None
 
 
 def _time_column(header: list[str], cells: list[str]) -> int | None:
@@ -265,37 +279,67 @@ def _columns(header: list[str], path: Path) -> dict[str, list[int]]:
     return {shape: found[shape] for shape in ARKIT_SHAPES if shape in found}
 
 
-def _frame(
-    cells: list[str], header: list[str], columns: Mapping[str, list[int]], path: Path, number: int
-) -> list[float] | None:
-    """Return the weights of one line, or None if the face was lost."""
-    used = [column for group in columns.values() for column in group]
-    if all(column >= len(cells) or not cells[column].strip() for column in used):
-        return None
-    if len(cells) < len(header) or any(cell.strip() for cell in cells[len(header) :]):
-        commas = " (decimal commas need another separator)" if len(cells) > len(header) else ""
-        raise FacePoserError(
-            f"Line {number} of '{path}' has {len(cells)} values instead of {len(header)}; fix or delete "
-            f"the line{commas}."
-        )
-    try:
-        values = {column: float(cells[column]) for column in used}
-        plain = all(_LOWEST <= value <= _HIGHEST for value in values.values())
-    except ValueError:
-        plain = False
-    if not plain:
-        values = {column: _weight(cells[column], header[column], path, number) for column in used}
-    return [sum(values[column] for column in group) / len(group) for group in columns.values()]
+class _FrameReader:
+    """Reads the weights of lines."""
+
+    def __init__(self, header: list[str], columns: Mapping[str, list[int]], path: Path) -> None:
+        self._header = header
+        self._path = path
+        self._used = [column for group in columns.values() for column in group]
+        self._starts = np.cumsum([0, *map(len, columns.values())][:-1])
+        self._sizes = np.array([len(group) for group in columns.values()], dtype=np.float64)
+        self._beyond: FacePoserError | None = None
+
+    def frame(self, cells: list[str], number: int) -> Array | None:
+        """Return the weights of the line ``number``, shape (S,), or None if the face was lost."""
+        header, path = self._header, self._path
+        if all(column >= len(cells) or not cells[column].strip() for column in self._used):
+            return None
+        if len(cells) < len(header) or any(cell.strip() for cell in cells[len(header) :]):
+            commas = " (decimal commas need another separator)" if len(cells) > len(header) else ""
+            raise FacePoserError(
+                f"Line {number} of '{path}' has {len(cells)} values instead of {len(header)}; fix or delete "
+                f"the line{commas}."
+            )
+        values = decimal_numbers([cells[column] for column in self._used])
+        if values is None:
+            values = [_weight(cells[column], header[column], path, number) for column in self._used]
+        if self._beyond is None and (min(values) < _LOWEST or max(values) > _HIGHEST):
+            i = next(i for i, value in enumerate(values) if not _LOWEST <= value <= _HIGHEST)
+            column = self._used[i]
+            self._beyond = _no_weight(cells[column], header[column], path, number)
+        weights = np.array(values)
+        if len(self._sizes) < len(values):
+            weights = np.add.reduceat(weights, self._starts) / self._sizes
+        return weights
+
+    def in_range(self, weights: Array) -> tuple[Array, tuple[str, ...]]:
+        """Return the ``weights`` of all lines, shape (F, S), from 0 to 1, and a sentence about percentages.
+
+        Raises:
+            FacePoserError: If a weight is neither from 0 to 1 nor a percentage.
+        """
+        if self._beyond is None:
+            return weights, ()
+        sizes = np.abs(weights[weights != 0.0])
+        share = float((sizes > _HIGHEST).mean())
+        if sizes.max() > _MOST_PERCENT or share < _SHARE_TO_TELL or len(weights) < _FRAMES_TO_TELL:
+            raise self._beyond
+        return weights / 100.0, (f"Its weights reach {sizes.max():.4g} and were read as percentages.",)
 
 
 def _weight(cell: str, name: str, path: Path, number: int) -> float:
     value = decimal_number(cell)
-    if value is None or not _LOWEST <= value <= _HIGHEST:
-        raise FacePoserError(
-            f"Line {number} of '{path}' has '{cell.strip()[:20]}' in column {name}, which is not a weight from 0 to 1; "
-            "fix or delete the line."
-        )
+    if value is None:
+        raise _no_weight(cell, name, path, number)
     return value
+
+
+def _no_weight(cell: str, name: str, path: Path, number: int) -> FacePoserError:
+    return FacePoserError(
+        f"Line {number} of '{path}' has '{cell.strip()[:20]}' in column {name}, which is not a weight from 0 to 1; "
+        "fix or delete the line."
+    )
 
 
 def _channel(name: str) -> str | None:

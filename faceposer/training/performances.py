@@ -37,6 +37,7 @@ class LearnedStatistics:
         takes: Name and number of frames of each take.
         missing: ARKit's shapes without a channel in any take.
         lost: Number of frames without a face in each take, which were ignored.
+        assumptions: What was assumed of the weights of takes, one sentence each.
     """
 
     statistics: ExpressionStatistics
@@ -44,6 +45,7 @@ class LearnedStatistics:
     takes: tuple[tuple[str, int], ...]
     missing: tuple[str, ...]
     lost: tuple[int, ...] = ()
+    assumptions: tuple[str, ...] = ()
 
     @property
     def warnings(self) -> list[str]:
@@ -53,7 +55,7 @@ class LearnedStatistics:
             for (name, _), count in zip(self.takes, self.lost, strict=False)
             if count
         ]
-        return lost + self.choice.warnings
+        return [*lost, *self.assumptions, *self.choice.warnings]
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON form for the summary of a character."""
@@ -100,7 +102,12 @@ def learn_from_captures(
     missing = tuple(name for name in captures[0].missing if all(name in capture.missing for capture in captures))
     takes = tuple((path.name, len(capture.weights)) for path, capture in zip(paths, captures, strict=True))
     lost = tuple(capture.lost for capture in captures)
-    return LearnedStatistics(statistics, replace(choice, converged=not messages), takes, missing, lost)
+    assumptions = tuple(
+        f"Capture '{path.name}': {note}"
+        for path, capture in zip(paths, captures, strict=True)
+        for note in capture.notes
+    )
+    return LearnedStatistics(statistics, replace(choice, converged=not messages), takes, missing, lost, assumptions)
 
 
 def _metric(names: Sequence[str]) -> Array:

@@ -149,6 +149,8 @@ def test_gaps_are_kept_and_what_is_repeated_is_said() -> None:
     assert twice.length == 90
     assert "left out" in twice.notes[0]
     assert np.isnan(twice.places).sum() == 1
+    few = frames_at(np.insert(seconds[:19], 7, seconds[7]), "a.csv")
+    assert (few.rate, few.length) == (30.0, 19)
     again = frames_at(np.concatenate([seconds[:30], seconds[:30]]), "a.csv")
     assert again.length == 60
     assert "go back at sample 31" in again.notes[0]
@@ -205,6 +207,12 @@ def test_lost_samples_are_interpolated_and_held_at_the_ends() -> None:
     assert "they were interpolated, and the nearest pose is held at the ends" in notes[0]
 
 
+def test_a_sample_at_the_time_of_a_lost_one_is_not_forgotten() -> None:
+    frames = frames_at(np.array([0.0, 0.0, 0.1, 0.2]), "a.csv")
+    values, _ = interpolated(frames, np.array([True, False, False, False]), np.array([[0.5]]))
+    np.testing.assert_array_equal(values, np.full((3, 1), 0.5))
+
+
 def test_markers_are_not_seen_where_no_sample_is() -> None:
     values = np.arange(8.0).reshape(4, 2)
     values[1, 1] = np.nan
@@ -227,7 +235,18 @@ def test_markers_are_not_seen_where_no_sample_is() -> None:
 
 
 def test_headings_of_times_and_frames() -> None:
-    for heading in ("Timecode", "TIME", "Time (s)", "time [ms]", "timestampMs", "t", "elapsed_time_s", "Milliseconds"):
+    for heading in (
+        "Time (HH:MM:SS.mmm)",
+        "Timestamp [UTC]",
+        "Timecode",
+        "TIME",
+        "Time (s)",
+        "time [ms]",
+        "timestampMs",
+        "t",
+        "elapsed_time_s",
+        "Milliseconds",
+    ):
         assert is_time(heading), heading
     for heading in ("jawOpen", "mouthClose", "timer", "sometimes", "s", "", "x" * 10_000):
         assert not is_time(heading), heading

@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -469,3 +470,16 @@ def test_dropped_names_that_are_not_utf8_arrive(open_window: OpenWindow, tmp_pat
     names = (ctypes.c_char_p * 2)(os.fsencode(tmp_path) + b"/caf\xe9.json", "ü.json".encode())
     drop(None, 2, names)
     assert Drop((f"{tmp_path}/caf\udce9.json", "ü.json")) in app.window.take_events()
+
+
+@pytest.mark.gl
+def test_long_notices_are_wrapped_and_stay_longer(open_window: OpenWindow) -> None:
+    app = open_window("low", (700, 560), pictures=False).app
+    app.step()
+    before = app.screenshot().astype(int)
+    app.notify("It does not state times; 30 frames per second were assumed. " * 4)
+    assert app._notice_until - time.perf_counter() > 10.0
+    app.step()
+    rows = np.flatnonzero(np.abs(app.screenshot().astype(int) - before).max(axis=(1, 2)) > 40)
+    line = 20
+    assert np.ptp(rows) > 3 * line

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from faceposer.animation.keyframes import Keyframes
 from faceposer.errors import FacePoserError
@@ -14,6 +15,7 @@ from faceposer.interchange.reading import read_performance, read_pose
 from faceposer.interchange.takes import read_take
 from faceposer.model.face_model import FaceModel
 from faceposer.model.sampling import resampled
+from faceposer.render.options import OutputOptions
 from tests.files.test_sample_times import timecode
 
 CASES = Path(os.environ.get("FACEPOSER_CASES", ""))
@@ -60,6 +62,8 @@ def test_rates_stated_above_the_header(low: FaceModel, tmp_path: Path) -> None:
         (tmp_path / "a.csv").write_text(facts + "jawOpen\n" + "\n".join(["0.5"] * 50))
         read = read_take(tmp_path / "a.csv")
         assert (read.rate, read.notes) == (25.0, ())
+    (tmp_path / "a.csv").write_text("frame,FPS,jawOpen\n" + "\n".join(f"{i},25,0.5" for i in range(50)))
+    assert (read_take(tmp_path / "a.csv").rate, read_take(tmp_path / "a.csv").notes) == (25.0, ())
     (tmp_path / "a.csv").write_text("jawOpen\n" + "\n".join(["0.5"] * 50))
     assert read_take(tmp_path / "a.csv").notes == ("It does not state times; 30 frames per second were assumed.",)
 
@@ -79,6 +83,19 @@ def test_three_seconds_stay_three_seconds(rate: float, low: FaceModel, tmp_path:
     assert keyframes.length / keyframes.rate == pytest.approx(performance.seconds)
     for other in (24.0, 25.0, 30.0, 60.0, 120.0):
         assert resampled(performance, other).seconds == pytest.approx(performance.seconds, abs=0.6 / other)
+
+
+@pytest.mark.gl
+def test_a_video_lasts_as_long_as_the_take(low: FaceModel, tmp_path: Path) -> None:
+    codes = [timecode(i, 30) for i in range(90) if not 30 <= i < 60]
+    performance = read_performance(take(tmp_path / "a.csv", codes, yawn(60)), low).performance
+    write(tmp_path / "a.gif", low, performance, OutputOptions(size=(32, 32)))
+    with Image.open(tmp_path / "a.gif") as video:
+        durations = []
+        for frame in range(video.n_frames):
+            video.seek(frame)
+            durations.append(video.info["duration"])
+    assert sum(durations) == pytest.approx(3000.0, abs=20.0)
 
 
 def test_keys_of_gltf_stay_at_their_seconds(low: FaceModel, tmp_path: Path) -> None:

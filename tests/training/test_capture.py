@@ -75,6 +75,20 @@ def test_face_caps_text_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(capture.weights, [[0.3, 0.2, 0.1], [1.0, 0.5, 0.4]])
 
 
+def test_percentages_are_told_from_single_wrong_values(tmp_path: Path) -> None:
+    names, jaw = ("jawOpen", "mouthClose"), np.linspace(0.0, 100.0, 20)
+    capture = read_capture(write(tmp_path / "a.csv", [row([value, 1.5]) for value in jaw], names))
+    np.testing.assert_allclose(capture.weights[:, 0], jaw / 100.0)
+    np.testing.assert_allclose(capture.weights[:, 1], 0.015)
+    assert capture.notes == ("Its weights reach 100 and were read as percentages.",)
+    wrong = [row([0.1, 0.5]) for _ in jaw]
+    wrong[7] = row([57.5, 0.5])
+    with pytest.raises(FacePoserError, match=r"Line 9 of .* '57.5' in column JawOpen"):
+        read_capture(write(tmp_path / "b.csv", wrong, names))
+    with pytest.raises(FacePoserError, match=r"Line 2 of .* '1000' in column JawOpen"):
+        read_capture(write(tmp_path / "c.csv", [row([1000, 0.5])] * 20, names))
+
+
 def test_bad_takes_are_refused_by_place(tmp_path: Path) -> None:
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00binary")
     (tmp_path / "word.txt").write_text("bs,jawOpen\nk,0,0,0,0,0,0,0,0,0,0,0,0.5\nx,1\n")
