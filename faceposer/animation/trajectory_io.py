@@ -278,7 +278,7 @@ def _pixel_table(path: Path) -> MarkerTable | None:
     try:
         table = parse_marker_csv(path, pixels=True)
     except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or error
+        reason = getattr(error, "strerror", None) or "it is not a text file in UTF-8"
         raise FacePoserError(f"The trajectories in '{path}' cannot be read ({reason}); check the file.") from error
     return table if table.positions.shape[2] == 2 else None
 

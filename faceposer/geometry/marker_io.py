@@ -82,7 +82,7 @@ def read_markers(path: Path) -> MarkerMotion:
         with open_file(path, _MAX_BYTES) as file:
             return _read_c3d(file, path)
     except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or error
+        reason = getattr(error, "strerror", None) or "it is not a text file in UTF-8"
         raise FacePoserError(f"The markers in '{path}' cannot be read ({reason}); check the file.") from error
 
 
@@ -133,10 +133,9 @@ def _read_c3d(file: BinaryIO, path: Path) -> MarkerMotion:
     except FacePoserError:
         raise
     except Exception as error:
-        # The package's parser raises many exceptions for damaged files: struct.error, AssertionError, ...
+        # The package's parser raises many exceptions for damaged files, with messages for programmers.
         raise FacePoserError(
-            f"The C3D file '{path}' is damaged or not supported ({str(error)[:80] or type(error).__name__}); "
-            "export it again, or as CSV."
+            f"The C3D file '{path}' is damaged or of a kind that is not supported; export it again, or as CSV."
         ) from error
     if len(frames) < expected:
         raise FacePoserError(f"The C3D file '{path}' ends after frame {len(frames)} of {expected}; copy it again.")

@@ -1,5 +1,6 @@
 """Sequences of meshes of the same topology, in folders or arrays, read in bounded memory."""
 
+import lzma
 import math
 import re
 import struct
@@ -10,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tokenize import TokenError
 from typing import IO, Any
 
 import numpy as np
@@ -31,6 +33,8 @@ _MAX_FRAMES = 1_000_000
 # Bound on coordinates, which keeps sums of squares over a mesh within single precision.
 _LARGEST = 1e12
 _MAX_FILE_BYTES = 1 << 30
+# Errors of zipfile and NumPy for damaged archives, of compression methods that they do not support included.
+_DAMAGED = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, ValueError, RuntimeError)
 
 
 @dataclass(frozen=True)
@@ -155,7 +159,7 @@ class MeshSequence:
                     vertices = np.frombuffer(data, dtype=dtype).reshape(count, 3).astype(np.float64)
                     self._check_finite(f"frame {frame + 1} of '{source.path}'", vertices)
                     yield vertices
-        except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, OSError) as error:
+        except (KeyError, *_DAMAGED) as error:
             raise FacePoserError(f"'{source.path}' is damaged or truncated; write it again.") from error
 
 
@@ -281,7 +285,7 @@ def _array_source(path: Path, first: int) -> _Source:
                 raise EOFError
     except KeyError:
         raise FacePoserError(f"'{path}' has no array 'vertices'; store it with shape (frames, vertices, 3).") from None
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
+    except _DAMAGED as error:
         raise FacePoserError(f"'{path}' is damaged or is not an .npz file; write it again.") from error
     return _Source(path, first, 1 if len(shape) == 2 else shape[0], info.compress_type != zipfile.ZIP_STORED)
 
@@ -299,7 +303,7 @@ def _first_frame(path: Path) -> tuple[Array, NDArray[np.int32] | None]:
                 raise FacePoserError(f"'{path}' has too many faces; choose a smaller mesh.")
             with archive.open("faces.npy") as stream:
                 faces = np.lib.format.read_array(stream, allow_pickle=False)
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError) as error:
+    except (*_DAMAGED, SyntaxError, TypeError, RecursionError, MemoryError, TokenError) as error:
         raise FacePoserError(f"'{path}' is damaged or is not an .npz file; write it again.") from error
     valid = faces.ndim == 2 and faces.shape[1] in (3, 4) and faces.dtype.kind in "iu" and len(faces)
     if not valid or faces.max() >= len(vertices) or faces.min() < -1 or (faces[:, :3] < 0).any():
@@ -313,7 +317,7 @@ def _array_header(stream: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dt
         version = np.lib.format.read_magic(stream)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, fortran, dtype = read(stream)
-    except ValueError as error:
+    except (ValueError, SyntaxError, TypeError, RecursionError, MemoryError, TokenError) as error:
         raise FacePoserError(f"'{path}' is damaged: its vertices have no readable header; write it again.") from error
     if dtype.kind != "f" or len(shape) not in (2, 3) or shape[-1] != 3 or 0 in shape:
         raise FacePoserError(

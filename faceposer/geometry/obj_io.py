@@ -151,7 +151,7 @@ def read_obj(path: Path) -> PolygonMesh:
             try:
                 if keyword in tables:
                     width = 2 if keyword == "vt" else 3
-                    row = [float(word) for word in rest.split()[:width]]
+                    row = [_number(word) for word in rest.split()[:width]]
                     if len(row) != width:
                         raise ValueError(f"'{keyword}' needs {width} numbers")
                     tables[keyword].append(row)
@@ -257,9 +257,19 @@ def _numbers(text: bytes) -> NDArray[np.float64] | None:
         return None
 
 
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        raise ValueError(f"'{word[:20]}' is not a number") from None
+
+
 def _index(word: str, count: int) -> int:
     """Return the zero-based index of OBJ's index ``word``, which counts from 1, or from the end if negative."""
-    value = int(word)
+    try:
+        value = int(word)
+    except ValueError:
+        raise ValueError(f"'{word[:20]}' is not an index") from None
     index = value - 1 if value > 0 else count + value
     if value == 0 or not 0 <= index < count:
         raise ValueError(f"index {value} is out of range for the {count} entries listed before")

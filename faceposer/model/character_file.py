@@ -6,11 +6,13 @@ plain arrays. Nothing is pickled.
 
 import dataclasses
 import json
+import lzma
 import os
 import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
+from tokenize import TokenError
 from typing import IO, Any, NoReturn
 
 import numpy as np
@@ -152,26 +154,35 @@ def _read_members(path: Path, named: set[str] | None) -> dict[str, NDArray[Any]]
         raise FacePoserError(f"There is no character file '{path}'; check the path.") from None
     except OSError as error:
         _refuse(path, f"it cannot be read ({error.strerror or error})")
-    except (zipfile.BadZipFile, EOFError, zlib.error, NotImplementedError, RuntimeError):
-        _refuse(path, "it is damaged or is not a character file; copy it again")
-    except ValueError as error:
+    except _DamagedError as error:
         _refuse(path, str(error))
+    except (zipfile.BadZipFile, EOFError, zlib.error, lzma.LZMAError, NotImplementedError, RuntimeError, ValueError):
+        _refuse(path, "it is damaged or is not a character file; copy it again")
+
+
+class _DamagedError(Exception):
+    """An array of the file cannot be read, for the reason in the message."""
 
 
 def _read_array(stream: IO[bytes], size: int) -> NDArray[Any]:
-    version = np.lib.format.read_magic(stream)
-    read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-    if version not in read_header:
-        raise ValueError(f"an array has the unknown format version {version}")
-    shape, fortran_order, dtype = read_header[version](stream)
+    try:
+        version = np.lib.format.read_magic(stream)
+        read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        if version not in read_header:
+            raise _DamagedError(f"an array has the unknown format version {version}")
+        shape, fortran_order, dtype = read_header[version](stream)
+    except (ValueError, SyntaxError, TypeError, RecursionError, MemoryError, TokenError) as error:
+        raise _DamagedError("an array has no readable header") from error
+    if any(not isinstance(length, int) or isinstance(length, bool) or length < 0 for length in shape):
+        raise _DamagedError(f"an array has the shape {shape}")
     if dtype.hasobject:
-        raise ValueError("it contains pickled objects, which are never loaded")
+        raise _DamagedError("it contains pickled objects, which are never loaded")
     count = int(np.prod(shape, dtype=object)) if shape else 1
     if count * dtype.itemsize > size:
-        raise ValueError("the declared size of an array exceeds its data")
+        raise _DamagedError("the declared size of an array exceeds its data")
     data = stream.read(count * dtype.itemsize)
     if len(data) != count * dtype.itemsize:
-        raise ValueError("an array is truncated")
+        raise _DamagedError("an array is truncated")
     return np.frombuffer(data, dtype=dtype).reshape(shape, order="F" if fortran_order else "C")
 
 
