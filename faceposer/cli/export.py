@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from faceposer.cli.arguments import add_contact_option, add_materials_option, picture_size
 from faceposer.cli.progress_line import ProgressLine
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, printable
 from faceposer.files import paths
 from faceposer.files.atomic import check_apart
 
@@ -235,7 +235,7 @@ def _check_options(options: argparse.Namespace) -> None:
 
 def _say(text: str) -> None:
     if text.strip():
-        print(text.strip())
+        print(printable(text.strip()))
 
 
 def _number(text: str, most: float, what: str) -> float:

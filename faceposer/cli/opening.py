@@ -2,8 +2,11 @@
 
 import sys
 
+from faceposer.errors import printable
 from faceposer.session.opening import open_session
 from faceposer.session.session import Session
+
+_LONGEST = 4000
 
 
 def open_with_remark(what: str) -> Session:
@@ -20,4 +23,4 @@ def open_with_remark(what: str) -> Session:
 def print_remark(session: Session) -> None:
     """Print what opening changed in ``session`` to the standard error stream, if anything."""
     if session.remark:
-        print(session.remark, file=sys.stderr)
+        print(printable(session.remark, _LONGEST), file=sys.stderr)

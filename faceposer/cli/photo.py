@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from faceposer.cli.arguments import add_spread
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, printable
 from faceposer.files.atomic import check_apart, check_output
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
     photo = aligned(Photo(path, file.size, pins, focal=options.focal or file.focal), model, session.coefficients)
     off = residuals_px(photo, model, session.coefficients)
     for pin in (pin for i, pin in enumerate(pins) if i not in off):
-        print(f"pin {pin.place}: the face has no such place")
+        print(printable(f"pin {pin.place}: the face has no such place"))
     if len(off) < LEAST_POINTS:
         raise FacePoserError(
             f"'{options.pins}' pins {len(off)} places that the face has; its camera takes {LEAST_POINTS}, better 8."

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from faceposer.cli.arguments import add_contact_option, add_materials_option
 from faceposer.cli.progress_line import ProgressLine
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, printable
 from faceposer.files.atomic import check_apart
 
 if TYPE_CHECKING:
@@ -180,12 +180,12 @@ def _source(options: argparse.Namespace) -> _Source:
     model = load_model(options.character or "man")
     if suffix in MESHES:
         pose = read_pose(path, model)
-        print(f"{path}: {pose.note}")
+        print(printable(f"{path}: {pose.note}"))
         still = Performance(pose.coefficients[None], _USUAL_RATE)
         return _Source(model, still, still)
     read = read_performance(path, model)
     if read.note:
-        print(f"{path}: {read.note}")
+        print(printable(f"{path}: {read.note}"))
     poses = read.performance.coefficients
     chosen = poses[options.frames] if options.frames is not None else poses
     if not len(chosen):

@@ -5,13 +5,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, printable
 from faceposer.files.atomic import atomic_file, write_text
 from faceposer.model.character import ARKIT_SHAPES, Character
 from faceposer.model.face_model import FaceModel
 from faceposer.model.shape_names import match_arkit, whole_of
 
 _MANY = 6
+_LONGEST_LINE = 4000
 # Reconstruction error above which a shape is reported.
 _NOTABLE_ERROR = 0.15
 
@@ -42,7 +43,19 @@ def text_of_summary(character: Character) -> str:
         f"{character.title} ('{character.name}'): {about['file_vertices']} vertices, {len(character.polygons)} faces, "
         f"parts: {', '.join(part.name for part in character.parts)}",
     ]
-    summary = character.summary
+    try:
+        lines += _lines_of(character.summary, character)
+    except (LookupError, TypeError, ValueError, AttributeError):
+        # The summary in a file may have been changed by others; nothing but this text depends on it.
+        lines.append("The record of its training is damaged.")
+    if character.credits:
+        lines.append(character.credits)
+    return "\n".join(printable(line, _LONGEST_LINE) for line in lines)
+
+
+def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
+    """Return the lines about the training."""
+    lines = []
     if summary.get("kind") == "rig":
         lines.append(f"{arkit_shapes_of(summary)}, {summary['dimensions']} dimensions")
         for key, words in (
@@ -81,10 +94,7 @@ def text_of_summary(character: Character) -> str:
             f"held-out expressions are met to {10 * curves['generalization_cm'][-1]:.2f} mm "
             f"(neutral: {10 * curves['neutral_cm']:.2f} mm) with {curves['components'][-1]} components"
         )
-    lines += [f"Note: {warning}" for warning in summary.get("warnings", [])]
-    if character.credits:
-        lines.append(character.credits)
-    return "\n".join(lines)
+    return lines + [f"Note: {warning}" for warning in summary.get("warnings", [])]
 
 
 def arkit_shapes_of(summary: Mapping[str, Any]) -> str:
@@ -136,7 +146,9 @@ def findings_of(character: Character, model: FaceModel) -> list[str]:
         found.append(f"Shapes that the subspace makes only in part (share lost): {_listed(hard)}.")
     if not character.feature_points:
         found.append("It has no feature points: places have no names, and there are no buttons for mouth and eyes.")
-    return found + [str(warning) for warning in character.summary.get("warnings", [])]
+    warnings = character.summary.get("warnings", [])
+    found += map(str, warnings if isinstance(warnings, list) else [])
+    return [printable(finding, _LONGEST_LINE) for finding in found]
 
 
 def write_summary(folder: Path, character: Character) -> None:

@@ -34,7 +34,7 @@ if str(ROOT) not in sys.path:
 
 from faceposer.errors import FacePoserError
 from scripts.torture import mutations
-from scripts.torture.fuzz_readers import READERS, SEEDS_OF, finite, prepare
+from scripts.torture.fuzz_readers import READERS, finite, prepare
 from scripts.torture.fuzz_seeds import make_seeds
 
 SLOW_SECONDS, LARGE_BYTES = 5.0, 1 << 30
@@ -113,7 +113,7 @@ def read_file(name: str, path: Path) -> str:
 
 
 def _peak(reset: bool = False) -> int:
-    """Return the largest memory of this process since the last reset, in bytes; Linux only, elsewhere since its start."""
+    """Return the largest memory of this process in bytes, on Linux since the last reset."""
     try:
         if reset:
             Path("/proc/self/clear_refs").write_text("5")
@@ -163,7 +163,7 @@ class Run:
     def _batch(self, name: str, indices: range, figures: Figures) -> int:
         """Read ``indices`` in a child and return the index after the last one that it reached."""
         reading, writing = os.pipe()
-        seeds = self.seeds[SEEDS_OF.get(name, name)]
+        seeds = self.seeds[name]
         child = os.fork()
         if child == 0:
             status = 1
@@ -206,7 +206,7 @@ class Run:
         figures.refused += said == "refused"
         figures.problems.update(problems)
         if problems and self._keep is not None and figures.problems[problems[0]] <= 3:
-            content, suffix = mutated(self.seeds[SEEDS_OF.get(name, name)], name, self._seed, index)
+            content, suffix = mutated(self.seeds[name], name, self._seed, index)
             self._keep.mkdir(parents=True, exist_ok=True)
             (self._keep / f"{name.replace(' ', '-')}-{self._seed}-{index}{suffix}").write_bytes(content)
 

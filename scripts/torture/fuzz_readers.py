@@ -19,7 +19,7 @@ from faceposer.geometry.rig_io import read_rig
 from faceposer.gui.settings import load_settings
 from faceposer.interchange.meshes import foreign_library
 from faceposer.interchange.reading import read_performance
-from faceposer.model.character_file import load_character
+from faceposer.model.character_file import load_character, save_character
 from faceposer.model.expression_statistics import load_expression_statistics
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.photo.pins_file import read_pins
@@ -28,6 +28,7 @@ from faceposer.poses.applying import weights_on
 from faceposer.poses.pose_file import read_pose
 from faceposer.session.autosave import find_orphans
 from faceposer.session.opening import load_model, open_session
+from faceposer.training.summary import findings_of, text_of_summary
 from scripts.torture import mutations
 from scripts.torture.mutations import Mutation
 
@@ -139,6 +140,11 @@ def _character(path: Path) -> Values:
     model = build_face_model(character)
     yield model.surface(model.neutral(), True)
     yield model.basis
+    if not all(line.isprintable() for line in text_of_summary(character).splitlines()):
+        raise ValueError("the summary is not printable")
+    findings_of(character, model)
+    save_character(path.with_name("saved.npz"), character)
+    yield load_character(path.with_name("saved.npz")).vertices
 
 
 def _examples(path: Path) -> Values:
@@ -222,11 +228,10 @@ READERS: dict[str, Reader] = {
         Reader("image", _image, ()),
     )
 }
-#: Readers of the seeds of others.
-SEEDS_OF = {"gltf weights": "gltf"}
 
 
 def finite(values: Values) -> bool:
     """Return True if all numbers in ``values`` are finite, after reading them."""
     # All parts are read, whatever the first of them has.
-    return all([bool(np.isfinite(np.asarray(value, dtype=np.float64)).all()) for value in values])
+    found = [bool(np.isfinite(np.asarray(value, dtype=np.float64)).all()) for value in values]
+    return all(found)

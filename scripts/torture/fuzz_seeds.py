@@ -2,6 +2,7 @@
 
 import io
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -128,13 +129,14 @@ def _files(folder: Path, model: FaceModel) -> dict[str, dict[str, Any]]:
         "statistics": {"statistics.npz": _statistics(folder, model)},
         "obj": {"mesh.obj": _obj(folder), "plain.obj": _plain_obj()},
         "mtl": {
-            "mesh.mtl": b"newmtl skin\nKd 0.8 0.5 0.4\nNs 10\nd 1\nillum 2\nmap_Kd skin.png\n\nnewmtl eye\nKd 1 1 1\nTr 0.1\n"
+            "mesh.mtl": b"newmtl skin\nKd 0.8 0.5 0.4\nNs 10\nd 1\nmap_Kd skin.png\n\nnewmtl eye\nKd 1 1 1\nTr 0.1\n"
         },
         "ply": {"binary.ply": _ply(folder), "text.ply": _text_ply()},
         "off": {"mesh.off": _off()},
         "stl": {"mesh.stl": _stl(), "text.stl": _text_stl()},
         "shape folder": {"jawOpen.obj": _plain_obj().replace(b"v 0", b"v 0.25")},
         "gltf": {"face.glb": _gltf(vrm=False), "avatar.vrm": _gltf(vrm=True)},
+        "gltf weights": {"weights.glb": _gltf(vrm=False)},
         "image": _images(),
     }
 
@@ -268,7 +270,9 @@ def _c3d() -> bytes:
         ]
     )
     stream = io.BytesIO()
-    writer.write(stream)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        writer.write(stream)
     return stream.getvalue()
 
 

@@ -1,4 +1,4 @@
-"""Mutations of files: of their bytes, and of their structure as JSON, tables, lines, glTF, archives of arrays and C3D."""
+"""Mutations of files: of their bytes, and of their structure as JSON, tables, lines, glTF, arrays and C3D."""
 
 import io
 import json
@@ -150,31 +150,37 @@ def changed(root: Any, rng: Random) -> Any:
         if not places:
             return strange_value(rng)
         holder, key = rng.choice(places)
-        if isinstance(holder, dict):
-            if key not in holder:
-                continue
-            kind = rng.randrange(5)
-            if kind == 0:
-                del holder[key]
-            elif kind == 1:
-                holder[rng.choice(_TEXTS)] = holder.pop(key)
-            elif kind == 2:
-                holder[rng.choice(_TEXTS)] = strange_value(rng)
-            else:
-                holder[key] = _like(holder[key], rng)
-        elif key < len(holder):
-            kind = rng.randrange(6)
-            if kind == 0:
-                del holder[key]
-            elif kind == 1:
-                holder[key:key] = [holder[key]] * rng.choice((1, 2, 100))
-            elif kind == 2:
-                holder.append(strange_value(rng))
-            elif kind == 3:
-                rng.shuffle(holder)
-            else:
-                holder[key] = _like(holder[key], rng)
+        if isinstance(holder, dict) and key in holder:
+            _change_key(holder, key, rng)
+        elif isinstance(holder, list) and key < len(holder):
+            _change_item(holder, key, rng)
     return root
+
+
+def _change_key(holder: dict[str, Any], key: str, rng: Random) -> None:
+    kind = rng.randrange(5)
+    if kind == 0:
+        del holder[key]
+    elif kind == 1:
+        holder[rng.choice(_TEXTS)] = holder.pop(key)
+    elif kind == 2:
+        holder[rng.choice(_TEXTS)] = strange_value(rng)
+    else:
+        holder[key] = _like(holder[key], rng)
+
+
+def _change_item(holder: list[Any], at: int, rng: Random) -> None:
+    kind = rng.randrange(6)
+    if kind == 0:
+        del holder[at]
+    elif kind == 1:
+        holder[at:at] = [holder[at]] * rng.choice((1, 2, 100))
+    elif kind == 2:
+        holder.append(strange_value(rng))
+    elif kind == 3:
+        rng.shuffle(holder)
+    else:
+        holder[at] = _like(holder[at], rng)
 
 
 def _collect(value: Any, places: list[tuple[Any, Any]], most: int) -> None:
@@ -307,7 +313,7 @@ def archive(data: bytes, rng: Random) -> bytes:
         elif kind <= 4:
             members[name] = _other_header(content, rng)
         elif b'"format"' in content[:400]:
-            head, _, text = content.partition(b"{\n")
+            _, _, text = content.partition(b"{\n")
             if kind == 5 or not text:
                 members[name] = bytewise(content, rng)
             else:
