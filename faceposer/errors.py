@@ -42,12 +42,19 @@ def printable(text: str, most: int = _LONGEST_MESSAGE) -> str:
         text: Text that may come from a file.
         most: Maximum number of characters.
     """
-    if len(text) > most:
-        begin = 2 * (most - 5) // 3
-        text = f"{text[:begin]} ... {text[len(text) - (most - 5 - begin) :]}"
+    # Cut before and after, since an escaped character is longer.
+    text = _cut(text, most)
     if text.isprintable():
         return text
-    return "".join(char if _is_shown(char) else char.encode("unicode_escape").decode("ascii") for char in text)
+    escaped = (char if _is_shown(char) else char.encode("unicode_escape").decode("ascii") for char in text)
+    return _cut("".join(escaped), most)
+
+
+def _cut(text: str, most: int) -> str:
+    if len(text) <= most:
+        return text
+    begin = 2 * (most - 5) // 3
+    return f"{text[:begin]} ... {text[len(text) - (most - 5 - begin) :]}"
 
 
 def _is_shown(char: str) -> bool:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from faceposer.cli.arguments import add_contact_option, add_materials_option, add_rate_option, image_size
 from faceposer.cli.progress_line import ProgressLine
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, printable
 from faceposer.files.atomic import check_folder_of, check_not_input
 
 if TYPE_CHECKING:
@@ -183,18 +183,18 @@ def _motion(options: argparse.Namespace, session: "Session") -> "NDArray[np.floa
         animation = read_performance(options.animation, model, options.rate)
         count, rate = len(animation.performance), animation.performance.rate
         length = f"{count} frames at {rate:g} fps" if count > 1 else "a single frame"
-        print(f"{options.animation}: {length}")
+        _print_cut(f"{options.animation}: {length}")
         print_notes(options.animation, animation.note)
         return animation.performance
     if options.pose is not None:
         read = read_pose(options.pose, model, (options.frame or 1) - 1)
         if read.note:
-            print(f"{options.pose}: {read.note}")
+            _print_cut(f"{options.pose}: {read.note}")
         return read.coefficients
     holds_animation = options.sequence is not None or format_of(options.output).animated
     performance = session.animation.performance if holds_animation and not options.still else None
     if performance is not None and len(performance) > 1:
-        print(f"{options.what}: {len(performance)} frames at {performance.rate:g} fps")
+        _print_cut(f"{options.what}: {len(performance)} frames at {performance.rate:g} fps")
         return performance
     return session.coefficients
 
@@ -236,6 +236,11 @@ def _check_options(options: argparse.Namespace) -> None:
     if options.transparent and not form.transparent:
         raise FacePoserError("--transparent applies to images only; use an output that ends in .png.")
     check_not_input(path, options.what, options.pose, options.animation)
+
+
+def _print_cut(text: str) -> None:
+    """Print ``text``, which may have names from files."""
+    print(printable(text))
 
 
 def _positive_number(text: str, most: float, unit: str) -> float:

@@ -2,8 +2,11 @@
 
 import sys
 
+from faceposer.errors import printable
 from faceposer.session.opening import open_session
 from faceposer.session.session import Session
+
+_LONGEST = 4000
 
 
 def open_with_remark(what: str) -> Session:
@@ -20,10 +23,10 @@ def open_with_remark(what: str) -> Session:
 def print_remark(session: Session) -> None:
     """Print the remark about changes made on opening ``session`` to standard error, if there is one."""
     if session.remark:
-        print(session.remark, file=sys.stderr)
+        print(printable(session.remark, _LONGEST), file=sys.stderr)
 
 
 def print_notes(source: object, notes: str) -> None:
     """Print ``notes`` about what was assumed or lost in reading ``source`` to standard error, if there are any."""
     if notes:
-        print(f"{source}: {notes}", file=sys.stderr)
+        print(printable(f"{source}: {notes}", _LONGEST), file=sys.stderr)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from faceposer.cli.arguments import add_spread
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, printable
 from faceposer.files.atomic import check_not_input, check_output
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     photo = aligned(Photo(path, file.size, pins, focal=options.focal or file.focal), model, session.coefficients)
     aligned_errors = residuals_px(photo, model, session.coefficients)
     for pin in (pin for i, pin in enumerate(pins) if i not in aligned_errors):
-        print(f"pin {pin.place}: '{model.character.title}' has no such feature point")
+        print(printable(f"pin {pin.place}: '{model.character.title}' has no such feature point"))
     if len(aligned_errors) < LEAST_POINTS:
         raise FacePoserError(
             f"'{options.pins}' has {len(aligned_errors)} usable pins; aligning the camera needs at least "

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from faceposer.cli.arguments import add_contact_option, add_materials_option, add_rate_option
 from faceposer.cli.progress_line import ProgressLine
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, printable
 from faceposer.files.atomic import check_not_input
 
 if TYPE_CHECKING:
@@ -178,7 +178,7 @@ def _source(options: argparse.Namespace) -> _Source:
     model = load_model(options.character or "man")
     if suffix in MESHES:
         pose = read_pose(path, model)
-        print(f"{path}: {pose.note}")
+        print(printable(f"{path}: {pose.note}"))
         still = Performance(pose.coefficients[None], _DEFAULT_RATE)
         return _Source(model, still, still)
     read = read_performance(path, model, options.rate)

@@ -140,7 +140,7 @@ def _read_c3d(file: BinaryIO, path: Path, rate: float | None) -> MarkerMotion:
     except FacePoserError:
         raise
     except Exception as error:
-        # The package's parser raises many exceptions for damaged files: struct.error, AssertionError, ...
+        # The package's parser raises many exceptions for damaged files, with messages for programmers.
         raise FacePoserError(
             f"The C3D file '{path}' is damaged or not supported; export it again, or as CSV."
         ) from error

@@ -241,7 +241,9 @@ def _mesh(columns: dict[tuple[str, str], NDArray[Any]]) -> PolygonMesh:
     vertices = _table(columns, ("x", "y", "z"))
     if vertices is None:
         raise ValueError("it has no vertices with x, y and z")
-    name = next((n for n in ("vertex_indices", "vertex_index") if ("face", n) in columns), None)
+    # A list has another column with its lengths.
+    names = ("vertex_indices", "vertex_index")
+    name = next((n for n in names if {("face", n), ("face", f"{n} lengths")} <= columns.keys()), None)
     if name is None:
         return PolygonMesh(vertices, no_polygons())
     polygons, lengths = columns["face", name], columns["face", f"{name} lengths"]
@@ -259,7 +261,7 @@ def _mesh(columns: dict[tuple[str, str], NDArray[Any]]) -> PolygonMesh:
             uv, polygon_uvs = of_vertices, faces
             break
     corners = columns.get(("face", "texcoord"))
-    if corners is not None and np.array_equal(columns["face", "texcoord lengths"], 2 * lengths):
+    if corners is not None and np.array_equal(columns.get(("face", "texcoord lengths"), ()), 2 * lengths):
         uv = corners.reshape(len(faces), -1, 2)[inside]
         ends = np.cumsum(lengths).tolist()
         polygon_uvs = pad_polygons([tuple(range(end - n, end)) for end, n in zip(ends, lengths.tolist(), strict=True)])

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from faceposer.errors import FacePoserError, MissingCharacterError
 from faceposer.files import paths
+from faceposer.files.reading import open_file
 from faceposer.gui.actions import Action
 from faceposer.gui.context import EditorContext
 from faceposer.gui.missing_character import ask_for_character
@@ -355,7 +356,7 @@ def _remedy(path: Path) -> str:
     """Return what to do with a file that is no session but may hold weights, or ""."""
     with suppress(OSError):
         if path.suffix.lower() == ".json":
-            with path.open("rb") as stream:
+            with open_file(path) as stream:
                 if FORMAT.encode() not in stream.read(_HEAD):
                     return " Weights and poses are opened with File > Open pose."
     return ""

@@ -262,7 +262,8 @@ def _build(meta: dict[str, Any], members: Mapping[str, NDArray[Any]]) -> Charact
         if "statistics" in meta
         else None,
         origin=Origin.of_members(dict(meta["origin"]), _members_of(members, "origin")) if "origin" in meta else None,
-        summary=dict(meta.get("summary", {})),
+        # Numbers that are not finite become null.
+        summary=dict(json.loads(json.dumps(meta.get("summary", {}), default=lambda _: None))),
     )
 
 

@@ -159,9 +159,10 @@ def load_expression_statistics(path: Path | None = None) -> ExpressionStatistics
             arrays |= {name: data[name].astype(np.float64) for name in ("coupling", "examples") if name in data}
             regions = tuple(str(region) for region in data["regions"]) if "regions" in data else ()
             return ExpressionStatistics(names, credits=str(data["credits"]), regions=regions, **arrays)
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except OSError as error:
+        reason = error.strerror or "it is damaged"
         raise FacePoserError(
-            f"The expression statistics '{path}' cannot be read ({error}); train them or install Face Poser again."
+            f"The expression statistics '{path}' cannot be read: {reason}; train them or install Face Poser again."
         ) from error
-    except Exception as error:  # a damaged archive raises zipfile.BadZipFile or zlib.error
+    except Exception as error:  # a damaged archive raises zipfile.BadZipFile, zlib.error, tokenize.TokenError, ...
         raise FacePoserError(f"The expression statistics '{path}' are damaged; install Face Poser again.") from error

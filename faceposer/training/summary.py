@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, printable
 from faceposer.files.atomic import atomic_file, write_text
 from faceposer.model.character import ARKIT_SHAPES, Character
 from faceposer.model.face_model import FaceModel
@@ -13,6 +13,7 @@ from faceposer.model.name_matching import match_with_ties
 from faceposer.model.shape_names import whole_shape_of
 
 _MANY = 6
+_LONGEST_LINE = 4000
 # Reconstruction error above which a shape is reported.
 _NOTABLE_ERROR = 0.15
 
@@ -43,7 +44,19 @@ def text_of_summary(character: Character) -> str:
         f"{character.title} ('{character.name}'): {about['file_vertices']} vertices, {len(character.polygons)} faces, "
         f"parts: {', '.join(part.name for part in character.parts)}",
     ]
-    summary = character.summary
+    try:
+        lines += _lines_of(character.summary, character)
+    except (LookupError, TypeError, ValueError, AttributeError):
+        # The summary in a file may have been changed by others; nothing but this text depends on it.
+        lines.append("The record of its training is damaged.")
+    if character.credits:
+        lines.append(character.credits)
+    return "\n".join(printable(line, _LONGEST_LINE) for line in lines)
+
+
+def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
+    """Return the lines about the training."""
+    lines = []
     if summary.get("kind") == "rig":
         lines.append(f"{arkit_shapes_of(summary)}, {summary['dimensions']} dimensions")
         for key, words in (
@@ -82,10 +95,7 @@ def text_of_summary(character: Character) -> str:
             f"held-out expressions are met to {10 * curves['generalization_cm'][-1]:.2f} mm "
             f"(neutral: {10 * curves['neutral_cm']:.2f} mm) with {curves['components'][-1]} components"
         )
-    lines += [f"Note: {warning}" for warning in summary.get("warnings", [])]
-    if character.credits:
-        lines.append(character.credits)
-    return "\n".join(lines)
+    return lines + [f"Note: {warning}" for warning in summary.get("warnings", [])]
 
 
 def arkit_shapes_of(summary: Mapping[str, Any]) -> str:
@@ -137,7 +147,9 @@ def findings_of(character: Character, model: FaceModel) -> list[str]:
         found.append(f"Shapes that the subspace makes only in part (share lost): {_listed(hard)}.")
     if not character.feature_points:
         found.append("It has no feature points: places have no names, and there are no buttons for mouth and eyes.")
-    return found + [str(warning) for warning in character.summary.get("warnings", [])]
+    warnings = character.summary.get("warnings", [])
+    found += map(str, warnings if isinstance(warnings, list) else [])
+    return [printable(finding, _LONGEST_LINE) for finding in found]
 
 
 def write_summary(folder: Path, character: Character) -> None:

@@ -649,3 +649,33 @@ def test_a_real_rig_of_several_meshes() -> None:
     assert list(rig.targets) == list(head.targets)
     assert not rig.targets["jawOpen"][:482].any()
     assert rig.mesh.vertices[:482, 0].max() < rig.mesh.vertices[:, 0].max()
+
+
+@pytest.mark.parametrize(
+    "uri", ["../a.bin", "..%2Fa.bin", "/etc/hostname", "sub/../../a.bin", "link/a.bin", "link.bin"]
+)
+def test_buffers_and_images_stay_in_the_folder(tmp_path: Path, uri: str) -> None:
+    (tmp_path / "a.bin").write_bytes(bytes(240))
+    folder = tmp_path / "rig"
+    (folder / "sub").mkdir(parents=True)
+    (folder / "link").symlink_to(tmp_path)
+    (folder / "link.bin").symlink_to(tmp_path / "a.bin")
+    builder = face()
+    builder.bytes()
+    builder.json["buffers"] = [{"byteLength": 240, "uri": uri}]
+    path = folder / "a.gltf"
+    path.write_text(json.dumps(builder.json))
+    with pytest.raises(FacePoserError, match="outside the rig's folder"):
+        read_gltf(path)
+
+
+def test_buffers_in_folders_below_are_read(tmp_path: Path) -> None:
+    builder = face()
+    binary = builder.bytes()
+    (tmp_path / "data set").mkdir()
+    length = int.from_bytes(binary[12:16], "little")
+    (tmp_path / "data set" / "a.bin").write_bytes(binary[28 + length :])
+    builder.json["buffers"] = [{"byteLength": len(binary) - 28 - length, "uri": "./data%20set/a.bin"}]
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(builder.json))
+    assert len(read_gltf(path).mesh.vertices)

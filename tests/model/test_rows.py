@@ -26,8 +26,8 @@ def test_painting_for_hours_takes_no_more_memory(low: FaceModel) -> None:
     painted = np.arange(len(model.character.vertices))
     for end in range(200, len(painted), 5):
         points = SurfacePoints.at_vertices(painted[:end])
-        model.gram_at(points)
+        model.jacobian_gram_at(points)
         model.positions_at(points, model.neutral())
-    assert model.rows_at(points)[0].nbytes < model._gathered.bytes <= 64 << 20
+    assert model.jacobian_at(points)[0].nbytes < model._gathered.bytes <= 64 << 20
     assert model._grams.bytes <= 8 << 20
-    assert model.rows_at(points)[0] is model.rows_at(SurfacePoints.at_vertices(painted[:end]))[0]
+    assert model.jacobian_at(points)[0] is model.jacobian_at(SurfacePoints.at_vertices(painted[:end]))[0]
