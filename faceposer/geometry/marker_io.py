@@ -26,6 +26,7 @@ _UNITS = {
 }
 _FASTEST = 100_000.0
 _FULL_WORD = 65_535
+_BLOCK = 512
 # Vicon's quantities among the points of a C3D file that are not positions.
 _NO_POINTS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
 
@@ -144,11 +145,11 @@ def _read_c3d(file: BinaryIO, path: Path, rate: float | None) -> MarkerMotion:
         raise FacePoserError(
             f"The C3D file '{path}' is damaged or not supported; export it again, or as CSV."
         ) from error
-    if not frames or len(frames) < min(counts, default=expected):
-        count = max(counts, default=expected)
-        raise FacePoserError(f"The C3D file '{path}' ends after frame {len(frames)} of {count}; copy it again.")
-    # The header counts from its first frame, which may be 0; the rest of the last block is no frame.
-    count = max((count for count in counts if count <= len(frames)), default=len(frames))
+    # The header counts from its first frame, which may be 0; the rest of the last block of 512 bytes is no frame.
+    most = max(counts, default=expected)
+    count = max((count for count in counts or {expected} if count <= len(frames)), default=0)
+    if count == 0 or (count < most and len(frames) - count > _BLOCK // (8 * len(frames[0]))):
+        raise FacePoserError(f"The C3D file '{path}' ends after frame {len(frames)} of {most}; copy it again.")
     notes: tuple[str, ...] = ()
     if len(counts) > 1:
         listed = " and ".join(map(str, sorted(counts)))

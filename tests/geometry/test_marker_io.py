@@ -247,6 +247,16 @@ def test_c3d_headers_may_count_from_any_frame(tmp_path: Path, first: int, n_mark
         read_markers(path)
 
 
+def test_a_c3d_that_was_cut_is_not_taken_for_a_short_one(tmp_path: Path) -> None:
+    path = without_trial(
+        write_c3d(tmp_path / "a.c3d", moving(67, 40), tuple(f"M{i}" for i in range(40))), 1, 67, count=2
+    )
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) - 30 * 640])
+    with pytest.raises(FacePoserError, match=r"ends after frame 3[5-9] of 67"):
+        read_markers(path)
+
+
 def test_c3d_counts_that_differ_are_said(tmp_path: Path) -> None:
     path = write_c3d(tmp_path / "a.c3d", moving(67, 40), tuple(f"M{i}" for i in range(40)))
     motion = read_markers(without_trial(path, 1, 67, 60))
