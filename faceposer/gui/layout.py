@@ -16,6 +16,7 @@ from faceposer.gui.panels.status_bar import draw_status_bar, status_height
 from faceposer.gui.panels.tool_bar import STRIP_WIDTH, draw_tool_options, draw_tool_strip
 from faceposer.gui.panels.view import draw_save_buttons, draw_view_panel
 from faceposer.gui.shell import Shell
+from faceposer.gui.widgets.modal import modals_settle
 from faceposer.gui.widgets.theme import BAR, GROUND, em
 from faceposer.gui.widgets.tooltips import draw_tooltip, tooltip
 
@@ -70,6 +71,8 @@ def draw_window(context: Shell) -> None:
     if not context.features.draw_around_dialogs(lambda: _draw_dialogs(context)):
         _draw_dialogs(context)
     draw_tooltip(context.widget_rects)
+    if modals_settle():
+        context.redraw()
 
 
 def _draw_dialogs(context: Shell) -> None:
