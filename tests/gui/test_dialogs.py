@@ -167,3 +167,16 @@ def test_a_dialog_appears_where_it_stays(open_window: OpenWindow, monkeypatch: p
 def window_alpha() -> float:
     """Return the opacity with which the topmost modal window was drawn."""
     return 0.0 if modals_settle() else 1.0
+
+
+def test_a_tiny_window_still_has_a_panel_and_all_tools(open_window: OpenWindow) -> None:
+    robot = open_window("low", (480, 360), pictures=False, ui_scale=2.0)
+    app = robot.app
+    robot.frames(3)
+    assert "save" not in app.widget_rects
+    _, top, _, bottom = app.widget_rects._visible["mode:0"][1]
+    assert bottom - top == pytest.approx(app.widget_rects["mode:0"][3] - app.widget_rects["mode:0"][1])
+    robot.move(app.widget_rects.center("tool-point"))
+    for _ in range(12):
+        robot.wheel(-1.0)
+    assert "symmetry" in app.widget_rects._visible
