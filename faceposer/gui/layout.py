@@ -16,10 +16,13 @@ from faceposer.gui.panels.status_bar import draw_status_bar, status_height
 from faceposer.gui.panels.tool_bar import STRIP_WIDTH, draw_tool_options, draw_tool_strip
 from faceposer.gui.panels.view import draw_save_buttons, draw_view_panel
 from faceposer.gui.shell import Shell
+from faceposer.gui.widgets.modal import modals_settle
 from faceposer.gui.widgets.theme import BAR, GROUND, em
 from faceposer.gui.widgets.tooltips import draw_tooltip, tooltip
 
 _PANEL_WIDTH = 20.0
+# Height of the side panel, in units of the font size, below which it has no buttons at its bottom.
+_LOW = 12.0
 _FIXED = (
     imgui.WindowFlags_.no_title_bar
     | imgui.WindowFlags_.no_resize
@@ -70,6 +73,8 @@ def draw_window(context: Shell) -> None:
     if not context.features.draw_around_dialogs(lambda: _draw_dialogs(context)):
         _draw_dialogs(context)
     draw_tooltip(context.widget_rects)
+    if modals_settle():
+        context.redraw()
 
 
 def _draw_dialogs(context: Shell) -> None:
@@ -90,7 +95,9 @@ def _draw_panel(context: Shell, position: tuple[float, float], size: tuple[float
     imgui.begin("##panel", None, _BARE)
     draw_characters(context)
     imgui.spacing()
-    footer = 1.6 * imgui.get_frame_height_with_spacing()
+    # In a low window the tabs need the room; the buttons are in the menu, too.
+    low = size[1] < em(_LOW)
+    footer = 0.0 if low else 1.6 * imgui.get_frame_height_with_spacing()
     with _narrow():
         # Titles are not shortened: the tab bar scrolls if it is too narrow.
         bar = imgui.begin_tab_bar("##tabs", imgui.TabBarFlags_.fitting_policy_scroll.value)
@@ -106,7 +113,8 @@ def _draw_panel(context: Shell, position: tuple[float, float], size: tuple[float
                 imgui.end_child()
                 imgui.end_tab_item()
         imgui.end_tab_bar()
-    draw_save_buttons(context)
+    if not low:
+        draw_save_buttons(context)
     imgui.end()
     imgui.pop_style_color()
 
@@ -146,7 +154,8 @@ def _draw_strip(context: Shell, position: tuple[float, float], size: tuple[float
     _place(position, size)
     imgui.push_style_color(imgui.Col_.window_bg, GROUND)
     imgui.push_style_var(imgui.StyleVar_.window_padding, (em(0.45), em(0.5)))
-    imgui.begin("##strip", None, _BARE)
+    # The wheel scrolls to the tools that a low window has no room for.
+    imgui.begin("##strip", None, _FIXED | imgui.WindowFlags_.no_scrollbar)
     imgui.pop_style_var()
     draw_tool_strip(context)
     imgui.end()

@@ -8,6 +8,7 @@ from imgui_bundle import imgui
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.dialogs import Choice, Question
+from faceposer.gui.widgets.modal import modals_settle
 from tests.windows import OpenWindow
 
 SIZES = [((1360, 860), 1.0), ((1000, 700), 1.5), ((900, 600), 2.0), ((480, 360), 2.0)]
@@ -142,3 +143,40 @@ def test_esc_closes_a_dialog_with_a_focused_field(open_window: OpenWindow) -> No
     robot.key("Esc")
     robot.frames(3)
     assert not robot.app.is_modal
+
+
+def test_a_dialog_appears_where_it_stays(open_window: OpenWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In its first frames Dear ImGui finds out how high a window is; meanwhile it is invisible and drawn again."""
+    robot = open_window("low", (1100, 860), pictures=False)
+    app = robot.app
+    for name, buttons in DIALOGS.items():
+        app.actions[name].run()
+        seen = set()
+        for _ in range(8):
+            app.pacing.take_frame()
+            robot.frames(1)
+            if window_alpha() > 0.5:
+                seen.add(app.widget_rects[buttons[0]])
+            else:
+                assert app.pacing.due
+        assert len(seen) == 1, name
+        robot.key("Esc")
+        robot.frames(3)
+
+
+def window_alpha() -> float:
+    """Return the opacity with which the topmost modal window was drawn."""
+    return 0.0 if modals_settle() else 1.0
+
+
+def test_a_tiny_window_still_has_a_panel_and_all_tools(open_window: OpenWindow) -> None:
+    robot = open_window("low", (480, 360), pictures=False, ui_scale=2.0)
+    app = robot.app
+    robot.frames(3)
+    assert "save" not in app.widget_rects
+    _, top, _, bottom = app.widget_rects._visible["mode:0"][1]
+    assert bottom - top == pytest.approx(app.widget_rects["mode:0"][3] - app.widget_rects["mode:0"][1])
+    robot.move(app.widget_rects.center("tool-point"))
+    for _ in range(12):
+        robot.wheel(-1.0)
+    assert "symmetry" in app.widget_rects._visible

@@ -238,7 +238,7 @@ def visit_dialogs(robot: Robot) -> None:
 
 def visit_transfer(robot: Robot) -> None:
     robot.app.actions["transfer"].run()
-    robot.frames(3)
+    robot.frames(6)
     for name, entry in (("transfer:to", "woman"), ("transfer:end:0", "9.3"), ("transfer:end:1", "8.3")):
         robot.click_widget(name)
         robot.frames(2)

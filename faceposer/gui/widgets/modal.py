@@ -40,6 +40,9 @@ class _Open:
 _drawn: list[_Open] = []
 # Modal windows that had a drop-down list or another modal window above them when they were last drawn.
 _covered: set[str] = set()
+# First and last frame in which each modal window was drawn without a break.
+_frames: dict[str, tuple[int, int]] = {}
+_FRAMES_TO_SETTLE, _INVISIBLE = 3, 1e-3
 
 
 @contextmanager
@@ -64,6 +67,8 @@ def modal(name: str, width: float, tallest: float = 0.0) -> Iterator[bool]:
     else:
         imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
     imgui.set_next_window_size_constraints((across, 0.0), (across, view.size.y))
+    settling = _settling(name)
+    imgui.push_style_var(imgui.StyleVar_.alpha, _INVISIBLE if settling else imgui.get_style().alpha)
     imgui.push_style_var(imgui.StyleVar_.window_padding, _padding())
     shown = imgui.begin_popup_modal(name, None, _FLAGS)[0]
     imgui.pop_style_var()
@@ -81,6 +86,22 @@ def modal(name: str, width: float, tallest: float = 0.0) -> Iterator[bool]:
             imgui.end_popup()
         else:
             _covered.discard(name)
+        imgui.pop_style_var()
+
+
+def _settling(name: str) -> bool:
+    """Return True in the first frames of a modal window, in which Dear ImGui finds out how high it is."""
+    now = imgui.get_frame_count()
+    first, last = _frames.get(name, (now, now))
+    first = first if 0 <= now - last <= 1 else now
+    _frames[name] = (first, now)
+    return now - first < _FRAMES_TO_SETTLE
+
+
+def modals_settle() -> bool:
+    """Return True if a modal window was drawn in this frame that needs more frames until it is visible."""
+    now = imgui.get_frame_count()
+    return any(last == now and now - first < _FRAMES_TO_SETTLE for first, last in _frames.values())
 
 
 def _padding() -> tuple[float, float]:
@@ -141,7 +162,9 @@ def modal_body(buttons: Buttons, least: float = _LEAST_BUTTON, below: float = 0.
     foot = rows * imgui.get_frame_height() + (rows + 2) * style.item_spacing.y + em(_GAP) + below
     height = _drawn[-1].room - imgui.get_cursor_pos_y() - foot - _padding()[1]
     imgui.set_next_window_size_constraints((width, em(_LEAST_BODY)), (width, max(height, em(_LEAST_BODY))))
-    imgui.begin_child("##body", (width, 0.0), imgui.ChildFlags_.auto_resize_y.value)
+    # Measured even while Dear ImGui hides the window in its first frame.
+    flags = imgui.ChildFlags_.auto_resize_y | imgui.ChildFlags_.always_auto_resize
+    imgui.begin_child("##body", (width, 0.0), flags)
     try:
         yield
     finally:

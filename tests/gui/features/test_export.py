@@ -53,7 +53,7 @@ def posed(robot: Robot) -> np.ndarray:
 def test_the_dialog_exports_the_pose(suffix: str, robot: Robot, tmp_path: Path) -> None:
     app, pose = robot.app, posed(robot)
     app.actions["export-other"].run()
-    robot.frames(2)
+    robot.frames(6)
     assert app.is_modal
     robot.click_widget(f"export:{suffix}")
     robot.click_widget("export:accept")
@@ -75,7 +75,7 @@ def test_escape_and_cancel_put_the_dialog_away(robot: Robot, tmp_path: Path) -> 
     app = robot.app
     for way in (lambda: robot.key("Esc"), lambda: robot.click_widget("export:cancel")):
         app.actions["export-other"].run()
-        robot.frames(2)
+        robot.frames(6)
         assert exchange_of(app).open
         way()
         assert not exchange_of(app).open
@@ -87,7 +87,7 @@ def test_escape_and_cancel_put_the_dialog_away(robot: Robot, tmp_path: Path) -> 
 def test_keys_do_nothing_beneath_the_dialog(robot: Robot) -> None:
     app = robot.app
     app.actions["export-other"].run()
-    robot.frames(2)
+    robot.frames(6)
     before = app.wireframe
     robot.key("W")
     assert app.wireframe == before
@@ -160,7 +160,7 @@ def test_the_animation_of_the_window_is_what_moves(robot: Robot, tmp_path: Path)
     assert (tmp_path / "a.mtl").is_file()
     exchange.form.suffix = ".gif"
     app.actions["export-other"].run()
-    robot.frames(2)
+    robot.frames(6)
     assert "export:seconds" in app.widget_rects
     robot.click_widget("export:animation")
     robot.click_widget("export:obj")
@@ -249,7 +249,7 @@ def test_weights_are_opened_as_a_pose(robot: Robot, tmp_path: Path) -> None:
 def open_export(robot: Robot, suffix: str) -> None:
     """Open the export dialog, choose a format and go on to the name of the file."""
     robot.app.actions["export-other"].run()
-    robot.frames(2)
+    robot.frames(6)
     robot.click_widget(f"export:{suffix}")
     robot.click_widget("export:accept")
     robot.frames(1)
@@ -322,7 +322,7 @@ def test_a_sequence_of_pictures_without_background(robot: Robot, tmp_path: Path)
     (tmp_path / "taken").mkdir()
     (tmp_path / "taken" / "notes.txt").touch()
     app.actions["export-other"].run()
-    robot.frames(2)
+    robot.frames(6)
     robot.click_widget("export:png")
     robot.click_widget("export:transparent")
     robot.click_widget("export:accept")
@@ -365,7 +365,7 @@ def test_materials_can_be_left_out_and_foreign_ones_are_asked_about(robot: Robot
     assert app.file_dialogs._browser.message == "'a.obj' already exists; press Replace to overwrite it."
     robot.click_widget("files:accept")
     app.actions["export-other"].run()
-    robot.frames(2)
+    robot.frames(6)
     robot.click_widget("export:materials")
     robot.click_widget("export:accept")
     choose(robot, "b")
@@ -383,7 +383,7 @@ def test_mp4_is_not_offered_without_ffmpeg(robot: Robot, tmp_path: Path) -> None
     exchange = exchange_of(app)
     exchange.form.suffix = ".mp4"
     app.actions["export-other"].run()
-    robot.frames(2)
+    robot.frames(6)
     assert exchange.form.suffix == ".glb"
     robot.click_widget("export:mp4")
     assert exchange.form.suffix == ".glb"
@@ -397,7 +397,7 @@ def test_mp4_is_not_offered_without_ffmpeg(robot: Robot, tmp_path: Path) -> None
 
 def test_the_dialog_stays_where_it_is_when_the_format_changes(robot: Robot) -> None:
     robot.app.actions["export-other"].run()
-    robot.frames(3)
+    robot.frames(6)
     places = set()
     for suffix in ("glb", "obj", "png", "gif", "csv"):
         robot.click_widget(f"export:{suffix}")
