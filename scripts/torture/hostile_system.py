@@ -204,13 +204,13 @@ def torture(root: Path, short: bool) -> dict[str, object]:
         for case in command_cases(places, chosen, disk):
             count += 1
             found = check_command(case, inputs)
-            wrong += [f"{case.command.name}, {case.name}: {problem}" for problem in found]
+            wrong += _told(f"{case.command.name}, {case.name}", found)
     windows = window_cases.cases(root / "windows", short)
     for name, work, condition in windows:
         count += 1
         ended = run(work, condition)
         if ended.status:
-            wrong.append(f"window, {name}: status {ended.status}: {ended.err.strip()[-1500:]}")
+            wrong += _told(f"window, {name}", [f"status {ended.status}: {ended.err.strip()[-1500:]}"])
     for folder in places.rglob("*"):
         if folder.is_dir() and not folder.is_symlink():
             folder.chmod(0o700)
@@ -221,6 +221,14 @@ def torture(root: Path, short: bool) -> dict[str, object]:
         "wrong": wrong,
         "seconds": round(time.monotonic() - begun, 1),
     }
+
+
+def _told(name: str, problems: list[str]) -> list[str]:
+    """Print and return ``problems`` of the case ``name``."""
+    lines = [f"{name}: {problem}" for problem in problems]
+    for line in lines:
+        print(ascii(line)[1:-1], flush=True)
+    return lines
 
 
 def run_script() -> int:
@@ -235,8 +243,6 @@ def run_script() -> int:
         options.json.write_text(json.dumps(figures, indent=1, ensure_ascii=True) + "\n")
     wrong = figures["wrong"]
     assert isinstance(wrong, list)
-    for line in wrong:
-        print(ascii(line)[1:-1])
     print(f"{figures['cases']} cases, {len(wrong)} wrong, {figures['seconds']} s")
     return 1 if wrong else 0
 
