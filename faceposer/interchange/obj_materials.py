@@ -4,6 +4,7 @@ A character from a file of its own keeps the names of that file's materials, of 
 faces name.
 """
 
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -149,7 +150,6 @@ def holds(path: Path, content: bytes) -> bool | None:
     """Return whether the file ``path`` holds ``content``, None if there is no such file."""
     try:
         return read_bytes(path, len(content)) == content
-    except FileNotFoundError:
-        return False if path.is_symlink() else None
     except OSError:
-        return False
+        # A name that no file can have is free, so that writing it reports the error.
+        return False if os.path.lexists(path) else None
