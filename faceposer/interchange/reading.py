@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.geometry.alignment import determines_rotation, rigid_alignment
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.polygon_mesh import PolygonMesh
@@ -93,8 +93,8 @@ def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
     wanted = len(character.vertices) if origin is None else len(origin.neutral)
     if len(mesh.vertices) != wanted:
         raise FacePoserError(
-            f"'{name}' has {len(mesh.vertices)} vertices, and {character.title} has {wanted}; give a mesh that was "
-            "exported from this face, with no vertex added, merged or left out."
+            f"'{name}' has {counted(len(mesh.vertices), 'vertex', 'vertices')}, and {character.title} has {wanted}; "
+            "give a mesh that was exported from this face, with no vertex added, merged or left out."
         )
     vertices = mesh.vertices
     if origin is not None:
@@ -111,8 +111,8 @@ def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
     most = float(off.max())
     if typical > _MOST_OFF * character.height:
         raise FacePoserError(
-            f"'{name}' is no pose of {character.title}: its vertices are {_MILLIMETRES * typical:.0f} mm off; export it "
-            "with the order of vertices that it had."
+            f"'{name}' is no pose of {character.title}: its vertices are {_MILLIMETRES * typical:.0f} mm off; export "
+            "it with the order of vertices that it had."
         )
     note = f"The pose is {_MILLIMETRES * typical:.2f} mm off the mesh, at most {_MILLIMETRES * most:.2f} mm."
     if _MILLIMETRES * most < _SAME:
