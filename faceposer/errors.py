@@ -61,6 +61,11 @@ def _is_shown(char: str) -> bool:
     return char.isprintable() or unicodedata.category(char) == "Zs"
 
 
+def counted(count: int, one: str, many: str) -> str:
+    """Return ``count`` with the noun for it, such as "1 vertex"."""
+    return f"{count} {one if count == 1 else many}"
+
+
 def short_name(name: str) -> str:
     """Return a name from a file for display in a sentence, by ``printable``, of at most 80 characters."""
     return printable(name, _LONGEST_NAME)

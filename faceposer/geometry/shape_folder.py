@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
 from faceposer.files.names import is_hidden
 from faceposer.geometry.mesh_io import read_mesh
@@ -150,8 +150,8 @@ def _positions(path: Path, rest: PolygonMesh, neutral: Path, faces: bytes | None
     remedy = "export all shapes with the same vertices in the same order"
     if len(mesh.vertices) != len(rest.vertices):
         raise FacePoserError(
-            f"The shape '{path}' has {len(mesh.vertices)} vertices, but the neutral face '{neutral}' has "
-            f"{len(rest.vertices)}; {remedy}."
+            f"The shape '{path}' has {counted(len(mesh.vertices), 'vertex', 'vertices')}, but the neutral face "
+            f"'{neutral}' has {len(rest.vertices)}; {remedy}."
         )
     difference = _first_difference(mesh, rest)
     if difference:

@@ -3,6 +3,7 @@
 An imported character keeps the material names of its original file; only materials that its polygons use are written.
 """
 
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -155,7 +156,6 @@ def has_content(path: Path, content: bytes) -> bool | None:
     """Return True if the file ``path`` exists with ``content``, False if with another, None if it does not exist."""
     try:
         return read_bytes(path, len(content)) == content
-    except FileNotFoundError:
-        return False if path.is_symlink() else None
     except OSError:
-        return False
+        # A name that no file can have is free, so that writing it reports the error.
+        return False if os.path.lexists(path) else None

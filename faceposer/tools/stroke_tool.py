@@ -123,6 +123,11 @@ class StrokeTool(PosingTool):
         document = session.document
         redrawn, source = self.redrawn, self.source
         self.redrawn = self.source = None
+        try:
+            stroke_pixels(target, width, options.shape)
+        except ValueError:
+            # It covers more pixels than a session may have.
+            return
         if redrawn is not None:
             found = [
                 (i, c)

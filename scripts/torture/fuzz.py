@@ -45,7 +45,7 @@ _LONGEST_MESSAGE = 1000
 _INTERNAL = re.compile(
     r"unpack|codec|reshape|could not convert|invalid literal|object of type|NoneType|Traceback|unsupported operand|"
     r"not subscriptable|has no attribute|buffer is smaller|set_int_max|out of bounds|broadcast|dtype|<class|errno|"
-    r"list index|string index|argument must be|Expected `|takes \d+ positional|bytes-like|__"
+    r"list index|string index|argument must be|Expected `|takes \d+ positional|bytes-like|__\w+__"
 )
 
 
