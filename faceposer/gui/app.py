@@ -135,6 +135,7 @@ class App:
         self.highlighted: int | None = None
         self.debug = bool(os.environ.get("FACEPOSER_DEBUG"))
         self.frame_seconds, self.frames_drawn = 0.0, 0
+        self._trim_at = _FRAMES_BETWEEN_TRIMS
         self.closing = False
         self.interrupted = 0
         self.notice = ""
@@ -244,7 +245,8 @@ class App:
         self.gui.draw()
         self.window.swap()
         self.frames_drawn += 1
-        if self.frames_drawn % _FRAMES_BETWEEN_TRIMS == 0:
+        if self.frames_drawn >= self._trim_at and not self.toolbox.active:
+            self._trim_at = self.frames_drawn + _FRAMES_BETWEEN_TRIMS
             return_free_memory()
         self.frame_seconds = time.perf_counter() - begun
         self._choose_coarseness()
