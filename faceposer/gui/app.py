@@ -56,6 +56,7 @@ class App(Editor):
             FacePoserError: If ``what`` or the window cannot be opened.
         """
         self.frames_drawn = 0
+        self._trim_at = _FRAMES_BETWEEN_TRIMS
         self.interrupted = 0
         self._failures = 0
         self._prepared: FaceModel | None = None
@@ -160,7 +161,8 @@ class App(Editor):
         self.gui.draw()
         self.window.swap()
         self.frames_drawn += 1
-        if self.frames_drawn % _FRAMES_BETWEEN_TRIMS == 0:
+        if self.frames_drawn >= self._trim_at and not self.toolbox.active:
+            self._trim_at = self.frames_drawn + _FRAMES_BETWEEN_TRIMS
             return_free_memory()
         self.frame_seconds = time.perf_counter() - start
         if self.toolbox.active:

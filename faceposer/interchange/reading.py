@@ -108,8 +108,8 @@ def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
     n_vertices = len(character.vertices) if origin is None else len(origin.neutral)
     if len(mesh.vertices) != n_vertices:
         raise FacePoserError(
-            f"'{name}' has {counted(len(mesh.vertices), 'vertex', 'vertices')}, but {character.title} has {n_vertices}; "
-            "give a mesh that was exported from this face, without adding, merging or removing vertices."
+            f"'{name}' has {counted(len(mesh.vertices), 'vertex', 'vertices')}, but {character.title} has "
+            f"{n_vertices}; give a mesh that was exported from this face, without adding, merging or removing vertices."
         )
     vertices = mesh.vertices
     if origin is not None:
