@@ -48,6 +48,11 @@ def is_hidden(path: Path) -> bool:
     return path.name.startswith(".")
 
 
+def displayable(name: str) -> str:
+    """Return ``name`` with replacement characters for bytes that are not text, which some file systems allow."""
+    return re.sub("[\ud800-\udfff]", "\ufffd", name)
+
+
 def suffix_replaced(path: Path, saved: Path) -> bool:
     """Return True if ``saved``, the result of ``save_path`` for ``path``, lacks a suffix of ``path``."""
     return not saved.name.startswith(path.name.rstrip(". "))
