@@ -54,6 +54,11 @@ def shortened_stem(stem: str, longest: int) -> str:
     return stem if len(data) <= longest else data[:longest].decode("utf-8", "ignore")
 
 
+def displayable(name: str) -> str:
+    """Return ``name`` with replacement characters for bytes that are not text, which some file systems allow."""
+    return re.sub("[\ud800-\udfff]", "\ufffd", name)
+
+
 def suffix_replaced(path: Path, saved: Path) -> bool:
     """Return True if ``saved``, the result of ``save_path`` for ``path``, lacks a suffix of ``path``."""
     return not saved.name.startswith(path.name.rstrip(". "))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
-from faceposer.files.names import is_hidden
+from faceposer.files.names import displayable, is_hidden
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.mtl_io import read_obj_textures
 from faceposer.geometry.obj_io import obj_content, read_obj_positions
@@ -120,7 +120,7 @@ def _shape_names(shapes: list[Path], neutral: Path) -> tuple[dict[str, Path], di
     names: dict[str, Path] = {}
     unusable: dict[str, str] = {}
     for path in shapes:
-        name = path.stem[cut:] or path.stem
+        name = displayable(path.stem[cut:] or path.stem)
         if name in names:
             unusable[name] = (
                 f"'{names[name]}' and '{path}' have the same shape name, {name}; remove or rename one of them."

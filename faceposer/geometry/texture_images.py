@@ -1,6 +1,7 @@
 """Encoded images for textures: checked, and converted to PNG where a character file cannot store their format."""
 
 import io
+import struct
 import warnings
 from contextlib import suppress
 from pathlib import Path
@@ -50,7 +51,17 @@ def texture_image(data: bytes) -> bytes:
         raise UnusableImageError("it is not an image in a supported format") from error
     except Image.DecompressionBombError as error:
         raise UnusableImageError("it has too many pixels") from error
-    except (OSError, SyntaxError, ValueError, EOFError, LookupError, TypeError, MemoryError) as error:
+    except (
+        OSError,
+        SyntaxError,
+        ValueError,
+        RuntimeError,
+        EOFError,
+        LookupError,
+        TypeError,
+        MemoryError,
+        struct.error,
+    ) as error:
         # Raised by Pillow's decoders for damaged files.
         raise UnusableImageError("it is damaged") from error
 

@@ -188,6 +188,15 @@ def _opened(path: Path) -> Iterator[Any]:
         if error.strerror is None:
             raise FacePoserError(f"The photo '{path}' is damaged and cannot be read; copy it again.") from error
         raise FacePoserError(f"The photo '{path}' cannot be read: {error.strerror}.") from error
-    except (SyntaxError, ValueError, EOFError, LookupError, TypeError, MemoryError, struct.error) as error:
+    except (
+        SyntaxError,
+        ValueError,
+        RuntimeError,
+        EOFError,
+        LookupError,
+        TypeError,
+        MemoryError,
+        struct.error,
+    ) as error:
         # Raised by Pillow's decoders for damaged files.
         raise FacePoserError(f"The photo '{path}' is damaged and cannot be read.") from error

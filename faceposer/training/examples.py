@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.names import displayable
 from faceposer.geometry.alignment import determines_rotation, rigid_alignment
 from faceposer.geometry.mesh_sequence import MeshSequence, open_sequence
 from faceposer.geometry.mtl_io import read_obj_textures
@@ -142,8 +143,8 @@ def character_from_sequence(
     curves = curves_of((flat @ flat.T).astype(np.float64), len(mesh.vertices), _MOST_CURVE)
     summary: dict[str, Any] = {
         "kind": "examples",
-        "source": source,
-        "neutral": sequence.neutral_name.removeprefix("the neutral "),
+        "source": displayable(source),
+        "neutral": displayable(sequence.neutral_name).removeprefix("the neutral "),
         "examples": len(sequence),
         "vertices": len(neutral),
         "parts": [part.name for part in mesh.parts],

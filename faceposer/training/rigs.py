@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.names import displayable
 from faceposer.geometry.polygon_mesh import MorphMesh
 from faceposer.geometry.rig_io import read_rig
 from faceposer.model.character import Character
@@ -115,7 +116,7 @@ def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, prog
             f"{len(unused)} texture{'s are' if len(unused) > 1 else ' is'} not used, such as that of the material "
             f"'{unused[0][:60]}': its faces are in one part with those of another material."
         )
-    facts = _Facts(Path(source).name, match.missing, match.others, exchanged, (*rig.notes, *notes))
+    facts = _Facts(displayable(Path(source).name), match.missing, match.others, exchanged, (*rig.notes, *notes))
     return _character(facts, named, mesh, options, progress)
 
 

@@ -141,6 +141,15 @@ def test_two_files_of_one_name_matter_where_the_shape_is_used(tmp_path: Path) ->
     assert re.search(r"smile\.obj' and '.*smile\.ply' have the same shape name, smile;", rig.unusable["smile"])
 
 
+def test_names_of_files_that_are_no_text_can_be_shown(tmp_path: Path) -> None:
+    folder(tmp_path, smile=1)
+    try:
+        (tmp_path / "smile.obj").rename(tmp_path / "caf\udce9.obj")
+    except OSError:
+        pytest.skip("the file system has only names that are text")
+    assert list(read_rig(tmp_path).targets) == ["caf\ufffd"]
+
+
 def test_triangulated_shapes_fit_a_neutral_of_quads(tmp_path: Path) -> None:
     folder(tmp_path)
     ply(tmp_path / "smile.ply", VERTICES + MOVE, [[0, 1, 2], [2, 3, 0], [1, 4, 2]])
