@@ -91,8 +91,8 @@ class Soak:
         self.seed, self.draw_every = seed, draw_every
         self.errors = io.StringIO()
         self.problems: list[str] = []
-        self._draw_face, self._draw_panels = self.app.picture, self.app.gui.draw
-        self.app.picture = self._picture  # type: ignore[method-assign]
+        self._draw_face, self._draw_panels = self.app.face_image, self.app.gui.draw
+        self.app.face_image = self._picture  # type: ignore[method-assign]
         self.app.gui.draw = self._draw  # type: ignore[method-assign]
         self.user = RandomUser(self.app, seed)
         for _ in range(4):

@@ -42,7 +42,7 @@ def run(captures: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
 def test_variants_of_a_file_are_compared_and_what_is_learned_is_kept(folder: Path, tmp_path: Path) -> None:
     variants = tmp_path / "variants.py"
     variants.write_text(VARIANTS)
-    words = ("-o", tmp_path / "kept", "--variants", variants, "--only", "ships", "strong", "whole", "bounded-weights")
+    words = ("-o", tmp_path / "kept", "--variants", variants, "--only", "default", "strong", "whole", "bounded-weights")
     words = (*words, "--data", "alex", "jmtechart", "llv_dao")
     result = run(folder, *words)
     assert result.returncode == 0, result.stderr
@@ -51,16 +51,16 @@ def test_variants_of_a_file_are_compared_and_what_is_learned_is_kept(folder: Pat
     rows = json.loads((tmp_path / "kept" / "performers.json").read_text())["rows"]
     assert {(row["variant"], row["data"]) for row in rows} == {
         (variant, data)
-        for variant in ("ships", "strong", "whole", "bounded-weights")
+        for variant in ("default", "strong", "whole", "bounded-weights")
         for data in ("alex", "jmtechart", "llv_dao")
     }
-    ships, strong = (
+    shipped, strong = (
         [row["error_3d"] for row in rows if (row["variant"], row["constraint"]) == (name, "point")]
-        for name in ("ships", "strong")
+        for name in ("default", "strong")
     )
-    assert ships != strong
+    assert shipped != strong
     pooled = [text for text in result.stdout.splitlines() if " performers " in text]
-    assert [text.split()[0] for text in pooled] == ["ships", "strong", "whole", "bounded-weights"]
+    assert [text.split()[0] for text in pooled] == ["default", "strong", "whole", "bounded-weights"]
     again = run(folder, *words)
     assert "learned" not in again.stderr
     assert json.loads((tmp_path / "kept" / "performers.json").read_text())["rows"][0]["error_3d"] == rows[0]["error_3d"]
@@ -69,7 +69,7 @@ def test_variants_of_a_file_are_compared_and_what_is_learned_is_kept(folder: Pat
 @pytest.mark.slow
 def test_take_4_is_looked_at_when_asked_for(folder: Path, tmp_path: Path) -> None:
     words = ("-o", tmp_path, "--only", "bounded-weights", "--data", "take4")
-    assert "there is no data set 'take4'" in run(folder, *words).stderr
+    assert "unknown data set 'take4'" in run(folder, *words).stderr
     result = run(folder, *words, "--look")
     assert result.returncode == 0, result.stderr
     assert "Take 4 (alex_rom_4.csv) is looked at." in result.stdout
