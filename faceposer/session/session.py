@@ -31,8 +31,7 @@ Mode = Literal["live", "apply"]
 class Session:
     """A document with its face model, edited one gesture at a time.
 
-    In the mode "live", every change is solved immediately (the dragging mode of the paper); in the mode "apply", the
-    user starts the solve (its "click done" mode).
+    Changes are solved at once in the mode "live" (the paper's dragging), and on request in "apply" ("click done").
 
     Attributes:
         animation: Frame changes and key edits.

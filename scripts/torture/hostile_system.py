@@ -26,10 +26,10 @@ if str(ROOT) not in sys.path:
 from faceposer.cli import main
 from scripts.torture import window_cases
 from scripts.torture.forked import Condition, Ended, run
-from scripts.torture.inputs import COMMANDS, Command, make_inputs
+from scripts.torture.inputs import COMMANDS, Command, make_inputs, preload
 
 _OLD = b"what was there before"
-_SLOW = 30.0
+_SLOW = 60.0
 
 
 @dataclass(frozen=True)
@@ -198,6 +198,7 @@ def torture(root: Path, short: bool) -> dict[str, object]:
     make_inputs(inputs)
     places.mkdir()
     chosen = tuple(c for c in COMMANDS if not short or c.name == "json")
+    preload(inputs, chosen)
     wrong: list[str] = []
     count = 0
     with small_disk(root, 48) as disk:

@@ -1,13 +1,16 @@
 """Small inputs for commands, and the commands that write each kind of file."""
 
+import io
 import json
 from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
+from faceposer.cli import main
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.interchange.meshes import write_posed_obj
 from faceposer.model.face_model import FaceModel
@@ -81,6 +84,19 @@ def make_inputs(folder: Path, names: Sequence[str] = _SHAPES) -> FaceModel:
     pins = [{"point": name, "pixel": pixel} for name, pixel in zip(GUIDED, seen, strict=True)]
     (folder / "pins.json").write_text(json.dumps({"format": "faceposer.pins", "version": 1, "pins": pins}))
     return model
+
+
+def preload(inputs: Path, commands: Sequence[Command]) -> None:
+    """Run ``commands`` once in this process, so that its children find what they need in memory.
+
+    Commands that draw are left out: a context of OpenGL must not be shared with children.
+    """
+    for command in commands:
+        if command.draws:
+            continue
+        output = inputs / f"loaded-{command.name}{command.suffix}"
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()), suppress(SystemExit):
+            main(command.called(inputs, output))
 
 
 def session_document(model: FaceModel, prior_weight: float = 1.0) -> Document:

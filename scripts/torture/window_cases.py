@@ -24,7 +24,17 @@ from scripts.torture.forked import Condition
 from scripts.torture.inputs import CHARACTER, make_inputs, session_document
 
 Work = Callable[[], None]
-_LONG = ("names that are not UTF-8", "typed names", "many files and circles of links", "home is a device", "no home")
+# Cases of the long form only: the tests try the same without a window, or with fewer names.
+_LONG = (
+    "names that are not UTF-8",
+    "typed names",
+    "many files and circles of links",
+    "pins at one pixel",
+    "home is a file",
+    "home is a device",
+    "no home",
+    "the folder is removed",
+)
 
 
 class User:
