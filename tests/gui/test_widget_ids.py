@@ -307,6 +307,11 @@ def visit_preferences(robot: Robot) -> None:
     robot.frames(6)
     robot.click_widget("preferences:keymap")
     robot.frames(4)
+    # The key of another action, which can be taken from it.
+    robot.click_widget("keymap:new")
+    robot.key("Ctrl+O")
+    robot.frames(2)
+    assert "preferences:reassign" in robot.app.widget_rects
     robot.key("Esc")
     robot.frames(3)
 
