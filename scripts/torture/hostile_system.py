@@ -53,13 +53,18 @@ class Case:
     old: bool = False
 
 
+def _only_notes(lines: list[str]) -> bool:
+    """Return True if all ``lines`` are notes on the input, which begin with its path."""
+    return all(line.startswith("/") and ".csv: " in line for line in lines)
+
+
 def problems_of(case: Case, ended: Ended, before: set[str]) -> list[str]:
     """Return what was wrong with the end of ``case``; ``before`` is what lay in the folder of its output."""
     wrong = []
     lines = [line for line in ended.err.splitlines() if line.strip()]
     if "Traceback" in ended.err or ended.status not in (0, 2):
         wrong.append(f"status {ended.status}: {ended.err.strip()[-300:]}")
-    elif ended.status and (len(lines) != 1 or not lines[0].endswith(".")):
+    elif ended.status and (not lines or not all(line.endswith(".") for line in lines) or not _only_notes(lines[:-1])):
         wrong.append(f"not one sentence: {ended.err.strip()[-300:]}")
     if case.fails is not None and case.fails != (ended.status != 0):
         wrong.append(f"status {ended.status} instead of {'2' if case.fails else '0'}: {ended.err.strip()[-200:]}")

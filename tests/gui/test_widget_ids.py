@@ -18,7 +18,6 @@ from faceposer.gui.app import App
 from faceposer.gui.events import Drop
 from faceposer.gui.features.export.feature import ExportFeature
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
-from faceposer.gui.features.preferences.feature import PreferencesFeature
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 from faceposer.gui.settings import Settings
@@ -308,10 +307,11 @@ def visit_preferences(robot: Robot) -> None:
     robot.frames(6)
     robot.click_widget("preferences:keymap")
     robot.frames(4)
-    preferences = robot.app.features[PreferencesFeature]
-    preferences.refused = ("wireframe", "Ctrl+N")
+    # The key of another action, which can be taken from it.
+    robot.click_widget("keymap:new")
+    robot.key("Ctrl+O")
     robot.frames(2)
-    preferences.refused = None
+    assert "preferences:reassign" in robot.app.widget_rects
     robot.key("Esc")
     robot.frames(3)
 

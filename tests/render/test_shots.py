@@ -126,9 +126,9 @@ def test_mp4_hands_every_frame_to_ffmpeg(low: FaceModel, yawn: Performance, tmp_
     words, _, pixels = (tmp_path / "a.mp4").read_bytes().partition(b"|")
     assert b"-s 96x72 -r 20 " in words, "MP4 wants even sides"
     assert b"-pix_fmt yuv420p" in words
-    # Six frames at 10 a second are half a second, both ends shown.
+    # Six frames at 10 a second last six tenths of a second, the last one as long as the others.
     frames = np.frombuffer(pixels, np.uint8).reshape(-1, 72, 96, 3)
-    assert len(frames) == 11
+    assert len(frames) == 12
     write(tmp_path / "a.png", low, yawn.coefficients[2], OutputOptions((96, 72)))
     assert np.ptp(frames[0].astype(int) - frames[4].astype(int)) > 30
     assert {path.name for path in tmp_path.iterdir()} == {"a.mp4", "a.png"}

@@ -72,7 +72,7 @@ def test_take_4_is_looked_at_when_asked_for(folder: Path, tmp_path: Path) -> Non
     assert "unknown data set 'take4'" in run(folder, *words).stderr
     result = run(folder, *words, "--look")
     assert result.returncode == 0, result.stderr
-    assert "Take 4 (alex_rom_4.csv) is looked at." in result.stdout
+    assert "Take 4 (alex_rom_4.csv) is used as test data." in result.stdout
 
 
 def test_data_sets_learn_from_no_frame_that_they_test_on(folder: Path) -> None:

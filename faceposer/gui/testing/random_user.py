@@ -42,8 +42,8 @@ class RandomUser:
         self.seen: set[str] = set()
         self.done = 0
         app.window.clock = self.clock
-        # Menus, dialogs and files are left alone, and without a photo its keys do nothing.
-        left_out = {"keys", "about", "quit", "photo-pin", "photo-skip", "photo-shown"}
+        # Menus, dialogs and files are left alone; without a photo its keys do nothing.
+        left_out = {"keys", "about", "quit", "preferences", "photo-pin", "photo-skip", "photo-shown"}
         self.keys = [
             key
             for action in app.actions
